@@ -128,7 +128,7 @@ def _emps(folder: Path) -> list[Row]:
 
 def _ur10e(folder: Path) -> list[Row]:
     log, made = ur10e_log(DATA, folder), []
-    for judge in ("14harm50sec", "12-50sec"):
+    for judge in ("14harm50sec", "12-50sec", "12-40sec", "10-30sec", "05-20sec"):
         trials = tuple(
             replace(t, role="validation" if judge in t.name else "identification") for t in log.trials
         )

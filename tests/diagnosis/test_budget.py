@@ -247,6 +247,20 @@ def test_what_takes_most_of_its_own_place_is_the_gap_though_others_have_more_tha
     assert explained(Budget(channels, named), named)
 
 
+@pytest.mark.parametrize(("there", "said"), [(0.1, True), (0.6, False)])
+def test_what_leads_its_own_place_is_the_gap_though_another_has_more_that_follows_something(
+    there: float, said: bool
+) -> None:
+    """A first joint's gap follows its velocity; the second's effect is the gap if no more follows something there."""
+    named = (Named("load_dependent_friction", "second", 0.3 * (0.9 - there), 1.0, {}, 40.0),)
+    at = (EffectShare("load_dependent_friction", "second", 0.9 - there, (0.1, 0.95)),)
+    channels = {
+        "first": ChannelBudget(0.01, 1.0, (), (UnnamedShare("velocity", 0.5),), 0.5, 0.7),
+        "second": ChannelBudget(0.01, 1.0, at, (UnnamedShare("load", there),), 0.1, 0.3),
+    }
+    assert explained(Budget(channels, named), named) is said
+
+
 def test_joints_that_move_on_one_path_are_counted_as_one() -> None:
     rng = np.random.default_rng(0)
     path, free = rng.normal(size=(500, 1)), rng.normal(size=(500, 4))

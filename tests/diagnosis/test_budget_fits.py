@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.screening import screened
 from tests.diagnosis.test_budget import FRICTION, bias_and_stribeck, searched, two_joints
@@ -66,3 +70,33 @@ def test_screening_tells_what_least_squares_of_all_rows_gain(model: Model) -> No
         # No joint counts for more than its noise says: weights are no larger than that.
         nats = -0.5 * count * float(model.share @ np.log(1.0 - (before - after) / count))
         assert item.nats == pytest.approx(nats - 0.5 * term.n_parameters, rel=0.02, abs=0.5)
+
+
+def test_a_size_that_is_known_can_be_let_free(model: Model) -> None:
+    """A gear's torque has the size one; let free it has what the same column has that nobody calls known."""
+    term = next(design_term for k in others(model) if (design_term := model.design.terms[k]).size == 1)
+    chosen = range(len(model.chosen) + 1)
+    sizes = {}
+    for name, known, freed in (("known", True, None), ("freed", True, chosen[-1]), ("fitted", False, None)):
+        last = replace(term, known=known)
+        design = Design(model.design.rows, (*model.terms, last))
+        found = fit(design, chosen, model.weight, freed=freed)
+        sizes[name] = float(found.x[found.layout.begin[-1]])
+    assert sizes["known"] == pytest.approx(1.0, abs=1e-3)
+    assert sizes["freed"] == pytest.approx(sizes["fitted"], rel=1e-3)
+    assert abs(sizes["freed"] - 1.0) > 0.1
+
+
+def test_what_a_model_began_with_is_tried_again_whatever_is_screened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks that are left out may miss what a fit of all of them hardly does."""
+    search = searched(two_joints(tmp_path), FRICTION[:1]).search
+    keys = {term.key for term in search.model.terms}
+    lost = ("viscous_friction", "first")
+    assert lost in keys
+    others = [k for k in search.model.chosen if search.design.terms[k].key != lost]
+    search.model = fit(search.design, others)
+    monkeypatch.setattr("excite.diagnosis.budget.search.screened", lambda model, candidates: [])
+    search.forward()
+    assert {term.key for term in search.model.terms} == keys

@@ -138,6 +138,6 @@ def beside_others(search: Search, k: int) -> Beside:
     """A model's other terms; smaller bodies may have patched up the first, rough form of the largest."""
     model, terms = search.model, search.design.terms
     bodies = [i for i in model.chosen if terms[i].effect.is_body]
-    left_out = set(bodies) if bodies and k == max(bodies, key=search.weight_of) else {k}
+    left_out = set(bodies) if bodies and k == max(bodies, key=search.model.taken_by) else {k}
     others = [i for i in model.chosen if i not in left_out]
     return Beside.of(fit(model.design, others, model.weight, left_out=False))

@@ -165,7 +165,7 @@ def _refined(
         if term.own is not None and neighbours:
             alone = [i for i in others if i not in neighbours]
             apart = Beside.of(fit(model.design, alone, model.weight, left_out=False))
-            near.append(refiner.refined(apart, again))
+            near.append(refiner.refined(apart, again, term.effect.richer))
         for other in search.instead(k, beside.model)[:_INSTEAD]:
             near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
     if resonances:

@@ -169,16 +169,20 @@ def shares_of(model: Model, floor: Array) -> Shares:
 def _has_size(model: Model, k: int) -> bool:
     """Whether an effect has a size without any block that differs from zero beside how much blocks disagree on it.
 
-    Of several parameters what counts is how far they reach along those of all blocks, as their columns weigh them.
+    Of several parameters what counts is how far they reach along those of all blocks, as their columns weigh them; of a
+    gear, whose size is known with its stiffness or its play, the share of it that all blocks would have.
     """
     term, n = model.design.terms[k], len(model.left_out)
-    if term.known or n < 2:
+    if n < 2:
         return False
+    if term.known:
+        model = fit(model.design, model.chosen, model.weight, freed=k)
     first = model.layout.begin[model.chosen.index(k)]
     here = slice(first, first + term.size)
     along = model.normal[here, here] @ model.x[here]
     reach = model.left_out[:, here] @ along / max(float(model.x[here] @ along), 1e-300)
-    return bool(stdtrit(n - 1, 0.95) * deviation(reach) < 1.0)
+    there = not term.known or float(model.x[first]) > 0.0
+    return there and bool(stdtrit(n - 1, 0.95) * deviation(reach) < 1.0)
 
 
 def _normalised(taken: Array, before: Array, after: Array, level: Array) -> Array:

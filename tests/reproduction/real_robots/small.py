@@ -1,7 +1,8 @@
-"""Machines with one axis: two motors on a shaft, a servo with a pendulum, one joint of an arm."""
+"""Machines with one axis: two motors on a shaft, servos with a pendulum, one joint of an arm."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from excite.diagnosis.diagnose import diagnose
@@ -10,11 +11,12 @@ from tests.reproduction.bam import MASS as PENDULUM_MASS
 from tests.reproduction.franka_joint2 import PUBLISHED, franka_joint2_log
 from tests.reproduction.hsm150 import BY_HAND, CATALOGUE_INERTIA, STEPS, by_direction, hsm150_log
 from tests.reproduction.real_robots.entry import Bar, Entry, names, with_repeats
+from tests.reproduction.sts3250 import FOLDER, published_error, sts3250_log
 
 
 def entries(data: Path, folder: Path) -> list[Entry]:
     """One or more of each."""
-    return [_hsm150(data, folder), _bam(data, folder), _franka(data, folder)]
+    return [_hsm150(data, folder), _bam(data, folder), _sts3250(data, folder), _franka(data, folder)]
 
 
 def _hsm150(data: Path, folder: Path) -> Entry:
@@ -92,8 +94,43 @@ def _bam(data: Path, folder: Path) -> Entry:
         remark=(
             f"Its coefficient here is {value:.2f}, that of the authors' models 0.24 to 0.29 in the same terms. "
             "Half of the gap is left with load-dependent friction in the model: the encoder's step of 1.5 mrad hides "
-            "which way the servo creeps below about 0.1 rad/s, and friction by the load's direction is not in the "
-            "library."
+            "which way the servo creeps below about 0.1 rad/s. The coefficient is the slope of the straight line that "
+            "comes nearest to a power of the load; a wrong torque constant scales load and friction alike."
+        ),
+    )
+
+
+def _sts3250(data: Path, folder: Path) -> Entry:
+    d = diagnose(sts3250_log(data, folder))
+    gap = next(iter(d.gap.per_channel.values()))
+    published = json.loads((data / FOLDER / "published_m6.json").read_text())["load_friction_external"]
+    first = d.effects[0].parameters if d.effects else {}
+    size = first.get("coefficient")
+    error = published_error(data)
+    return Entry(
+        title="Feetech STS3250 with a pendulum, commands and positions only",
+        source="Duclusaud, Passault, Padois, Ly: Extended friction models for servo actuators. ICRA 2025.",
+        trials="Two motions were fitted, a third judges; all three as the authors' files have them.",
+        baseline="the pendulum, the servo's gain, viscous and Coulomb friction and rotor inertia fitted.",
+        known=(
+            f"the authors' model M6 has {published:.2f} of the weight's torque as friction, and leaves "
+            f"{1e3 * error:.1f} mrad of the motion that judges; it was fitted to it as well."
+        ),
+        diagnosis=d,
+        bars=(
+            Bar(
+                "load-dependent friction, nothing else",
+                f"{d.verdict}: " + ", ".join(names(d)),
+                d.verdict == "effect" and d.effect == "load_dependent_friction",
+            ),
+            Bar(
+                f"{published:.2f} within two deviations",
+                "none" if size is None or size.std is None else f"{size.value:.2f} ± {size.std:.2f}",
+                size is not None and size.std is not None and abs(size.value - published) < 2.0 * size.std,
+            ),
+            Bar(
+                "no more left than by the published model", f"{1e3 * gap.after:.1f} mrad", gap.after <= error
+            ),
         ),
     )
 

@@ -81,6 +81,13 @@ class Model:
         first = self.layout.begin[self.chosen.index(k)]
         return (self.x if x is None else x)[first : first + self.design.terms[k].size]
 
+    def taken_by(self, k: int) -> float:
+        """About how much the design's term ``k`` takes away: the weakest are judged first."""
+        size, x = 0.0, self.parameters(k)
+        for j, block in self.design.terms[k].columns.items():
+            size += float(self.weight[j] * ((block @ x) ** 2).sum())
+        return size
+
     def power(self, grams: Grams, x: Array | None = None) -> Array:
         """Mean square that it leaves of each joint in each block, ``(n_blocks, n_joints)``."""
         return _left(grams, self.layout, self.x if x is None else x) / grams.count[:, None]
@@ -94,6 +101,7 @@ def fit(
     left_out: bool = True,
     beside: Model | None = None,
     sizes: Mapping[int, Array] | None = None,
+    freed: int | None = None,
 ) -> Model:
     """Fit a model by iterated weights, one a joint, and leave out each block in turn.
 
@@ -104,6 +112,7 @@ def fit(
         left_out: whether to leave out blocks.
         beside: the model without the last of the terms, if it is at hand.
         sizes: parameters that are known, by term.
+        freed: a term whose size is fitted though it is known.
     """
     chosen = tuple(chosen)
     layout, grams, floor = design.index(chosen), design.fitted, design.rows.floor
@@ -115,7 +124,7 @@ def fit(
     if weight is None:
         power = np.array([g[-1, -1] for g in grams.total]) / count
         weight = 1.0 / np.maximum(power, floor**2)
-    prior, known = _prior(design, chosen, layout, sizes or {})
+    prior, known = _prior(design, chosen, layout, sizes or {}, freed)
     for _ in range(_ITERATIONS):
         normal, right = rows.normal(weight, by_block=False)
         full = normal[0] + np.diag(prior + _RIDGE * np.diag(normal[0]))
@@ -137,7 +146,7 @@ def fit(
 
 
 def _prior(
-    design: Design, chosen: Sequence[int], layout: Layout, sizes: Mapping[int, Array]
+    design: Design, chosen: Sequence[int], layout: Layout, sizes: Mapping[int, Array], freed: int | None
 ) -> tuple[Array, Array]:
     """Precision of each parameter a priori, and that times what it is then."""
     prior, known = np.full(layout.size, 1e-12), np.zeros(layout.size)
@@ -145,6 +154,8 @@ def _prior(
     for k, first in zip(chosen, layout.begin, strict=True):
         term = design.terms[k]
         here = slice(first, first + term.size)
+        if k == freed:
+            continue
         if term.known or k in sizes:
             prior[here] = _KNOWN * float(design.fitted.count.sum())
             known[here] = prior[here] * sizes.get(k, np.ones(1))
