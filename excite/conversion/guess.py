@@ -145,9 +145,11 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
         values = next(c.values for c in stream.columns if c.name == name)
         unit = mapping.units.get("time", "") or (clues[name].unit if name in clues else "")
         seconds, why = (TICKS[unit], "stated in the map") if mapping.units.get("time") else tick(values, unit)
-        if seconds is None:
+        scale = mapping.scale.get("time", 1.0)
+        if seconds is None and scale == 1.0:
             found.ask(f"the unit of the clock {name} cannot be told ({why})", "units: {time: ms}")
-            seconds = 1.0
+        seconds = scale * (1.0 if seconds is None else seconds)
+        why += f", times {scale:.6g} as the map says" if scale != 1.0 else ""
         if here is not None:
             found.mapped = [item for item in found.mapped if item.source != name]
         found.mapped.append(Mapped("time", name, seconds, f"{because}; {why}", stated=here is not None))

@@ -143,3 +143,13 @@ def test_degrees_are_not_taken_where_zeros_may_be_elsewhere(data, arm, tmp_path)
     file = table(tmp_path / "a.csv", columns_of(moved, q="q{n}", tau="tau{n}"))
     with pytest.raises(UnclearError, match=r"whose zeros are not the model's"):
         excite.convert([file], arm, tmp_path / "log", WHOLE)
+
+
+def test_a_map_scales_stamps(data, arm, tmp_path):
+    file = table(tmp_path / "a.csv", columns_of({**data, "time": data["time"] * 1.8}, q="q{n}", tau="tau{n}"))
+    said = Map.model_validate({"scale": {"time": 1.0 / 1.8}, "trials": {"split": "none"}})
+    done = excite.convert([file], arm, tmp_path / "log", said)
+    assert done.log.header.rate_hz == pytest.approx(written.RATE, rel=1e-3)
+    assert excite.convert(
+        [file], arm, tmp_path / "again", done.folder / "map.yaml"
+    ).log.header.rate_hz == pytest.approx(written.RATE, rel=1e-3)
