@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.doctor.examine import examine
 from excite.documents.document import read_document
 from excite.documents.truth import Truth
 from excite.errors import LogError
@@ -27,6 +28,8 @@ from excite.report.data import (
 )
 from excite.robot.catalogue import data_folder
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import EXTENSIONS
+from excite.rows.joint_rows import drive_terms
 from excite.rows.settings import ProblemSettings
 
 # Deviations of a normal distribution within which 95 of 100 values lie.
@@ -74,10 +77,14 @@ def force_comparison(
     Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
     a second would draw corners.
     """
-    trials = log.role("validation")
-    if not trials:
+    if not log.role("validation"):
         return None
     settings = settings or ProblemSettings()
+    if any(finding.repaired or finding.kind == "constant" for finding in identification.findings):
+        # As it was identified from: the doctor turns signs and clocks, and takes a torque that never changes for none.
+        log = examine(robot, log, settings).log
+    trials = log.role("validation")
+    settings = _with_added_terms(log, settings, identification)
     coarse = build_problem(robot, log, settings, role="validation")
     spread = [float(np.std(coarse.y[coarse.trial == i])) for i in range(len(coarse.trial_names))]
     shown = int(np.argmax(spread))
@@ -106,6 +113,14 @@ def force_comparison(
         nominal=curves(problem.Y @ problem.prior),
         identified=curves(problem.Y @ identification.identified.all),
     )
+
+
+def _with_added_terms(log: Log, settings: ProblemSettings, identification: Identification) -> ProblemSettings:
+    """Settings with the terms that an adaptive method has added, in the order of its parameters."""
+    found = tuple(dict.fromkeys(name.partition(".")[0] for name in identification.identified.drive_names))
+    stated = drive_terms(log.header, settings)
+    added = tuple(name for name in found if name in EXTENSIONS and name not in stated)
+    return replace(settings, drive_terms=(*stated, *added)) if added else settings
 
 
 def mass_comparison(robot: Robot, identification: Identification, truth: Path | None) -> MassComparison:
