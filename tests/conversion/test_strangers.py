@@ -14,6 +14,8 @@ from excite.conversion.guesses import UnclearError
 from excite.conversion.mapping import Map
 from excite.conversion.sources.registry import read_source
 from excite.errors import LogError
+from excite.export.models.verification import pinocchio_error
+from excite.logs.robot import nominal_robot
 from tests.conversion import written
 from tests.conversion.test_habits import check, columns_of, table
 from tests.conversion.written import JOINTS
@@ -200,3 +202,13 @@ def test_degrees_of_all_joints_are_not_asked_for_where_some_hold_still(data, arm
     file = table(tmp_path / "a.csv", columns_of(held, q="q{n}", tau="tau{n}"))
     done = excite.convert([file], arm, tmp_path / "log", WHOLE)
     check(done, {**data, "q": np.radians(held["q"])}, "q")
+
+
+def test_limits_without_effort_are_no_reason_to_refuse_a_model(data, arm, tmp_path):
+    """Koch's and other small arms' files state none, which the parser of ROS refuses."""
+    arm.write_text(arm.read_text().replace(' effort="60"', ""))
+    file = table(tmp_path / "a.csv", columns_of(data, q="q{n}", tau="tau{n}"))
+    done = excite.convert([file], arm, tmp_path / "log", WHOLE)
+    check(done, data, "q", "tau")
+    robot = nominal_robot(done.log)
+    assert pinocchio_error(robot, arm.read_bytes(), robot.nominal_parameters) < 1e-9
