@@ -10,6 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
+from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.choice import choose
 from excite.conversion.columns.clock import TICKS, clock_column, tick
 from excite.conversion.columns.contact_forces import without_contact_forces
@@ -63,6 +64,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     known = {item.channel for item in found.mapped}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
     groups = [family for family in groups if not is_anonymous(family, joints)]
+    groups = axes_as_positions(found, groups, left, known)
     groups = without_contact_forces(found, without_unfilled(found, groups, recording), machine)
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
