@@ -110,7 +110,7 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
 
 def _links_apart(text: bytes) -> ElementTree.Element:
     """The robot with links that no joint is called like: pinocchio reduces no model in which names stand twice."""
-    root = fromstring(text)
+    root: ElementTree.Element = fromstring(text)
     for element in root.iter():
         if element.tag == "link" and element.get("name"):
             element.set("name", f"{element.get('name')} (link)")
