@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.doctor.examine import examine
 from excite.documents.document import read_document
 from excite.documents.truth import Truth
 from excite.errors import LogError
@@ -75,9 +76,13 @@ def force_comparison(
     Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
     a second would draw corners.
     """
-    trials = log.role("validation")
-    if not trials:
+    if not log.role("validation"):
         return None
+    settings = settings or ProblemSettings()
+    if any(finding.repaired or finding.kind == "constant" for finding in identification.findings):
+        # As it was identified from: the doctor turns signs and clocks, and takes a torque that never changes for none.
+        log = examine(robot, log, settings).log
+    trials = log.role("validation")
     settings = with_terms_of(identification.identified, log, settings)
     coarse = build_problem(robot, log, settings, role="validation")
     spread = [float(np.std(coarse.y[coarse.trial == i])) for i in range(len(coarse.trial_names))]

@@ -10,6 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
+from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.choice import choose
 from excite.conversion.columns.clock import TICKS, clock_column, tick
 from excite.conversion.columns.contact_forces import without_contact_forces
@@ -63,6 +64,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     known = {item.channel for item in found.mapped}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
     groups = [family for family in groups if not is_anonymous(family, joints)]
+    groups = axes_as_positions(found, groups, left, known)
     groups = without_contact_forces(found, without_unfilled(found, groups, recording), machine)
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
@@ -145,9 +147,11 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
         values = next(c.values for c in stream.columns if c.name == name)
         unit = mapping.units.get("time", "") or (clues[name].unit if name in clues else "")
         seconds, why = (TICKS[unit], "stated in the map") if mapping.units.get("time") else tick(values, unit)
-        if seconds is None:
+        scale = mapping.scale.get("time", 1.0)
+        if seconds is None and scale == 1.0:
             found.ask(f"the unit of the clock {name} cannot be told ({why})", "units: {time: ms}")
-            seconds = 1.0
+        seconds = scale * (1.0 if seconds is None else seconds)
+        why += f", times {scale:.6g} as the map says" if scale != 1.0 else ""
         if here is not None:
             found.mapped = [item for item in found.mapped if item.source != name]
         found.mapped.append(Mapped("time", name, seconds, f"{because}; {why}", stated=here is not None))

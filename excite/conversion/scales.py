@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -105,6 +106,10 @@ def scale_notes(robot: Robot, log: Log) -> list[str]:
         )
         cause = f"{cause} ({ratios})"
         line = _scale_line({joint: gear**power for joint, gear in gears.items()})
+    elif share := _share_of_limits({joint: abs(scale.gain) for joint, scale in scales.items()}, robot):
+        cause = f"they look like {share.name} of the model's limits of torque"
+        limits = {joint: share.whole / _limit(robot, joint) for joint in log.header.torque_joints}
+        line = _scale_line(limits)
     else:
         cause = "another side of the gear, a torque constant applied twice or not at all, or a load"
         line = _scale_line(off, alone=len(log.header.torque_joints) > len(off))
@@ -112,6 +117,36 @@ def scale_notes(robot: Robot, log: Log) -> list[str]:
         f"torques are not those of the nominal masses ({names} times as large): {cause}; "
         f"scale: {line} in map.yaml would undo it"
     ]
+
+
+class _Share(NamedTuple):
+    """How much of a limit is called so many."""
+
+    name: str
+    whole: float
+
+
+_SHARES = (_Share("percent", 100.0), _Share("per mille", 1000.0), _Share("shares", 1.0))
+
+
+def _share_of_limits(gains: dict[str, float], robot: Robot) -> _Share | None:
+    """What every joint's gain is if torques stand as shares of the joints' limits, as drives report them.
+
+    Where all limits are the same it is one factor, of which there are other causes.
+    """
+    limits = np.array([_limit(robot, joint) for joint in gains])
+    if len(gains) < 2 or not np.isfinite(limits).all() or limits.max() < _AS_STATED * limits.min():
+        return None
+    whole = np.array(list(gains.values())) * limits
+    for share in _SHARES:
+        if (np.abs(np.log(whole / share.whole)) < np.log(_AS_STATED)).all():
+            return share
+    return None
+
+
+def _limit(robot: Robot, joint: str) -> float:
+    """Largest torque of a joint [N·m or N]."""
+    return float(robot.limits.torque[robot.joint_index(joint)])
 
 
 def _scale_line(gains: dict[str, float], *, alone: bool = False) -> str:

@@ -33,9 +33,13 @@ class Drive(NamedTuple):
     a: Array
 
     @classmethod
-    def of(cls, v: Array, a: Array) -> Drive:
-        """From velocities and accelerations."""
-        return cls(v, smooth_sign(v, WIDTH), a)
+    def of(cls, v: Array, a: Array, tick: float = 1.0) -> Drive:
+        """From velocities and accelerations by a clock whose unit is ``tick`` seconds.
+
+        Dry friction changes its sign over the same rows whatever the clock: its shape is not known well enough to tell
+        how fast a joint is.
+        """
+        return cls(v, smooth_sign(v, WIDTH / tick), a)
 
 
 class Predicted(NamedTuple):

@@ -89,7 +89,7 @@ def by_clock(torque: Array, model: Array, weight: Array, drive: Drive) -> Callab
     parts = np.stack([weight, model - weight])
 
     def left(factor: float) -> Array:
-        moved = Drive.of(drive.v / factor, drive.a / factor**2)
+        moved = Drive(drive.v / factor, drive.sign, drive.a / factor**2)
         return half_log(shares_left(torque, parts, moved, np.array([[1.0, factor**-2]]))[0])
 
     return left

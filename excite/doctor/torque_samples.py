@@ -48,7 +48,8 @@ class TorqueSamples:
         q: ``(n, nq)`` filtered; ``v``, ``a`` ``(n, nv)``.
         torque: ``(n_all, n_torques)`` filtered as the positions, every sample of the trials [N·m].
         rows: ``(n,)`` where in ``torque`` the samples are; ``first``, ``last`` the ends of their trials there.
-        rate_hz: of ``torque``.
+        rate_hz: of ``torque``, and of the stamps; ``stated_hz`` what the log's header says.
+        speeds: whether every trial has logged velocities, with which the clock agrees by now.
     """
 
     robot: Robot
@@ -63,6 +64,8 @@ class TorqueSamples:
     first: NDArray[np.int64]
     last: NDArray[np.int64]
     rate_hz: float
+    stated_hz: float
+    speeds: bool
     _models: dict[bytes, Predicted] = field(default_factory=dict, repr=False)
 
     @property
@@ -106,7 +109,7 @@ class TorqueSamples:
             torque = inverse_dynamics(self._under(reading.gravity), q, v, a)[:, columns]
             if len(self._models) >= _REMEMBERED:
                 del self._models[next(iter(self._models))]
-            self._models[key] = Predicted(torque, Drive.of(v[:, columns], a[:, columns]))
+            self._models[key] = Predicted(torque, Drive.of(v[:, columns], a[:, columns], reading.tick))
         return self._models[key]
 
     def measured_torque(self, reading: Reading) -> Array:
@@ -139,7 +142,11 @@ class TorqueSamples:
     def by_clock(self, reading: Reading) -> Callable[[float], Array]:
         """What is left, as a function of the factor by which a unit of the stamps grows: ``(n_torques,)``."""
         model, drive = self.predicted(reading)
-        weight = self.predicted(replace(reading, tick=np.inf)).torque
+        q, v, _ = self.motion(reading)
+        still = np.zeros_like(v)
+        weight = inverse_dynamics(self._under(reading.gravity), q, still, still)[
+            :, self.places[self.measured]
+        ]
         return families.by_clock(self.measured_torque(reading), model, weight, drive)
 
     def judged(self, reading: Reading) -> Array:
@@ -149,7 +156,9 @@ class TorqueSamples:
         some = slice(None, None, max(1, len(self.q) // _JUDGED))
         torque = self.measured_torque(reading)[some]
         q, v, a = (values[some] for values in motion)
-        return LikelyBodies.of(tree).left(tree, (q, v, a), self.places[self.measured], torque, WIDTH)
+        return LikelyBodies.of(tree).left(
+            tree, (q, v, a), self.places[self.measured], torque, WIDTH / reading.tick
+        )
 
     def across(self, reading: Reading) -> Array:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
@@ -169,18 +178,6 @@ class TorqueSamples:
         """Squared correlation of measured and modelled torques beside the drive, ``(n_torques,)``."""
         pairs = beside_drives(self.measured_torque(reading), *self.predicted(reading))
         return np.array([float(x @ y) ** 2 / max(float(x @ x) * float(y @ y), 1e-300) for y, x in pairs])
-
-    def own_inertia(self) -> Array:
-        """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""
-        some = slice(None, None, max(1, len(self.q) // 20))
-        q, rest = self.q[some], np.zeros_like(self.v[some])
-        still, found = inverse_dynamics(self.robot.model, q, rest, rest), []
-        for place in self.places[self.measured]:
-            push = rest.copy()
-            push[:, place] = 1.0
-            turned = inverse_dynamics(self.robot.model, q, rest, push)
-            found.append(float(np.mean((turned - still)[:, place])))
-        return np.array(found)
 
     def fewer(self, readings: int) -> TorqueSamples:
         """The same with less samples where this many readings are to be compared; an arm's keep all."""
@@ -244,4 +241,6 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
         ends[some, 0],
         ends[some, 1],
         rate,
+        log.header.rate_hz,
+        all(trial.v is not None for trial in log.trials),
     )

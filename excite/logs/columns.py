@@ -80,6 +80,8 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
     """
     wanted = check_columns(columns, header, file)
     n_rows = np.size(columns["time"])
+    # The time before all, by whose rows the others are counted.
+    wanted = ["time", *(name for name in wanted if name != "time")]
     numbers = {name: numeric(columns[name], name, file, n_rows) for name in wanted}
     numbers["time"], unit = in_seconds(numbers["time"], header.rate_hz)
     cleaned = clean_columns(numbers, file)

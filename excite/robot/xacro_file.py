@@ -86,7 +86,12 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
         cause = _cause(error)
         if cause is not None:
             raise cause from error
-        said = " ".join(str(error).split())[:200]
+        endless = isinstance(error, RecursionError) or "recursion depth" in str(error)
+        said = (
+            "it includes a file, or calls a macro, without end"
+            if endless
+            else " ".join(str(error).split())[:200]
+        )
         raise RobotError(
             f"xacro cannot expand it ({said})",
             source=path,

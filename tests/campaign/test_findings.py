@@ -11,9 +11,11 @@ from excite.campaign.experiment import simulate
 from excite.campaign.findings import force_comparison
 from excite.campaign.result import Campaign
 from excite.identification.identify import identify
+from excite.logs.log import Trial
 from excite.motion.collection import load_motions
 from excite.report.data import load_report_data
 from excite.robot.bringing import load_robot
+from tests.identification.practice_log import arm_log
 
 
 def test_forces_are_shown_at_the_rate_of_the_log(small_campaign: tuple[Campaign, Path]) -> None:
@@ -43,17 +45,26 @@ def test_a_joint_that_stands_in_the_trial_shown_is_left_out() -> None:
     assert forces.measured.shape == (len(forces.time), 5) and len(forces.units) == 5
 
 
-def test_terms_that_an_identification_added_are_in_its_curves() -> None:
+def test_curves_are_those_of_what_was_identified() -> None:
+    """With terms that the method added to the model, and of the log as the doctor has put it right."""
     robot = load_robot("ur10")
-    motions = load_motions("ur10")[:4]
-    inject = ["load_dependent_friction:shoulder_lift_joint:0.3", "load_dependent_friction:elbow_joint:0.3"]
-    roles = {motions[3].name: "validation"}
-    log = simulate(robot, motions, inject=inject, roles=roles, nominal=True, seed=2).log
-    found = identify(robot, log)
-    assert any(name.startswith("load_friction.") for name in found.identified.drive_names)
-    forces = force_comparison(robot, found, log)
+    log = arm_log(robot, 3, trials=3, duration=8.0)
+
+    def spoilt(trial: Trial) -> Trial:
+        tau = np.array(trial.tau)
+        # Of one direction alone: factors on the torques explain some of it, no body does.
+        tau[:, 2] *= np.where(np.gradient(trial.q[:, 2]) > 0.0, 1.5, 1.0)
+        tau[:, 3] *= -1.0
+        tau[:, 5] = 0.4
+        return replace(trial, tau=tau)
+
+    ill = replace(log, trials=tuple(spoilt(trial) for trial in log.trials), robot_text=robot.urdf)
+    found = identify(robot, ill)
+    assert {"torque_sign", "constant", "extension"} <= {finding.kind for finding in found.findings}
+    forces = force_comparison(robot, found, ill)
     assert forces is not None
     for channel, measured, identified in zip(
         forces.channels, forces.measured.T, forces.identified.T, strict=True
     ):
-        assert np.sqrt(np.mean((measured - identified) ** 2)) < 3.0 * found.validation[channel].rmse
+        rmse = np.sqrt(np.mean((measured - identified) ** 2))
+        assert rmse < 2.0 * found.validation[channel].rmse + 1e-6, channel

@@ -11,8 +11,10 @@ import yaml
 from typer.testing import CliRunner
 
 from excite.cli.main import app
+from excite.errors import RobotError
 from excite.logs.columns import trial_columns
 from excite.logs.readers.registry import reader_for
+from excite.robot.bringing import load_robot as bring_robot
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log
 
@@ -139,3 +141,21 @@ def test_next_to_no_rows_end_in_one_line(n, tmp_path, sound):
     run, _ = identify(tmp_path, sound, cut(n))
     assert run.exception.exit_code == 4
     assert "samples" in str(run.exception) or "record longer" in str(run.exception)
+
+
+def test_dates_as_times_are_named(tmp_path, sound):
+    def dated(columns: Columns) -> None:
+        columns["time"] = np.array(["2026-01-01T00:00:00.00"] * len(columns["time"]), dtype=object)
+
+    run, _ = identify(tmp_path, sound, dated)
+    assert run.exit_code != 0
+    assert "time: " in str(run.exception) and "numeric" in str(run.exception)
+
+
+def test_xacro_that_includes_itself_is_called_so(tmp_path):
+    file = tmp_path / "arm.xacro"
+    file.write_text(
+        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="arm.xacro"/></robot>'
+    )
+    with pytest.raises(RobotError, match="without end"):
+        bring_robot(file)

@@ -109,3 +109,21 @@ def test_currents_get_constants_by_the_weights(tmp_path):
     found = dict(item.split(": ") for item in said.split("{")[1].split("}")[0].split(", "))
     for joint, constant in zip(JOINTS, constants, strict=True):
         assert float(found[joint]) == pytest.approx(constant, rel=0.2)
+
+
+@pytest.mark.parametrize(("word", "whole"), [("percent", 100.0), ("per mille", 1000.0)])
+def test_shares_of_the_limits_are_called_so(word: str, whole: float, tmp_path):
+    """Each joint is off by a factor of its own, which its limit explains."""
+    limits = np.array([160.0, 40.0, 8.0])
+    robot = written.arm_urdf(tmp_path / "arm.urdf")
+    text = robot.read_text()
+    for limit in limits:
+        text = text.replace('effort="60"', f'effort="{limit:g}"', 1)
+    robot.write_text(text)
+    data = swing(robot)
+    file = table(tmp_path / "run.csv", data, "effort", data["tau"] / limits * whole)
+    excite.convert([file], robot, tmp_path / "log", Map.model_validate({"units": {"tau": "N·m"}}))
+    said = suggested(tmp_path / "log")
+    assert f"{word} of the model's limits" in said
+    for joint, limit in zip(JOINTS, limits, strict=True):
+        assert scale_of(said)[f"tau.{joint}"] == pytest.approx(limit / whole, rel=0.01)

@@ -14,6 +14,8 @@ from excite.conversion.guesses import UnclearError
 from excite.conversion.mapping import Map
 from excite.conversion.sources.registry import read_source
 from excite.errors import LogError
+from excite.export.models.verification import pinocchio_error
+from excite.logs.robot import nominal_robot
 from tests.conversion import written
 from tests.conversion.test_habits import check, columns_of, table
 from tests.conversion.written import JOINTS
@@ -143,3 +145,70 @@ def test_degrees_are_not_taken_where_zeros_may_be_elsewhere(data, arm, tmp_path)
     file = table(tmp_path / "a.csv", columns_of(moved, q="q{n}", tau="tau{n}"))
     with pytest.raises(UnclearError, match=r"whose zeros are not the model's"):
         excite.convert([file], arm, tmp_path / "log", WHOLE)
+
+
+def test_a_map_scales_stamps(data, arm, tmp_path):
+    file = table(tmp_path / "a.csv", columns_of({**data, "time": data["time"] * 1.8}, q="q{n}", tau="tau{n}"))
+    said = Map.model_validate({"scale": {"time": 1.0 / 1.8}, "trials": {"split": "none"}})
+    done = excite.convert([file], arm, tmp_path / "log", said)
+    assert done.log.header.rate_hz == pytest.approx(written.RATE, rel=1e-3)
+    assert excite.convert(
+        [file], arm, tmp_path / "again", done.folder / "map.yaml"
+    ).log.header.rate_hz == pytest.approx(written.RATE, rel=1e-3)
+
+
+def _one_in_degrees(data, elbow: int = 1) -> dict[str, np.ndarray]:
+    """The motion with one joint's positions in degrees."""
+    mixed = data["q"].copy()
+    mixed[:, elbow] = np.degrees(mixed[:, elbow])
+    return {**data, "q": mixed}
+
+
+def test_a_column_in_degrees_among_others_is_asked_for(data, arm, tmp_path):
+    columns = columns_of(_one_in_degrees(data), q="q{n}", tau="tau{n}")
+    with pytest.raises(UnclearError, match=r"q2 can only be degrees, q1, q3 may be radians") as error:
+        excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", WHOLE)
+    (question,) = error.value.questions
+    assert "units: {q.shoulder: rad, q.elbow: deg, q.wrist: rad}" in question.line
+    said = WHOLE.model_copy(update={"units": {"q.elbow": "deg", "q.shoulder": "rad", "q.wrist": "rad"}})
+    done = excite.convert([tmp_path / "a.csv"], arm, tmp_path / "log", said)
+    check(done, data, "q", "tau")
+    assert "q.elbow: 0.0174" in (done.folder / "map.yaml").read_text()
+
+
+@pytest.mark.parametrize("commanded", [False, True])
+def test_velocities_tell_which_column_is_in_degrees(commanded, data, arm, tmp_path):
+    mixed = _one_in_degrees(data)
+    # Commands are all in radians.
+    more = {"q_cmd": "target_{n}"} if commanded else {}
+    columns = columns_of(mixed, q="q{n}", v="dq{n}", tau="tau{n}", **more)
+    done = excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", WHOLE)
+    check(done, data, "q", "v", "tau", *more)
+    assert any("deg" in why and "unlike" in why for what, _, why in done.guesses if what.startswith("q."))
+
+
+def test_units_in_names_may_differ_from_joint_to_joint(data, arm, tmp_path):
+    columns = columns_of(_one_in_degrees(data), q="q{n}", tau="tau{n}")
+    named = {
+        name + {"q1": " [rad]", "q2": " [deg]", "q3": " [rad]"}.get(name, ""): x
+        for name, x in columns.items()
+    }
+    check(excite.convert([table(tmp_path / "a.csv", named)], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_degrees_of_all_joints_are_not_asked_for_where_some_hold_still(data, arm, tmp_path):
+    held = {**data, "q": np.degrees(data["q"])}
+    held["q"][:, 2] = 1.3 + 0.02 * np.sin(3.0 * data["time"])
+    file = table(tmp_path / "a.csv", columns_of(held, q="q{n}", tau="tau{n}"))
+    done = excite.convert([file], arm, tmp_path / "log", WHOLE)
+    check(done, {**data, "q": np.radians(held["q"])}, "q")
+
+
+def test_limits_without_effort_are_no_reason_to_refuse_a_model(data, arm, tmp_path):
+    """Koch's and other small arms' files state none, which the parser of ROS refuses."""
+    arm.write_text(arm.read_text().replace(' effort="60"', ""))
+    file = table(tmp_path / "a.csv", columns_of(data, q="q{n}", tau="tau{n}"))
+    done = excite.convert([file], arm, tmp_path / "log", WHOLE)
+    check(done, data, "q", "tau")
+    robot = nominal_robot(done.log)
+    assert pinocchio_error(robot, arm.read_bytes(), robot.nominal_parameters) < 1e-9

@@ -2,58 +2,159 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.mixed_units import alike, apart, in_degrees, stated_unit
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
-from excite.conversion.columns.units import BEYOND, position_unit
+from excite.conversion.columns.units import BEYOND, TO_SI, position_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Column
 
+# Columns that are named in one reason.
+MOST_NAMED = 4
 # LeRobot's servos report the share of the range that they were calibrated in, unless told to report degrees: from
 # -100 to 100, grippers from 0 (its ``MotorNormMode``).
 SHARE = "±100"
 
 
 def positions(
-    found: Guesses, columns: dict[str, Column], machine: Machine, mapping: Map, *, maybe_shares: bool
+    found: Guesses,
+    columns: dict[str, Column],
+    machine: Machine,
+    mapping: Map,
+    slope: Callable[[Mapped], float | None],
+    *,
+    maybe_shares: bool,
 ) -> dict[str, tuple[str, str]]:
-    """Unit and reason for measured and commanded positions."""
+    """Unit and reason of each measured and commanded position, by its target.
+
+    Args:
+        found: what is known of the columns; questions are added.
+        columns: by name.
+        machine: the robot.
+        mapping: what a person said.
+        slope: of a column's numbers over its joint's logged velocity; None where there is none.
+        maybe_shares: whether the format may hold shares of ranges.
+    """
     result: dict[str, tuple[str, str]] = {}
-    for channel in ("q", "q_cmd"):
-        items = found.of(channel)
-        if not items:
+    for items in alike(found.of("q"), columns, mapping):
+        for part, why in _by_unit(found, items, columns, machine, mapping, slope):
+            units = _unit(found, part, columns, machine, mapping, maybe_shares=maybe_shares)
+            if why:
+                units = (units[0], why)
+            result |= {item.target: units for item in part}
+    measured = {item.target: item for item in found.of("q")}
+    several = len({unit for unit, _ in result.values()}) > 1
+    for items in alike(found.of("q_cmd"), columns, mapping):
+        named = stated_unit(items, mapping) or named_unit(items, columns)
+        if several and not named:
+            for item in items:
+                twin = measured.get(f"q.{item.target.partition('.')[2]}")
+                unit = "rad" if twin is None else _nearer(item, twin, result[twin.target][0], columns)
+                result[item.target] = (unit, "as near the measured positions as can be")
             continue
-        places = [machine.joints.index(item.target.partition(".")[2]) for item in items]
-        unit, why, sure = position_unit(
-            values_of(items, columns),
-            machine.lower[places],
-            machine.upper[places],
-            machine.slides[places],
-            named_unit(items, columns),
+        units = _unit(
+            found, items, columns, machine, mapping, like=result.get(items[0].target.replace("q_cmd.", "q."))
         )
-        if not sure and channel == "q_cmd" and "q" in result:
-            unit, why = result["q"][0], "as the measured positions"
-        if mapping.motors:
-            # Motors turn beyond what joints do.
-            unit, why = named_unit(items, columns) or "rad", "motors' positions"
-        elif channel in mapping.units:
-            unit = mapping.units[channel]
-        elif not unit and channel in mapping.scale:
-            unit, why = "rad", "scaled by the map"
-        elif channel == "q" and unit == "deg" and maybe_shares and not named_unit(items, columns):
-            _ask_for_shares(found, items, values_of(items, columns))
-        if not unit:
-            found.ask(
-                f"the unit of {items[0].source} … cannot be told: {why}",
-                f"units: {{{channel}: deg}} (or rev, counts/4096), or motors: [[RATIO, 0 …], …] where they are "
-                f"motors' positions, or scale: {{{channel}: FACTOR}}",
-            )
-            unit = "rad"
-        result[channel] = (unit, why)
+        result |= {item.target: units for item in items}
     return result
+
+
+def _by_unit(
+    found: Guesses,
+    items: list[Mapped],
+    columns: dict[str, Column],
+    machine: Machine,
+    mapping: Map,
+    slope: Callable[[Mapped], float | None],
+) -> list[tuple[list[Mapped], str]]:
+    """Columns in one part, or in two where some are in degrees among others in radians, and why."""
+    if mapping.motors or stated_unit(items, mapping) or named_unit(items, columns) or "q" in mapping.scale:
+        return [(items, "")]
+    turning = [item for item in items if not machine.slides[_place(item, machine)]]
+    if len(turning) < 2:
+        return [(items, "")]
+    places = [_place(item, machine) for item in turning]
+    found_two = in_degrees(values_of(turning, columns), machine.lower[places], machine.upper[places])
+    if found_two is None:
+        return [(items, "")]
+    degrees, radians = found_two
+    names = [
+        [item.source for item, is_so in zip(turning, which, strict=True) if is_so] for which in found_two
+    ]
+    if apart(lambda k: slope(turning[k]), degrees, radians):
+        small = [item for item in items if item.source in names[1]]
+        rest = [item for item in items if item.source not in names[1]]
+        of = f"unlike {', '.join(names[1][:MOST_NAMED])}, by their ranges and velocities"
+        return [(rest, f"deg {of}"), (small, "rad: within the range, and so their velocities have it")]
+    one = next(item.target for item, is_so in zip(turning, radians, strict=True) if is_so)
+    stated = ", ".join(
+        f"{item.target}: {'deg' if is_so else 'rad'}" for item, is_so in zip(turning, degrees, strict=True)
+    )
+    found.ask(
+        f"{', '.join(names[0][:4])} can only be degrees, {', '.join(names[1][:4])} may be radians: as degrees "
+        f"{one.partition('.')[2]} … would turn by less than 6.3",
+        f"units: {{q: deg}} where all are degrees, or units: {{{stated}}}",
+    )
+    return [(items, "")]
+
+
+def _place(item: Mapped, machine: Machine) -> int:
+    return machine.joints.index(item.target.partition(".")[2])
+
+
+def _nearer(item: Mapped, twin: Mapped, unit: str, columns: dict[str, Column]) -> str:
+    """Of radians and degrees the unit with which a command is nearer to what was measured."""
+    command, value = columns[item.source].values, columns[twin.source].values * TO_SI.get(unit, 1.0)
+    rows = min(len(command), len(value))
+    miss = {u: float(np.nanmean((command[:rows] * TO_SI[u] - value[:rows]) ** 2)) for u in ("rad", "deg")}
+    return min(miss, key=lambda u: miss[u])
+
+
+def _unit(
+    found: Guesses,
+    items: list[Mapped],
+    columns: dict[str, Column],
+    machine: Machine,
+    mapping: Map,
+    *,
+    like: tuple[str, str] | None = None,
+    maybe_shares: bool = False,
+) -> tuple[str, str]:
+    """The unit of columns that share one, and why; asked for where it cannot be told."""
+    channel, places = items[0].channel, [_place(item, machine) for item in items]
+    unit, why, sure = position_unit(
+        values_of(items, columns),
+        machine.lower[places],
+        machine.upper[places],
+        machine.slides[places],
+        named_unit(items, columns),
+    )
+    stated = stated_unit(items, mapping)
+    if not sure and like is not None:
+        unit, why = like[0], "as the measured positions"
+    if mapping.motors:
+        # Motors turn beyond what joints do.
+        unit, why = named_unit(items, columns) or "rad", "motors' positions"
+    elif stated:
+        unit = stated
+    elif not unit and channel in mapping.scale:
+        unit, why = "rad", "scaled by the map"
+    elif maybe_shares and unit == "deg" and not named_unit(items, columns):
+        _ask_for_shares(found, items, values_of(items, columns))
+    if not unit:
+        found.ask(
+            f"the unit of {items[0].source} … cannot be told: {why}",
+            f"units: {{{channel}: deg}} (or rev, counts/4096), or motors: [[RATIO, 0 …], …] where they are "
+            f"motors' positions, or scale: {{{channel}: FACTOR}}",
+        )
+        unit = "rad"
+    return unit, why
 
 
 def of_ranges(found: Guesses, items: list[Mapped], mapping: Map, machine: Machine) -> list[Mapped]:

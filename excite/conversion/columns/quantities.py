@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from excite.conversion.columns.mixed_units import alike, stated_unit
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
-from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, ratio_unit
+from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -31,44 +34,73 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     columns = {c.name: c for stream in recording.streams for c in stream.columns}
     done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
     maybe_shares = bool(recording.said.get("maybe_shares"))
-    angles = positions(found, columns, machine, mapping, maybe_shares=maybe_shares)
+    angles = positions(found, columns, machine, mapping, _slopes(found, recording), maybe_shares=maybe_shares)
     for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "imu", "contact"):
-        items = found.of(channel)
-        if not items:
+        everything = found.of(channel)
+        if not everything or _left_out(found, channel, everything, columns, mapping):
             continue
-        stated = str(mapping.units.get(channel, ""))
-        named = named_unit(items, columns)
-        if stated:
-            unit, because = stated, "unit stated in the map"
-        elif channel in ("q", "q_cmd"):
-            unit, because = angles[channel]
-        elif channel in ("v", "a"):
-            unit, because = _rates(found, items, columns, recording, angles["q"][0], named, channel)
-        elif channel == "tau_cmd" and _of_one_sign(items, columns) and not mapping.columns.get(channel):
+        for items in alike(everything, columns, mapping):
+            stated, named = stated_unit(items, mapping), named_unit(items, columns)
+            if channel in ("q", "q_cmd"):
+                for unit, why in dict.fromkeys(angles[item.target] for item in items):
+                    part = [item for item in items if angles[item.target] == (unit, why)]
+                    because = "unit stated in the map" if stated else why
+                    done += _of_positions(found, part, columns, machine, mapping, unit, because)
+                continue
+            if stated:
+                unit, because = stated, "unit stated in the map"
+            elif channel in ("v", "a"):
+                unit, because = _rates(found, items, columns, recording, angles, named, channel)
+            elif channel in ("tau", "tau_cmd"):
+                unit, because = _torques(items, columns, machine, named)
+            else:
+                unit = named or {"i": "A"}.get(channel, "SI")
+                because = "unit as named" if named else "no unit stated"
+            done += _scaled_as(items, mapping, unit, because)
+    return done
+
+
+def _scaled_as(items: list[Mapped], mapping: Map, unit: str, because: str) -> list[Mapped]:
+    """Columns of one unit with their factors."""
+    factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
+    zero = COUNTS[unit][0] if unit in COUNTS else 0.0
+    return [scaled(item, mapping, factor, zero, f"{item.because}; {because}") for item in items]
+
+
+def _left_out(
+    found: Guesses, channel: str, items: list[Mapped], columns: dict[str, Column], mapping: Map
+) -> bool:
+    """Whether commanded torques are none; asks for the sign of torques and currents that have none."""
+    if channel == "tau_cmd" and not mapping.columns.get(channel) and not stated_unit(items, mapping):
+        if _of_one_sign(items, columns):
             # Feed-forward that is switched off, or a magnitude: nothing needs it.
             found.facts.append((channel, items[0].source, "left out: it is never negative"))
-            continue
-        elif channel in ("tau", "tau_cmd"):
-            _ask_for_sign(found, channel, items, columns, mapping)
-            unit, because = _torques(items, columns, machine, named)
-        else:
-            _ask_for_sign(found, channel, items, columns, mapping)
-            unit, because = (
-                named or {"i": "A"}.get(channel, "SI"),
-                "unit as named" if named else "no unit stated",
-            )
-        if unit == SHARE:
-            done += of_ranges(found, items, mapping, machine)
-            continue
-        factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
-        zero = COUNTS[unit][0] if unit in COUNTS else 0.0
-        turning = channel in ("q", "q_cmd") and unit in ("rad", "deg") and not mapping.motors
-        zeros = whole_turns(items, columns, machine, factor) if turning else [zero] * len(items)
-        done += [
-            scaled(item, mapping, factor, at, f"{item.because}; {because}{_turned(at) if at != zero else ''}")
-            for item, at in zip(items, zeros, strict=True)
-        ]
-    return done
+            return True
+    if channel not in ("q", "q_cmd", "v", "a") and not stated_unit(items, mapping):
+        _ask_for_sign(found, channel, items, columns, mapping)
+    return False
+
+
+def _of_positions(
+    found: Guesses,
+    items: list[Mapped],
+    columns: dict[str, Column],
+    machine: Machine,
+    mapping: Map,
+    unit: str,
+    because: str,
+) -> list[Mapped]:
+    """Positions of one unit, with whole turns that bring them into their ranges."""
+    if unit == SHARE:
+        return of_ranges(found, items, mapping, machine)
+    factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
+    zero = COUNTS[unit][0] if unit in COUNTS else 0.0
+    turning = unit in ("rad", "deg") and not mapping.motors
+    zeros = whole_turns(items, columns, machine, factor) if turning else [zero] * len(items)
+    return [
+        scaled(item, mapping, factor, at, f"{item.because}; {because}{_turned(at) if at != zero else ''}")
+        for item, at in zip(items, zeros, strict=True)
+    ]
 
 
 def _ask_for_sign(
@@ -108,11 +140,13 @@ def _rates(
     items: list[Mapped],
     columns: dict[str, Column],
     recording: Recording,
-    angle: str,
+    angles: dict[str, tuple[str, str]],
     named: str,
     channel: str,
 ) -> tuple[str, str]:
     """Unit of velocities or accelerations: what makes them the positions' derivative."""
+    of_first = angles.get(f"q.{items[0].target.partition('.')[2]}")
+    angle = (next(iter(angles.values())) if of_first is None else of_first)[0]
     if channel == "a":
         return (
             (named, "unit as named")
@@ -122,7 +156,7 @@ def _rates(
     expected = named or {**dict.fromkeys(COUNTS, "rad/s"), "deg": "deg/s", "m": "m/s", "mm": "mm/s"}.get(
         angle, "rad/s"
     )
-    ratio = _ratio(found, items, columns, recording, angle)
+    ratio = _ratio(found, items, columns, recording, angles)
     if ratio is None:
         return (
             expected,
@@ -143,34 +177,56 @@ def _rates(
 
 
 def _ratio(
-    found: Guesses, items: list[Mapped], columns: dict[str, Column], recording: Recording, angle: str
+    found: Guesses,
+    items: list[Mapped],
+    columns: dict[str, Column],
+    recording: Recording,
+    angles: dict[str, tuple[str, str]],
 ) -> tuple[str | None, float, float] | None:
     positions = {item.target[2:]: item for item in found.of("q")}
     pairs = [(positions[i.target[2:]], i) for i in items if i.target[2:] in positions]
-    stream = next(
-        (s for s in recording.streams if pairs and pairs[0][0].source in {c.name for c in s.columns}), None
-    )
-    if (
-        angle not in TO_SI
-        or stream is None
-        or any(item.source not in {c.name for c in stream.columns} for _, item in pairs)
-    ):
+    units = [angles[position.target][0] for position, _ in pairs]
+    dt = _row_seconds(found, recording, [item.source for pair in pairs for item in pair])
+    if dt is None or any(unit not in TO_SI for unit in units):
         return None
-    clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
-    time = next((c.values * clock[c.name] for c in stream.columns if c.name in clock), stream.time)
-    if time is None:
-        return None
-    forward = np.diff(time)
-    if not (forward > 0.0).any():
-        return None
-    dt = float(np.median(forward[forward > 0.0]))
-    q = values_of([position for position, _ in pairs], columns) * TO_SI[angle]
+    q = values_of([position for position, _ in pairs], columns) * np.array([TO_SI[unit] for unit in units])
     v = values_of([item for _, item in pairs], columns)
     whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     if whole.sum() < 20:
         return None
-    counted = angle in COUNTS and bool((v[whole] == np.round(v[whole])).all())
+    counted = units[0] in COUNTS and bool((v[whole] == np.round(v[whole])).all())
     return ratio_unit(q[whole], v[whole], dt, COUNT_RATES if counted else _VELOCITIES)
+
+
+def _row_seconds(found: Guesses, recording: Recording, names: list[str]) -> float | None:
+    """Time from row to row of the stream that holds all columns [s]; None where none does, or time stands still."""
+    stream = next((s for s in recording.streams if names and set(names) <= {c.name for c in s.columns}), None)
+    if stream is None:
+        return None
+    clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
+    time = next((c.values * clock[c.name] for c in stream.columns if c.name in clock), stream.time)
+    forward = np.zeros(0) if time is None else np.diff(time)
+    return float(np.median(forward[forward > 0.0])) if (forward > 0.0).any() else None
+
+
+def _slopes(found: Guesses, recording: Recording) -> Callable[[Mapped], float | None]:
+    """Slopes of positions, in the numbers of the file, over their joints' logged velocities."""
+    columns = {c.name: c.values for stream in recording.streams for c in stream.columns}
+    speeds = {item.target.partition(".")[2]: item for item in found.of("v")}
+
+    def slope(item: Mapped) -> float | None:
+        speed = speeds.get(item.target.partition(".")[2])
+        dt = None if speed is None else _row_seconds(found, recording, [item.source, speed.source])
+        if speed is None or dt is None:
+            return None
+        q, v = columns[item.source], columns[speed.source]
+        whole = np.isfinite(q) & np.isfinite(v)
+        if whole.sum() < 20:
+            return None
+        value, agreement = derivative_of(q[whole], v[whole], dt)
+        return abs(value) if agreement > 0.5 else None
+
+    return slope
 
 
 def _torques(

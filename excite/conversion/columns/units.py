@@ -36,7 +36,7 @@ BEYOND = 0.2
 # A recording whose widest joint moves by less than a degree is none; zeros of joints are off by more [rad or m].
 _NO_MOTION = 0.02
 # Turns that joints without stated range make: three turns are more than any arm's.
-_WIDE = 6.0 * math.pi
+WIDE = 6.0 * math.pi
 # How near a ratio of velocity and derivative has to be to that of two units, as a factor.
 _NEAR = 1.15
 # What is larger is a damaged number, whose square no float holds.
@@ -109,7 +109,7 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
         )
     if outside <= BEYOND and (outside_large > BEYOND or span * factor < _NO_MOTION):
         return PositionUnit(small, f"{small}: within the joints' ranges", True)
-    if span > (_WIDE if small == "rad" else 10.0):
+    if span > (WIDE if small == "rad" else 10.0):
         return PositionUnit(large, f"{large}: the columns span {span:.3g}", False)
     return PositionUnit(small, f"{small}: the columns span {span:.3g}", False)
 

@@ -18,6 +18,7 @@ from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.model_text import AugmentedModel
 from excite.diagnosis.simulator.notes import write_note
 from excite.diagnosis.simulator.physical_bodies import unphysical
+from excite.errors import InputError
 from excite.robot.robot import Robot
 from excite.simulation.drives import Drives
 from excite.simulation.mjcf import World, build_spec
@@ -45,7 +46,7 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
         The model.
 
     Raises:
-        InputError: the robot has joints that cannot be simulated.
+        InputError: the robot has joints that cannot be simulated, or MuJoCo refuses the bodies.
     """
     robot = baseline.samples.robot
     joints = baseline.samples.joints
@@ -68,7 +69,13 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
     for form in forms:
         if form.finish is not None:
             form.finish(draft)
-    draft.spec.compile()
+    try:
+        draft.spec.compile()
+    except ValueError as error:
+        said = " ".join(str(error).split())
+        raise InputError(
+            f"MuJoCo refuses the fitted model ({said})", remedy="judge by the torques"
+        ) from error
     return AugmentedModel(draft.spec.to_xml(), tuple(warnings))
 
 

@@ -31,8 +31,8 @@ class Channels(Check):
         doubts = frozenset(
             doubt for item in found if not item.correction.certain for doubt in item.mistake.leaves
         )
-        mended = not all(item.correction.as_logged for item in found)
-        log = _without_scale(reading, found).of(log) if mended else log
+        mended = not all(item.correction.ask for item in found)
+        log = _as_logged(reading, found).of(log) if mended else log
         return Outcome(log, tuple(_finding(item, what) for item in found), doubts)
 
 
@@ -57,13 +57,11 @@ def _read(robot: Robot, log: Log) -> _Read:
     return _Read(stated, (), "")
 
 
-def _without_scale(reading: Reading, found: tuple[Misreading, ...]) -> Reading:
-    """The reading with torques and wrenches in the unit in which they were logged: which one it is a person knows."""
+def _as_logged(reading: Reading, found: tuple[Misreading, ...]) -> Reading:
+    """The reading without what a person has to say first."""
     for item in found:
-        if item.correction.as_logged:
-            factor = item.correction.figures["factor"]
-            reading = reading.with_torque(range(len(reading.torque_factor)), factor)
-            reading = reading.with_wrenches(range(len(reading.sensor_of)), factor * np.eye(6))
+        if item.correction.ask:
+            reading = item.correction.as_logged(reading)
     return reading
 
 
@@ -71,9 +69,8 @@ def _finding(item: Misreading, what: str) -> Finding:
     correction = item.correction
     before, after = (min(100.0, 100.0 * share) for share in (item.before, item.after))
     text = f"{correction.text} (likely bodies leave {before:.2g} % of the {what}' power as it is, {after:.2g} % then)"
-    repaired = not correction.as_logged
-    if not repaired:
-        remedy = "find the unit; what follows is in the log's"
+    if correction.ask:
+        remedy = correction.ask
     elif correction.certain:
         remedy = "it was put right for what follows; correct the log"
     else:
@@ -86,6 +83,6 @@ def _finding(item: Misreading, what: str) -> Finding:
         correction.places,
         severity="spoils",
         sure=float(1.0 - 0.5 * np.exp(-(gain - LEAST_GAIN) / LEAST_GAIN)) if gain > LEAST_GAIN else 0.5,
-        repaired=repaired,
+        repaired=not correction.ask,
         remedy=remedy,
     )

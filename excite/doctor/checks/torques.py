@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
 from excite.doctor.drive_fit import drive_fit
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.finding import Finding, listed
 from excite.logs.log import Log
+from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
 
 # Nominal masses would have to be five times too large.
@@ -99,7 +101,7 @@ def _samples(robot: Robot, log: Log) -> TorqueSamples | None:
 def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
     """Rotor inertia at the outer joints, as share of the links', and the number of joints that rub."""
     model, drive = samples.predicted(reading)
-    torque, own = samples.measured_torque(reading), samples.own_inertia()
+    torque, own = samples.measured_torque(reading), _own_inertia(samples)
     rotors, rubbing = [], 0
     for j in np.flatnonzero(own > _WEIGHTLESS):
         weights, friction = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
@@ -107,3 +109,17 @@ def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
         moving = torque[:, j] - torque[:, j].mean()
         rubbing += float(friction @ friction) > _DRIVE_SHARE * float(moving @ moving)
     return float(np.median(rotors[-max(1, len(rotors) // 2) :])) if rotors else 0.0, int(rubbing)
+
+
+def _own_inertia(samples: TorqueSamples) -> Array:
+    """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""
+    some = slice(None, None, max(1, len(samples.q) // 20))
+    q, rest = samples.q[some], np.zeros_like(samples.v[some])
+    model, found = samples.robot.model, []
+    still = inverse_dynamics(model, q, rest, rest)
+    for place in samples.places[samples.measured]:
+        push = rest.copy()
+        push[:, place] = 1.0
+        turned = inverse_dynamics(model, q, rest, push)
+        found.append(float(np.mean((turned - still)[:, place])))
+    return np.array(found)

@@ -17,6 +17,8 @@ from excite.robot.robot import Robot
 
 # Velocities that a drive has filtered are a few per cent small; a clock is off by the same factor at every joint.
 _CLOCK_OFF, _ALIKE = 1.06, 0.03
+# Velocities are logged in these too, and no clock is off by such a factor by chance [rad/s].
+_UNITS = {"deg/s": np.pi / 180.0, "rpm": np.pi / 30.0, "rev/s": 2.0 * np.pi}
 # Joints whose velocity follows the slope of another factor than one.
 _ODD = 2.0
 _FOLLOWS = 0.9
@@ -37,7 +39,8 @@ class Velocities(Check):
             tick = 1.0 / float(np.median(ratio[good]))
             alike = np.abs(np.log(ratio[good] * tick)) < _ALIKE
             if alike.mean() > 0.8 and not 1.0 / _CLOCK_OFF < tick < _CLOCK_OFF and good.sum() > 1:
-                return self._clock(log, tick)
+                unit = next((u for u, size in _UNITS.items() if _near(tick, size)), None)
+                return self._clock(log, tick) if unit is None else Outcome(log, (_in_unit(unit, 1.0 / tick),))
         odd = seen & ~((ratio > 1.0 / _ODD) & (ratio < _ODD))
         if not odd.any():
             return Outcome(log)
@@ -74,6 +77,22 @@ class Velocities(Check):
         trials = tuple(replace(t, time=t.time[0] + tick * (t.time - t.time[0])) for t in log.trials)
         header = log.header.model_copy(update={"rate_hz": log.header.rate_hz / tick})
         return Outcome(replace(log, header=header, trials=trials), (finding,), frozenset({Doubt.CLOCK}))
+
+
+def _near(tick: float, size: float) -> bool:
+    return 1.0 / _CLOCK_OFF < tick / size < _CLOCK_OFF
+
+
+def _in_unit(unit: str, ratio: float) -> Finding:
+    """All velocities in a unit that velocities have."""
+    return Finding(
+        "velocity",
+        f"logged velocities are {ratio:.3g} times the slope of the positions at all joints: they look like {unit}",
+        {"ratio": ratio},
+        ("v",),
+        severity="note",
+        remedy="velocities are taken from positions; write v.* in rad/s",
+    )
 
 
 def _ratios(log: Log) -> tuple[Array, Array, NDArray[np.bool_]] | None:

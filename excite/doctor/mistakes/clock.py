@@ -19,7 +19,12 @@ _TICKS = np.geomspace(0.1, 10.0, 41)
 
 
 class Clock(Mistake[TorqueSamples]):
-    """Weights do not know the clock, inertial forces do: they grow with its square."""
+    """Weights do not know the clock, inertial forces do: they grow with its square.
+
+    Torques that lack inertial forces, or have too many, need not be a clock's: commands of gravity compensation and
+    wrong inertias look alike. So the clock is put right where a second witness, the rate that the log states, says the
+    same; where none does, or logged velocities agree with the stamps, it is asked for.
+    """
 
     name = "clock"
     leaves = frozenset({Doubt.CLOCK})
@@ -44,6 +49,26 @@ class Clock(Mistake[TorqueSamples]):
             return
         which = "fast" if best < 1.0 else "slow"
         text = f"the clock looks {which}: a second of the stamps is {best:.3g} s by the torques"
+        stated = samples.rate_hz / samples.stated_hz
+        if 1.0 / _LEAST < best / stated < _LEAST and not samples.speeds:
+            text += f", {stated:.4g} s by rate_hz"
+            yield Correction(self.name, replace(reading, tick=stated), text, ("time",), {"tick": stated})
+            return
+        but = (
+            "logged velocities agree with the stamps, and torques that are a controller's commands look so, too"
+            if samples.speeds
+            else "nothing but the torques says so, and wrong inertias or a controller's commands look so, too"
+        )
         yield Correction(
-            self.name, replace(reading, tick=best), text, ("time",), {"tick": best}, certain=False
+            self.name,
+            replace(reading, tick=best),
+            f"{text}; {but}",
+            ("time",),
+            {"tick": best},
+            ask=(
+                f"the stamps are believed; if they are wrong, scale them (scale: {{time: {best:.3g}}} in map.yaml) and "
+                "correct rate_hz; if the torques are commands, leave them out (log: {torque: none})"
+            ),
+            as_logged=lambda read: replace(read, tick=1.0),
+            certain=False,
         )

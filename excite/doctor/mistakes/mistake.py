@@ -52,6 +52,15 @@ class Samples(Protocol):
 S = TypeVar("S", bound=Samples, contravariant=True)
 
 
+def _untouched(reading: Reading) -> Reading:
+    """The reading as it is."""
+    return reading
+
+
+# What is asked for where a unit is none that is known.
+THE_UNIT = "find the unit; what follows is in the log's"
+
+
 @dataclass(frozen=True, eq=False)
 class Correction:
     """A log read otherwise.
@@ -65,8 +74,8 @@ class Correction:
         changes: how many things were changed at will: each has to bring its share.
         surprise: how unlikely the numbers are without the mistake [nat], where likely bodies could make them too;
             None where the fit decides.
-        as_logged: whether the log is left as it is, in the unit that it has: which one it is a person knows;
-            ``figures`` then holds the ``factor``.
+        ask: what a person has to say, where nobody else can; the log is then left as it is. Empty where it is mended.
+        as_logged: of a correction that asks, what takes it out of a reading again.
         along: places among them that tell nothing of it and go with the others.
         certain: whether the log is mended with exactly what was found; an estimate leaves a rest.
     """
@@ -78,7 +87,8 @@ class Correction:
     figures: Mapping[str, float] = field(default_factory=dict)
     changes: int = 1
     surprise: float | None = None
-    as_logged: bool = False
+    ask: str = ""
+    as_logged: Callable[[Reading], Reading] = _untouched
     along: tuple[str, ...] = ()
     certain: bool = True
 

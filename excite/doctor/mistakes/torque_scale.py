@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.mistake import Correction, Mistake
+from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
 
@@ -56,7 +56,8 @@ class TorqueScale(Mistake[TorqueSamples]):
                     joints,
                     {"factor": factor},
                     surprise=abs(float(np.log(factor))),
-                    as_logged=True,
+                    ask=THE_UNIT,
+                    as_logged=lambda read: read.with_torque(range(len(joints)), factor),
                     certain=False,
                 )
         if len(joints) == 1:

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.mistake import Correction, Mistake
+from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake
 from excite.doctor.reading import Reading
 from excite.doctor.wrench_samples import WrenchSamples
 
@@ -119,7 +119,8 @@ class WrenchUnit(Mistake[WrenchSamples]):
                 samples.sensors,
                 {"factor": factor},
                 surprise=surprise,
-                as_logged=True,
+                ask=THE_UNIT,
+                as_logged=lambda read: read.with_wrenches(everywhere, factor * np.eye(6)),
                 certain=False,
             )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -15,6 +16,7 @@ from excite.errors import InputError
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Robot
+from excite.robot.urdf.model import urdf_model
 
 if TYPE_CHECKING:
     import mujoco
@@ -84,8 +86,7 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
         InputError: the file's joints are not the robot's.
     """
     held = held_joints(robot, fromstring(text))
-    root = (pin.JointModelFreeFlyer(),) if robot.floating else ()
-    raw = pin.buildModelFromXML(_links_apart(text), *root)
+    raw = urdf_model(_links_apart(text), Path("written model"), floating=robot.floating)
     neutral = pin.neutral(raw)
     ids = [raw.getJointId(name) for name in held]
     for index, value in zip(ids, held.values(), strict=True):
@@ -107,15 +108,15 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
     return np.array(torque)
 
 
-def _links_apart(text: bytes) -> str:
-    """The text with links that no joint is called like: pinocchio reduces no model in which names stand twice."""
-    root = fromstring(text)
+def _links_apart(text: bytes) -> ElementTree.Element:
+    """The robot with links that no joint is called like: pinocchio reduces no model in which names stand twice."""
+    root: ElementTree.Element = fromstring(text)
     for element in root.iter():
         if element.tag == "link" and element.get("name"):
             element.set("name", f"{element.get('name')} (link)")
         elif element.tag in {"parent", "child"} and element.get("link"):
             element.set("link", f"{element.get('link')} (link)")
-    return ElementTree.tostring(root, encoding="unicode")
+    return root
 
 
 def _by_joint(robot: Robot, q: Array) -> list[Array]:

@@ -38,6 +38,11 @@ def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False)
         raise RobotError(what, source=path, remedy="check the file with check_urdf") from error
 
 
+def _complete(limit: ElementTree.Element) -> ElementTree.Element:
+    """A joint's limits with zeros where effort or velocity is not stated: the parser refuses the whole model else."""
+    return ElementTree.Element("limit", {"effort": "0", "velocity": "0", **limit.attrib})
+
+
 def _dynamics(root: ElementTree.Element) -> ElementTree.Element:
     model = ElementTree.Element("robot", name=root.get("name", ""))
     for element in root:
@@ -47,5 +52,5 @@ def _dynamics(root: ElementTree.Element) -> ElementTree.Element:
         for tag in _KEPT[element.tag]:
             found = element.find(tag)
             if found is not None:
-                copy.append(found)
+                copy.append(_complete(found) if tag == "limit" else found)
     return model

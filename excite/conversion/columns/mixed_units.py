@@ -1,0 +1,77 @@
+"""Columns of one channel that are not all in one unit: by names, by a map, or by how far joints can turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.conversion.columns.scaled import named_unit
+from excite.conversion.columns.units import BEYOND, TO_SI, WIDE
+from excite.conversion.guesses import Mapped
+from excite.conversion.mapping import Map
+from excite.conversion.recording import Column
+
+# A servo that holds a joint lets it go by less than a tenth of a degree: such a column is in the others' unit, and
+# what it is called matters little. Joints turn by less than a whole turn in radians, which would be 6 degrees.
+_HELD, _TURN = 0.1, 2.0 * np.pi
+# Slopes over velocities that stand in this ratio or more, of the 57 of degrees and radians, are in two units.
+_APART = 8.0
+
+
+def alike(items: Sequence[Mapped], columns: dict[str, Column], mapping: Map) -> list[list[Mapped]]:
+    """Columns of a channel by the unit that the map or their names state; one group where all say the same."""
+    groups: dict[tuple[str, str], list[Mapped]] = {}
+    for item in items:
+        groups.setdefault((stated_unit([item], mapping), named_unit([item], columns)), []).append(item)
+    return list(groups.values())
+
+
+def stated_unit(items: Sequence[Mapped], mapping: Map) -> str:
+    """The unit that a map states of a joint's column, or of its channel; empty for none."""
+    found = mapping.units.get(items[0].target) or mapping.units.get(items[0].channel)
+    return str(found or "")
+
+
+def in_degrees(
+    values: Array, lower: Array, upper: Array
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]] | None:
+    """Which columns are degrees, which beside them look like radians, by their ranges; None where none contradict.
+
+    Args:
+        values: ``(n, k)`` positions of joints that turn, as they stand in the file.
+        lower: ``(k,)`` ends of the joints' ranges [rad], ``upper`` too; infinite where they are not known.
+    """
+    low, high = np.nanmin(values, axis=0), np.nanmax(values, axis=0)
+    factor, span = TO_SI["deg"], high - low
+    beyond = np.maximum(lower - low, high - upper)
+    beyond_in_degrees = np.maximum(lower - low * factor, high * factor - upper)
+    # Wherever a joint's zero is, it does not turn further than its range is wide.
+    wide = np.where(np.isfinite(upper - lower), upper - lower, WIDE)
+    degrees = (span > wide) & (beyond > BEYOND) & (beyond_in_degrees <= BEYOND)
+    degrees |= ~np.isfinite(beyond) & (span > wide)
+    radians = (beyond <= BEYOND) & (span > _HELD) & (span < _TURN)
+    if not (degrees.any() and radians.any()):
+        return None
+    # Those that hardly move go with most.
+    still = ~(degrees | radians)
+    most = degrees.sum() > radians.sum()
+    return degrees | (still & most), radians | (still & ~most)
+
+
+def apart(
+    slope: Callable[[int], float | None], degrees: NDArray[np.bool_], radians: NDArray[np.bool_]
+) -> bool:
+    """Whether logged velocities say that both are in the units that they look like.
+
+    Args:
+        slope: by column, the slope of its numbers over the logged velocity, None where it has none.
+        degrees: ``(k,)`` columns that can only be degrees, ``radians`` those that look like the other unit.
+    """
+    large, small = (
+        [value for k in np.flatnonzero(which) if (value := slope(int(k))) is not None]
+        for which in (degrees, radians)
+    )
+    return bool(large and small) and min(large) > _APART * max(small)
