@@ -70,7 +70,8 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
-    from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
+    from excite.export.export import SCHEMA, export_with_verdicts, robot_beside  # lazy: pinocchio
+    from excite.motion.collection import motion_paths  # lazy: pinocchio
 
     try:
         written = export_with_verdicts(
@@ -106,7 +107,12 @@ def command(
         as_json=as_json,
         then="run them, record, and "
         + command_line(
-            "convert", "RECORDING", "--robot", robot or written[0].cleared.motion.robot, "--out", "log"
+            "convert",
+            "RECORDING",
+            "--robot",
+            robot or robot_beside(motion_paths(motions)[0], written[0].cleared.motion.robot),
+            "--out",
+            "log",
         ),
     )
 

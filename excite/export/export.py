@@ -19,6 +19,8 @@ from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
 from excite.robot.bringing import load_robot
+from excite.robot.catalogue import bundled_robots
+from excite.robot.description import read_description
 from excite.robot.robot import Robot
 from excite.safety.verdict import Margins, Verdict, Violation
 
@@ -185,13 +187,29 @@ def _robots(files: Sequence[Path], robot: str | None) -> list[Robot]:
     loaded: dict[str, Robot] = {}
     found = []
     for file in files:
-        name = robot or motion_robot(file)
+        name = robot or robot_beside(file, motion_robot(file))
         if not name:
             raise MotionError("does not say whose motion it is", source=file, remedy="give --robot")
         if name not in loaded:
             loaded[name] = load_robot(name)
         found.append(loaded[name])
     return found
+
+
+def robot_beside(file: Path, name: str) -> str:
+    """What to load a motion's robot by: its name, or the description that a plan for a model of one's own kept.
+
+    Args:
+        file: the motion's file, in the plan's folder or one of its own there.
+        name: of the robot, as the motion has it.
+    """
+    if not name or name in bundled_robots():
+        return name
+    for folder in file.resolve().parents[:3]:
+        kept = folder / "robot" / "robot.yaml"
+        if kept.is_file() and read_description(kept).name == name:
+            return str(kept)
+    return name
 
 
 def _read(file: Path, robot: Robot) -> Motion:
