@@ -22,6 +22,7 @@ from excite.conversion.parts import joined_by_joint
 from excite.conversion.recording import Recording, stated_rate
 from excite.conversion.recordings import read_recordings
 from excite.conversion.repairs.clean_rows import whole_rows
+from excite.conversion.repairs.turns import WHOLE_TURNS, within_ranges
 from excite.conversion.result import Conversion
 from excite.conversion.scales import scale_notes, torque_scales
 from excite.conversion.shapes.clock_runs import in_runs
@@ -98,7 +99,7 @@ def convert(
     chart, note = _examined(read, machine)
     read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
-    notes += compared
+    notes += [n for t in tables[1:] for n in t.notes if n.startswith(WHOLE_TURNS)] + compared
     return Conversion(
         folder=out,
         log=read,
@@ -124,7 +125,8 @@ def _tables(recording: Recording, found: Guesses, machine: Machine, stated: Map)
     rate = stated.log.get("rate_hz") or stated_rate(recording.said)
     joints = stated.joints or machine.joints
     runs = in_runs(assemble(recording, found, None if rate is None else float(rate)))
-    return [whole_rows(joint_sided(run, stated, joints, recording.source), recording.source) for run in runs]
+    rows = (whole_rows(joint_sided(run, stated, joints, recording.source), recording.source) for run in runs)
+    return [within_ranges(table, machine, stated.offset) for table in rows]
 
 
 def _weighed(

@@ -174,3 +174,9 @@ def test_torques_that_are_too_large_each_by_a_factor_of_its_own_have_no_unit(pan
     }
     (found,) = suspicions(panda, changed(log, lambda t: replace(t, tau=t.tau * 1.8)))
     assert found.kind == "torque_scale" and found.figures["factor"] == pytest.approx(1.8, rel=0.1)
+
+
+def test_a_joint_that_counts_whole_turns_is_not_in_degrees(panda, log):
+    """The wrist turned once too often lies beyond three times its range, and inside it in degrees."""
+    wound = changed(log, lambda t: replace(t, q=t.q + 4.0 * np.pi * np.array([0, 0, 0, 0, 0, 0, 1])))
+    assert "degrees" not in {item.kind for item in examine(panda, wound).findings}

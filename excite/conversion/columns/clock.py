@@ -25,6 +25,8 @@ _COUNTERS = frozenset(
 )
 # A run has more rows than this; of more late rows the order is not known.
 _FEWEST_ROWS, _LATE = 20, 0.4
+# Steps longer than this many usual ones are pauses.
+_PAUSE = 5.0
 
 
 def is_clock(values: Array) -> bool:
@@ -116,3 +118,14 @@ def tick(values: Array, stated: str) -> tuple[float | None, str]:
         )
     unit = possible[0]
     return TICKS[unit], f"{unit}: rows are {step:.4g} apart, {1.0 / (step * TICKS[unit]):.4g} Hz"
+
+
+def row_seconds(time: Array) -> float | None:
+    """Time from row to row ``(n,)`` [s]; None where time stands still."""
+    steps = np.diff(time)
+    if not (steps > 0.0).any():
+        return None
+    pace = float(np.median(steps[steps > 0.0]))
+    # Stamps of few digits stand several times: what counts is how they go on over many rows, pauses left out.
+    going = steps[(steps >= 0.0) & (steps < _PAUSE * pace)]
+    return float(going.mean()) if (going == 0.0).any() else pace

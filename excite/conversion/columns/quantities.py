@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from excite.conversion.columns.clock import row_seconds
 from excite.conversion.columns.mixed_units import alike, stated_unit
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
@@ -205,8 +206,7 @@ def _row_seconds(found: Guesses, recording: Recording, names: list[str]) -> floa
         return None
     clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
     time = next((c.values * clock[c.name] for c in stream.columns if c.name in clock), stream.time)
-    forward = np.zeros(0) if time is None else np.diff(time)
-    return float(np.median(forward[forward > 0.0])) if (forward > 0.0).any() else None
+    return None if time is None else row_seconds(time)
 
 
 def _slopes(found: Guesses, recording: Recording) -> Callable[[Mapped], float | None]:

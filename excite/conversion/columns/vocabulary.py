@@ -62,6 +62,7 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
         "time",
         "timestamp",
         "timestamps",
+        "ipoc",
         "t",
         "stamp",
         "tstamp",
@@ -222,13 +223,14 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     ),
 }
 OF_WORD = {word: quantity for quantity, words in QUANTITIES.items() for word in words}
+# KUKA writes AIPos and ASPos for actual and set positions of axes.
 COMMANDED = frozenset(
     "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
-    "soll sollwert consigne ff feedforward d want demand nominal requested input in".split()
+    "soll sollwert consigne ff feedforward d want demand nominal requested input in as".split()
 )
 MEASURED = frozenset(
     "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "
-    "present raw sensor est mes".split()
+    "present raw sensor est mes ai".split()
 )
 # Words of what is measured that name the message rather than the signal: ``state.q_d`` is the desired position in it.
 OF_MESSAGE = frozenset("state obs observation".split())

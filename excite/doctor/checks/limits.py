@@ -38,7 +38,7 @@ class Degrees(Check):
         degrees = inside & reach.outside & (manifold | (speed > _MANIFOLD * robot.limits.velocity[columns]))
         # Most joints in degrees: all are, also those that hardly moved. Else those alone that nothing else explains.
         most = bool(inside.all()) and 2 * degrees.sum() > len(degrees)
-        which = np.ones_like(degrees) if most else degrees & manifold
+        which = np.ones_like(degrees) if most else degrees & manifold & ~reach.counted
         if not which.any():
             return Outcome(log)
         names = tuple(np.array(log.header.joints)[which])
@@ -65,12 +65,9 @@ class Limits(Check):
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
         reach, found = _Reach.of(robot, log), _torque_size(robot, log)
-        # Whole turns are an encoder that counts on.
-        turns = _TURN * np.round(0.5 * (reach.low + reach.high - reach.lower - reach.upper) / _TURN)
-        counted = (reach.low - turns >= reach.lower) & (reach.high - turns <= reach.upper)
         # What goes round and round is no joint with limits, whatever the model says.
         round_and_round = reach.high - reach.low > _TURN
-        beyond = reach.outside & ~counted & ~round_and_round
+        beyond = reach.outside & ~reach.counted & ~round_and_round
         if beyond.any():
             names = tuple(np.array(log.header.joints)[beyond])
             excess = float(np.maximum(reach.lower - reach.low, reach.high - reach.upper)[beyond].max())
@@ -98,6 +95,12 @@ class _Reach:
     high: Array
     lower: Array
     upper: Array
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Which joints whole turns bring into their limits: an encoder counts on."""
+        turns = _TURN * np.round(0.5 * (self.low + self.high - self.lower - self.upper) / _TURN)
+        return np.asarray((self.low - turns >= self.lower) & (self.high - turns <= self.upper))
 
     @classmethod
     def of(cls, robot: Robot, log: Log) -> _Reach:
