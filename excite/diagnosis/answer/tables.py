@@ -70,7 +70,7 @@ def candidate_row(item: Candidate, accepted: set[tuple[str, str | None]]) -> dic
         "share_closed": item.share_closed,
         "probability": item.probability,
         "parameters": ", ".join(
-            f"{name} {one.value:.4g} {one.unit}" for name, one in item.parameters.items()
+            f"{name} {one.value:.4g} {one.unit}".removesuffix(" 1") for name, one in item.parameters.items()
         ),
     }
 
