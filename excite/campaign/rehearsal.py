@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.campaign.on_disk import OnDisk, read_value
+from excite.motion.generators.bodyparts import support_reach
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
@@ -29,8 +30,11 @@ UNKNOWN_LOAD = 0.15
 LEAST_LOAD = 0.05
 KNAPSACK = (-0.1, 0.0, 0.1)
 _LOAD_SIZE_M = 0.1
-# How far a point foot may slip while it carries [m]: a quarter of a quadruped's foot.
-MAX_SLIP = 0.005
+# How far a point foot may slip while it carries, in shares of the way from the centre of mass to the support polygon's
+# edge at rest: that far the edge may come nearer. It is 5 mm on a Go2, 11 on an ANYmal. Of 98 candidates of seven
+# quadrupeds of 9 to 90 kg, 76 slip less, none of which tilts by more than 0.03 rad; where stiff legs pull at each
+# other, as a Spot's do, they drag feet by up to 20 %.
+MAX_SLIP_SHARE = 0.035
 # Steps of the physics [s], the next where it diverges.
 _STEPS = (5e-4, 2.5e-4)
 # On soles a first run with this step decides where the robot stays far from falling: tilts of motions that stand (of 15
@@ -76,12 +80,17 @@ def can_fall(robot: Robot) -> bool:
     return robot.floating and bool(robot.feet)
 
 
+def may_slip_m(robot: Robot) -> float:
+    """How far a point foot of a robot that stands may slip while it carries [m]."""
+    return MAX_SLIP_SHARE * support_reach(robot, robot.feet)
+
+
 def _stands(shared: tuple[Robot, float], task: Motion | Path) -> bool:
     robot, load = shared
     motion = read_value(task) if isinstance(task, Path) else task
     loaded, on_soles = loaded_robot(robot, load=load), all(foot.flat for foot in robot.feet)
     # Soles that slip turn and stop; legs on points that slip lose the ground that the motion counts on.
-    may_slip = np.inf if on_soles else MAX_SLIP
+    may_slip = np.inf if on_soles else may_slip_m(robot)
     for step in (_QUICK_STEP, *_STEPS) if on_soles else _STEPS:
         world = replace(loaded.world, timestep=step, feet_may_creep=on_soles)
         stepped = replace(loaded, world=world)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -74,7 +76,8 @@ def parse_xml(
     """The outermost element of XML that was read from ``path``; errors as for :func:`read_xml`."""
     parser = DefusedXMLParser(target=_BoundedBuilder(max_depth))
     try:
-        parser.feed(content)
+        # Some editors and programs of embedded makers end a text with the zero byte of its string.
+        parser.feed(content.rstrip(b"\0"))
         root: ElementTree.Element = parser.close()
         return root
     except DefusedXmlException as reason:
@@ -91,3 +94,14 @@ def parse_xml(
         raise error(
             f"is not valid XML ({line[:160]})", source=path, remedy="mend the syntax there"
         ) from reason
+
+
+def all_alike(elements: Sequence[ElementTree.Element]) -> bool:
+    """Whether elements say the same, their children and attributes included: whichever a reader takes, none is lost."""
+    return len({_canonical(one) for one in elements}) <= 1
+
+
+def _canonical(element: ElementTree.Element) -> str:
+    alone = copy(element)
+    alone.tail = None
+    return ElementTree.canonicalize(ElementTree.tostring(alone), strip_text=True)

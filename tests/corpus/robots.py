@@ -321,9 +321,9 @@ _URDF_NUMBERS: dict[str, tuple[str, str, str]] = {
     "box of 1e300": ('size="0.06 0.06 0.25"', 'size="1e300 0.06 0.25"', r"size: .*write metres"),
 }
 _URDF_STRUCTURE: dict[str, tuple[str, str, str]] = {
-    "two masses": (_LOWER_MASS, _LOWER_MASS * 2, r"inertial/mass: occurs twice; keep one"),
+    "two masses": (_LOWER_MASS, _LOWER_MASS + '<mass value="9"/>', r"inertial/mass: occurs twice; keep one"),
     "two axes": (ELBOW_AXIS, ELBOW_AXIS + '<axis xyz="1 0 0"/>', r"joint 'elbow'/axis: occurs twice"),
-    "two limits": (ELBOW_LIMIT, ELBOW_LIMIT * 2, r"joint 'elbow'/limit: occurs twice"),
+    "two limits": (ELBOW_LIMIT, ELBOW_LIMIT + '<limit effort="9"/>', r"joint 'elbow'/limit: occurs twice"),
     "two origins": (ELBOW_AXIS, '<origin xyz="1 0 0"/>' + ELBOW_AXIS, r"joint 'elbow'/origin: occurs twice"),
     "two parents": (
         '<parent link="upper"/>',
@@ -338,7 +338,7 @@ _URDF_STRUCTURE: dict[str, tuple[str, str, str]] = {
     "two inertias": ('<inertia ixx="0.01"', '<inertia/><inertia ixx="0.01"', r"inertia: occurs twice"),
     "two inertials": (
         '<link name="tool"/>',
-        '<link name="tool"><inertial/><inertial/></link>',
+        '<link name="tool"><inertial/><inertial><mass value="1"/></inertial></link>',
         r"inertial: occurs twice",
     ),
     "two solids": (

@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.errors import RobotError
+from excite.reading.xml_document import all_alike
 from excite.robot.urdf.numbers import numbers
 
 TOLERANCE = 1e-6
@@ -124,7 +125,7 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     where = f"link {link.get('name')!r}/inertial"
     if not elements:
         return None
-    if len(elements) > 1:
+    if not all_alike(elements):
         raise RobotError("occurs twice", source=path, field=where, remedy="keep one")
     mass_element, inertia = elements[0].find("mass"), elements[0].find("inertia")
     if mass_element is None:

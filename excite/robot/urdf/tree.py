@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from excite.errors import RobotError
+from excite.reading.xml_document import all_alike
 from excite.robot.joint_values import check_range
 from excite.robot.quantities import MAX_ANGLE, MAX_TRAVEL_STAND_IN
 from excite.robot.urdf.geometry import check_geometry, check_origin
@@ -22,7 +23,7 @@ MAX_SOLIDS = 400
 MAX_DEPTH = 200
 # Names become parts of columns, file names and lines of text.
 MAX_NAME = 200
-# Readers take the first or the last of what stands twice, each its own.
+# Readers take the first or the last of what stands twice, each its own: it has to be the same.
 _ONCE = {
     "joint": ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics"),
     "link": ("inertial",),
@@ -115,7 +116,7 @@ def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
         found = element.findall(tag)
         # Published models of real arms have a mount with two: where that stands changes no torque.
         mount = tag == "origin" and element.tag == "joint" and element.get("type") == "fixed"
-        if len(found) > 1 and not mount:
+        if not mount and not all_alike(found):
             raise RobotError("occurs twice", source=path, field=f"{where}/{tag}", remedy="keep one")
     for child in element:
         if child.tag in _ONCE:
