@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_again, bodies_at
+from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
@@ -16,7 +17,7 @@ from excite.diagnosis.budget.likely import likely_beside
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.polish.polisher import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
-from excite.diagnosis.budget.refine import Beside, Refiner
+from excite.diagnosis.budget.refine import Refiner
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
