@@ -80,7 +80,7 @@ def model_of_gap(
     kept: list[Term] = []
     near: list[Term] = []
     likely: tuple[Term, ...] = ()
-    steps = [_LARGE, 0.0]
+    candidates, steps = library.candidates(maker), [_LARGE, 0.0]
     while steps:
         least = steps.pop(0)
         begun = library.begun(maker)
@@ -89,7 +89,7 @@ def model_of_gap(
         chosen = [k for k, term in enumerate(first) if term.key not in pruned]
         beside = Beside.of(fit(Design(rows, tuple(first)), chosen, left_out=False))
         bodies = bodies_at(library.bodies(maker.context), beside, maker)
-        design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
+        design = Design(rows, (*first, *candidates, *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
         likely = likely or likely_beside(search)
         # A body that was missing has bent what friction looked like: nothing else is sought beside it as yet.
