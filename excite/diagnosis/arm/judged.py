@@ -23,6 +23,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.equations.known_drives import known_terms, less_known
+from excite.diagnosis.equations.known_motion import bands_by_noise
 from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.finding import Finding
@@ -55,12 +56,14 @@ class Judged:
 
 def judged_record(record: TorqueRecord) -> Judged:
     """Find what a record's gap is made of."""
-    samples = arm_samples(record.robot, record.log, record.log.trials)
+    # Torques that were made of positions are as late and as noisy as these.
+    measured = record.reconstructed_noise is None
+    bands = bands_by_noise(record.log, record.log.trials) if measured else None
+    samples = arm_samples(record.robot, record.log, record.log.trials, bands)
     if known_terms(samples, record.modelled):
         samples = less_known(samples, record.modelled, spectral_floor(samples))
     spectral = (record.reconstructed_noise or spectral_floor)(samples)
     # Torques that were not measured are no better further up in the spectrum.
-    measured = record.reconstructed_noise is None
     least = np.minimum(white_floor(samples), spectral) if measured else spectral
     full = begun_baseline(samples, record.modelled, least)
     baseline = fit_baseline(samples, record.modelled, least, like=full)

@@ -14,10 +14,10 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.evidence import nats_between, price_of
+from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
-from excite.diagnosis.budget.refine import Beside
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.effect import Effect
 

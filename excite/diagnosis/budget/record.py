@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_again, bodies_at
+from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
@@ -16,7 +17,7 @@ from excite.diagnosis.budget.likely import likely_beside
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.polish.polisher import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
-from excite.diagnosis.budget.refine import Beside, Refiner
+from excite.diagnosis.budget.refine import Refiner
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
@@ -79,7 +80,7 @@ def model_of_gap(
     kept: list[Term] = []
     near: list[Term] = []
     likely: tuple[Term, ...] = ()
-    steps = [_LARGE, 0.0]
+    candidates, steps = library.candidates(maker), [_LARGE, 0.0]
     while steps:
         least = steps.pop(0)
         begun = library.begun(maker)
@@ -88,7 +89,7 @@ def model_of_gap(
         chosen = [k for k, term in enumerate(first) if term.key not in pruned]
         beside = Beside.of(fit(Design(rows, tuple(first)), chosen, left_out=False))
         bodies = bodies_at(library.bodies(maker.context), beside, maker)
-        design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
+        design = Design(rows, (*first, *candidates, *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
         likely = likely or likely_beside(search)
         # A body that was missing has bent what friction looked like: nothing else is sought beside it as yet.

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
-
-import numpy as np
+from dataclasses import dataclass
 
 from excite.arrays import Array
-from excite.diagnosis.budget.fit.joint_fit import Model, effective_share
+from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
 
@@ -17,109 +14,6 @@ from excite.diagnosis.effects.effect import Effect, Theta
 _FIRST, _LAST, _MOST = 1.5, 1.01, 40
 # Nats by which a form with more parameters has to lead, odds of 20 to 1, and one more for each of them.
 RICHER = 3.0
-
-
-class _Products(NamedTuple):
-    """Products of a term's columns.
-
-    Attributes:
-        left: ``(size, size)`` with themselves, beside the model's columns.
-        slope: ``(size,)`` with what the model leaves.
-        cross: ``(n_parameters, size)`` with the model's columns.
-    """
-
-    left: Array
-    slope: Array
-    cross: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """What columns gain beside a model, its weights as they are.
-
-    Attributes:
-        model: without the term.
-        inverse: of its normal matrix.
-    """
-
-    model: Model
-    inverse: Array
-    _rows: dict[int, Array] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, model: Model) -> Beside:
-        """Beside a model."""
-        return cls(model, np.asarray(np.linalg.inv(model.normal)))
-
-    def gain(self, term: Term) -> tuple[float, Array]:
-        """Nats that a term's columns gain, each joint's by what is left of it, and its parameters."""
-        m, use = self.model, self.model.design.rows.block >= 0
-        x, changes = self._changes(term)
-        nats = 0.0 if changes else -np.inf
-        for j, moved in enumerate(changes):
-            rest = m.residual[j][use]
-            more = float(moved @ (moved - 2.0 * rest)) * float(m.weight[j]) / len(rest)
-            nats -= 0.5 * len(rest) * float(m.share[j]) * float(np.log(max(1.0 + more, 1e-9)))
-        return nats, x
-
-    def between(self, one: Term, other: Term) -> float:
-        """Nats that another term's columns gain over those of one, against what is left with the other's.
-
-        What the other explains beyond the one is no sign of how alike neighbouring rows are.
-        """
-        rows = self.model.design.rows
-        use = rows.block >= 0
-        left = [self.model.residual.copy() for _ in (one, other)]
-        for rest, term in zip(left, (one, other), strict=True):
-            _, changes = self._changes(term)
-            if not changes:
-                return -np.inf
-            rest[:, use] -= np.array(changes)
-        share = effective_share(left[1], use, rows.trial, left[0] - left[1])
-        before, after = ((rest[:, use] ** 2).sum(axis=1) for rest in left)
-        return float(0.5 * use.sum() * (share * np.log(before / np.maximum(after, 1e-300))).sum())
-
-    def _changes(self, term: Term) -> tuple[Array, list[Array]]:
-        """A term's parameters and, by joint, how its rows change with it; none where it is the model's own."""
-        m, use = self.model, self.model.design.rows.block >= 0
-        left, slope, cross = self._products(term)
-        if (np.diag(left) <= 0.0).any():
-            return np.zeros(term.size), []
-        x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
-        shift = -self.inverse @ (cross @ x)
-        changes = []
-        for j in range(m.design.rows.n_joints):
-            moved = shift[m.layout.numbers[j]] @ self.columns(j)
-            changes.append(moved + term.columns[j][use] @ x if j in term.columns else moved)
-        return x, changes
-
-    def information(self, term: Term) -> tuple[Array, Array]:
-        """Normal matrix ``(size, size)`` of a term's parameters beside the model's, and their right side."""
-        left, slope, _ = self._products(term)
-        return left, slope
-
-    def _products(self, term: Term) -> _Products:
-        """A term's products with its own columns, the rest and the model's columns."""
-        m = self.model
-        use = m.design.rows.block >= 0
-        size = term.size
-        cross, inner, slope = np.zeros((m.layout.size, size)), np.zeros((size, size)), np.zeros(size)
-        for j, block in term.columns.items():
-            inside, w = block[use], m.weight[j]
-            cross[m.layout.numbers[j]] += w * (self.columns(j) @ inside)
-            inner += w * inside.T @ inside
-            slope += w * (inside.T @ m.residual[j][use])
-        left = inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner))
-        return _Products(left, slope, cross)
-
-    def columns(self, j: int) -> Array:
-        """The model's columns of a joint at the rows that are fitted, ``(n, n_rows)``."""
-        if j not in self._rows:
-            m = self.model
-            self._rows[j] = np.ascontiguousarray(
-                m.design.matrices[j].T[m.layout.columns[j]][:, m.design.rows.block >= 0]
-            )
-        return self._rows[j]
 
 
 @dataclass(eq=False)

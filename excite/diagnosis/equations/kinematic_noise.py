@@ -8,25 +8,18 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.known_motion import noise_density
 from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
-from excite.logs.signals.spectrum import welch
 from excite.regressor.kernels import inverse_dynamics
-
-# Noise is seen between this multiple of the kinematics' band and this share of the rate.
-_ABOVE, _BELOW = 1.3, 0.45
-_SEGMENT = 256
 
 
 def position_noise(samples: ArmSamples, columns: Sequence[int], trials: Sequence[Trial]) -> Array:
-    """Standard deviation of the white noise of each position, ``(n_joints,)`` [rad].
-
-    The median over Welch's segments of the density above the band of the motion, as if it were flat below;
-    third differences keep the motion from leaking into it.
+    """Standard deviation of the white noise of each position, ``(n_joints,)`` [rad or m].
 
     Args:
         samples: the samples of the trials.
@@ -34,19 +27,13 @@ def position_noise(samples: ArmSamples, columns: Sequence[int], trials: Sequence
         trials: the trials as logged, repaired.
     """
     rate = samples.rate_hz
-    low, high = _ABOVE * samples.bands.kinematics_hz, _BELOW * rate
-    if low >= high:
-        return np.zeros(len(columns))
-    found = []
+    positions = []
     for trial in trials:
         q = trial.q[:, list(columns)]
         if not is_uniform(trial.time, rate):
             q = resample_smooth(trial.time, q, uniform_grid(trial.time, rate))
-        f, p = welch(np.diff(q, 3, axis=0), rate, min(_SEGMENT, len(q) // 2), median=True)
-        band = (f > low) & (f < high)
-        density = np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / rate))[:, None] ** 6, axis=0)
-        found.append(np.sqrt(density * 0.5 * rate))
-    return np.median(found, axis=0)
+        positions.append(q)
+    return np.asarray(np.sqrt(0.5 * rate * noise_density(positions, rate, samples.bands.kinematics_hz)))
 
 
 def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) -> Array:

@@ -10,6 +10,8 @@ from excite.identification.inertia import pseudo_inertia_matrices
 _PRIOR = 1e-3
 _ITERATIONS = 1500
 _RELAXATION = 1.6
+# Steps of the coordinates, which are of order one, that nothing is left to be found in.
+_DONE = 1e-12
 _NOTABLE = 1.0
 # Least eigenvalue of a body's pseudo-inertia, relative to its nominal trace, lengths in its own radius.
 _INSIDE = 1e-4
@@ -97,8 +99,10 @@ def nearest_bodies(bodies: PhysicalBodies, rows: Array, wish: Array, middle: Arr
     z, u = bodies.nearest(wish), np.zeros(len(wish))
     for _ in range(_ITERATIONS):
         x = _RELAXATION * inverse @ (right + penalty * (z - u)) + (1.0 - _RELAXATION) * z
-        z = bodies.nearest(x + u)
+        last, z = z, bodies.nearest(x + u)
         u = u + x - z
+        if max(np.abs(z - last).max(), np.abs(x - z).max()) < _DONE:
+            break
     return z, float(np.sqrt(np.mean((rows @ (z - wish)) ** 2)))
 
 

@@ -57,6 +57,7 @@ class Simulator:
         self._asked = sorted({j for j, _ in self._notes})
         self._dry = JointFriction(self._notes, self._steps)
         self._load = np.zeros(len(joints))
+        self._borne: list[float] | None = None
 
     def run(self, window: Window, drive: Drive, keep: int) -> Array:
         """Positions at the window's start and after every ``keep`` steps, ``(n_kept, n_joints)`` [rad].
@@ -161,6 +162,7 @@ class Simulator:
         trial_s, session_s = float(window.time[0]) + elapsed, window.session_s + elapsed
         # Numbers of a list are reckoned with sooner than those of an array.
         positions, speeds = q.tolist(), v.tolist()
+        self._borne = None
         for j in self._asked:
             step = self._steps[j]
             step.q, step.v, step.trial_s, step.session_s = positions[j], speeds[j], trial_s, session_s
@@ -177,7 +179,10 @@ class Simulator:
         self._applied[dof] = bent
 
     def _carried_by(self, j: int) -> float:
-        return float(self._carried()[j])
+        # All notes of a step ask for the last one's torques.
+        if self._borne is None:
+            self._borne = self._carried().tolist()
+        return self._borne[j]
 
     def _carried(self) -> Array:
         """Torques that the gears carry: what the last step's motors gave less friction and rotors."""

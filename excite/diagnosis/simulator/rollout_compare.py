@@ -166,17 +166,24 @@ def _helpful(
     def left(model: AugmentedModel, rigid: Array) -> Array:
         return np.asarray((errors(model.xml, samples, rigid, check) ** 2).mean(axis=(0, 1)))
 
-    made = [(before, baseline, left(before, baseline.rigid))]
-    for count in range(1, len(effects) + 1):
+    def made(count: int) -> tuple[AugmentedModel, Baseline, Array]:
+        if not count:
+            return before, baseline, nominal
         final = attribution.final if count == len(effects) else attribution.stages[count].context.baseline
         model = augmented_model(final, effects[:count])
-        made.append((model, final, left(model, final.rigid)))
+        return model, final, left(model, final.rigid)
+
+    nominal = left(before, baseline.rigid)
+    here = made(len(effects))
+    whole = here[0]
     for count in range(len(effects), 0, -1):
-        model, final, most = made[count]
+        fewer = made(count - 1)
+        model, final, most = here
         gain = plan.least_gain if count > 1 else 0.0
-        if _nearer(most, made[0][2]) and _nearer(most, made[count - 1][2], gain):
-            return _Helpful(model, final, effects[:count], made[-1][0])
-    return _Helpful(before, baseline, (), made[-1][0])
+        if _nearer(most, nominal) and _nearer(most, fewer[2], gain):
+            return _Helpful(model, final, effects[:count], whole)
+        here = fewer
+    return _Helpful(before, baseline, (), whole)
 
 
 def _nearer(after: Array, before: Array, gain: float = 0.0) -> bool:

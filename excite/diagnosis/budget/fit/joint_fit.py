@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Grams, Layout
@@ -64,12 +65,18 @@ class Model:
     @cached_property
     def share(self) -> Array:
         """Effective part of the rows by the autocorrelation of what is left, ``(n_joints,)``."""
-        return effective_share(self.residual, self.design.rows.block >= 0, self.design.rows.trial)
+        return _share(self.correlated)
+
+    @cached_property
+    def correlated(self) -> Array:
+        """Autocorrelation of what is left, ``(n_joints, n_lags)``."""
+        return autocorrelation(self.residual, self.design.rows.block >= 0, self.design.rows.trial)
 
     def share_beside(self, other: Model) -> Array:
         """The same of what it has beside another model, or that beside it, ``(n_joints,)``."""
         rows = self.design.rows
-        return effective_share(self.residual, rows.block >= 0, rows.trial, other.residual - self.residual)
+        along = autocorrelation(other.residual - self.residual, rows.block >= 0, rows.trial)
+        return _share(self.correlated, along)
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -188,21 +195,30 @@ def effective_share(
         trial: ``(n_rows,)`` index of the trial.
         along: ``(n_joints, n_rows)`` what was fitted; None for the mean.
     """
-    rho = _autocorrelation(residual, use, trial)
+    rho = autocorrelation(residual, use, trial)
+    return _share(rho, None if along is None else autocorrelation(along, use, trial))
+
+
+def _share(rho: Array, along: Array | None = None) -> Array:
+    """The same from autocorrelations, each ``(n_joints, n_lags)``."""
     pairs = rho[:, 0:-1:2] + rho[:, 1::2]
     positive = np.cumprod(pairs > 0.0, axis=1)
     if along is not None:
-        both = rho * _autocorrelation(along, use, trial)
+        both = rho * along
         pairs = both[:, 0:-1:2] + both[:, 1::2]
     return 1.0 / np.maximum(2.0 * (pairs * positive).sum(axis=1) - 1.0, 1.0)
 
 
-def _autocorrelation(values: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
-    """Of rows that are fitted, ``(n_joints, n_lags)``."""
-    total = np.zeros((len(values), _LAGS))
-    for k in np.unique(trial[use]):
-        r = values[:, trial == k]
-        f = np.fft.rfft(r, 2 * r.shape[1], axis=1)
-        acf = np.fft.irfft(f.real**2 + f.imag**2, axis=1)[:, :_LAGS]
-        total[:, : acf.shape[1]] += acf
-    return total / np.maximum(total[:, :1], 1e-300)
+def autocorrelation(values: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
+    """Of rows that are fitted, ``(n_joints, n_lags)``: within trials, over all of them."""
+    numbers = np.unique(trial[use])
+    members = [np.flatnonzero(trial == k) for k in numbers]
+    # All below each other, each followed by as many zeros as there are lags.
+    size = sum(len(m) for m in members) + _LAGS * len(members)
+    laid, at = np.zeros((len(values), next_fast_len(size, real=True))), 0
+    for rows in members:
+        laid[:, at : at + len(rows)] = values[:, rows]
+        at += len(rows) + _LAGS
+    f = rfft(laid, axis=1)
+    total = irfft(f.real**2 + f.imag**2, laid.shape[1], axis=1)[:, :_LAGS]
+    return np.asarray(total / np.maximum(total[:, :1], 1e-300))

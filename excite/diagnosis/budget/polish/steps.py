@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.polish.knobs import Knob, Moved, knobs_of
 from excite.diagnosis.budget.polish.state import State
 from excite.diagnosis.budget.prediction import predicted
-from excite.diagnosis.budget.refine import Beside
 
 # Turns at most, step of the derivatives and longest step, both relative, and tries of a step. A gear that turns gravity
 # with it takes eight turns; ripples are the reason for so small a step of the derivatives.
@@ -103,7 +103,7 @@ class Steps:
             d = np.column_stack([change[j] if j in change else np.zeros(int(use.sum())) for change in moved])
             if d.any():
                 w = model.weight[j]
-                cross[model.layout.numbers[j]] += w * (beside.columns(j) @ d)
+                cross[model.layout.numbers[j]] += w * (beside.joint(j).columns @ d)
                 inner += w * d.T @ d
                 slope += w * (d.T @ model.residual[j][use])
         return inner - cross.T @ (beside.inverse @ cross), slope
