@@ -99,6 +99,7 @@ def convert(
     chart, note = _examined(read, machine)
     read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
+    notes += _held_though_recorded(found.unused, machine)
     notes += [n for t in tables[1:] for n in t.notes if n.startswith(WHOLE_TURNS)] + compared
     return Conversion(
         folder=out,
@@ -110,6 +111,18 @@ def convert(
         chart=chart,
         unused=tuple(found.unused),
     )
+
+
+def _held_though_recorded(unused: Sequence[str], machine: Machine) -> list[str]:
+    """What to do where a recording has joints that the robot's description holds still."""
+    held = () if machine.robot is None else machine.robot.description.locked_joints
+    there = [joint for joint in held if any(joint in column for column in unused)]
+    if not there:
+        return []
+    return [
+        f"the recording has {', '.join(there)}, which the robot's description holds still: where it moves, take it out of "
+        "locked_joints in a robot.yaml (excite init-robot writes one) and convert with that"
+    ]
 
 
 def _write(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> None:

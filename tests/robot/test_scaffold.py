@@ -409,3 +409,12 @@ def test_a_floating_joint_at_the_root_says_that_the_base_is_free(bare: bool, tmp
         return
     with pytest.raises(RobotError, match="only joints with one coordinate"):
         written(text, tmp_path)
+
+
+@pytest.mark.parametrize(("joint", "held"), [("wrist_rotate", []), ("gripper", ["gripper"])])
+def test_a_wrist_that_turns_the_gripper_is_free(joint: str, held: list[str], tmp_path: Path) -> None:
+    """The last joint of a ViperX turns a link that is called the gripper's."""
+    text = ARM.replace('"lower"', '"gripper_link"').replace('joint name="elbow"', f'joint name="{joint}"')
+    (tmp_path / "arm.urdf").write_text(text)
+    robot = load_robot(write_scaffold(tmp_path / "arm.urdf", tmp_path / "described").description)
+    assert list(robot.description.locked_joints) == held

@@ -15,6 +15,8 @@ from excite.robot.urdf.tree import MOVING
 
 _WHEEL = re.compile(r"wheel|caster|castor|roller|rotor|propell", re.IGNORECASE)
 _FINGER = re.compile(r"finger|thumb|gripper|knuckle|jaw|pinky", re.IGNORECASE)
+# A joint of the arm though the link that it turns is called a gripper's: the last one of a ViperX.
+_LIMB = re.compile(r"wrist|forearm|elbow|shoulder", re.IGNORECASE)
 
 MASSLESS = "nothing with mass moves with it"
 # Directions at right angles have a smaller cosine, however few digits their angles were typed with.
@@ -69,7 +71,7 @@ def held_joints(
             soft[guess.name] = Held(nearest(guess), "what its wheels do, which have no such drives")
         elif _WHEEL.search(called):
             soft[guess.name] = Held(nearest(guess), "a wheel")
-        elif _FINGER.search(called) or guess.name in of_hands:
+        elif (_FINGER.search(called) and not _LIMB.search(guess.name)) or guess.name in of_hands:
             soft[guess.name] = Held(nearest(guess), "of a hand or gripper")
     moving = [g for g in guesses if g.follows is None and g.name not in hard]
     return hard if all(g.name in soft for g in moving) else {**hard, **soft}
