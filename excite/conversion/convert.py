@@ -120,8 +120,8 @@ def _held_though_recorded(unused: Sequence[str], machine: Machine) -> list[str]:
     if not there:
         return []
     return [
-        f"the recording has {', '.join(there)}, which the robot's description holds still: where it moves, take it out of "
-        "locked_joints in a robot.yaml (excite init-robot writes one) and convert with that"
+        f"the recording has {', '.join(there)}, which the robot's description holds still: where it moves, take it "
+        "out of locked_joints in a robot.yaml (excite init-robot writes one) and convert with that"
     ]
 
 

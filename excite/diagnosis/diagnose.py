@@ -80,7 +80,8 @@ def diagnose(
     doubts = (said(chart.doubts),) if chart.doubts else ()
     warnings = (*limits, *left_out, *doubts, *found.warnings)
     found = found if budget else replace(found, budget=None)
-    return replace(found, faults=(*chart.findings, *found.faults), warnings=warnings)
+    faults = (*chart.findings, *found.faults)
+    return replace(found, faults=faults, warnings=warnings, modelled=baseline_of(chart))
 
 
 def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
@@ -88,9 +89,7 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
     loaded = chart.log
     # The doctor may have turned gravity, or a sensor.
     robot = robot_in_log(robot, loaded.header)
-    modelled = _modelled(loaded.header)
-    if chart.doubts:
-        modelled = in_doubt(modelled, chart.doubts)
+    modelled = baseline_of(chart)
     if modelled != loaded.header.modelled:
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
     if loaded.header.base == "fixed":
@@ -107,8 +106,14 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
     )
 
 
+def baseline_of(chart: Chart) -> tuple[str, ...]:
+    """What the baseline has: what the log says, less what the doctor doubts."""
+    modelled = _modelled(chart.log.header)
+    return in_doubt(modelled, chart.doubts) if chart.doubts else modelled
+
+
 def _modelled(header: LogHeader) -> tuple[str, ...]:
-    """What the baseline has: what the log says, else what an identification takes where it says nothing."""
+    """What the log says that the baseline has, else what an identification takes where it says nothing."""
     if "modelled" in header.model_fields_set or header.base != "fixed" or header.torque == "none":
         return header.modelled
     usual = (DRIVE_TERMS[name].effects for name in drive_terms(header, ProblemSettings()))

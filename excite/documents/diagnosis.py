@@ -208,3 +208,6 @@ class Diagnosis(Document):
         default=[], description="the same, with their figures"
     )
     warnings: Texts = Field(default=[], description="limits of what was said, one sentence each")
+    modelled: Texts = Field(
+        default=[], description="what the model had before the first effect, as in log.yaml"
+    )

@@ -361,7 +361,7 @@ def test_bytes_never_crash(tmp_path: Path, content: bytes) -> None:
 
 
 def test_what_stands_twice_and_says_the_same_counts_once(tmp_path: Path) -> None:
-    """Generators of published quadrupeds write an axis before and after the origin; editors end a file with a zero byte."""
+    """Published quadrupeds have an axis before and after the origin; some editors end a file with a zero byte."""
     twins = spoiled(ELBOW_AXIS, ELBOW_AXIS + "\n    " + ELBOW_AXIS).replace(MASS, MASS + MASS)
     (tmp_path / "twins.urdf").write_text(twins + "\0")
     (tmp_path / "once.urdf").write_text(ARM)
@@ -369,7 +369,5 @@ def test_what_stands_twice_and_says_the_same_counts_once(tmp_path: Path) -> None
         pin.buildModelFromXML(read_urdf(tmp_path / name)) for name in ("twins.urdf", "once.urdf")
     )
     q = np.array([0.4, -0.7])
-    torques = [
-        pin.computeGeneralizedGravity(one, one.createData(), q) for one in (found, expected)
-    ]
+    torques = [pin.computeGeneralizedGravity(one, one.createData(), q) for one in (found, expected)]
     np.testing.assert_array_equal(torques[0], torques[1])

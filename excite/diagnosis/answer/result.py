@@ -14,6 +14,7 @@ from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.diagnosis.answer.rollout_path import RolloutPath
 from excite.diagnosis.answer.tables import (
+    baseline_lines,
     budget_rows,
     budget_table,
     candidate_row,
@@ -113,6 +114,7 @@ class Diagnosis(Tabled):
         faults: what the doctor found in the record, worst first.
         warnings: limits of what was said, one sentence each.
         budget: where each channel's gap goes; None where it was not computed.
+        modelled: what the model had before the first effect, as in ``log.yaml``.
         trivial: by channel, what predictors far simpler than a simulator reach where it is judged.
         changes: what the first none, one, two … of the accepted effects change of the robot; no part of the document.
         curves: a validation trial before and after, for figures; no part of the document. None where there are none.
@@ -133,6 +135,7 @@ class Diagnosis(Tabled):
     faults: tuple[Finding, ...] = ()
     warnings: tuple[str, ...] = ()
     budget: Budget | None = None
+    modelled: tuple[str, ...] = ()
     trivial: dict[str, TrivialErrors] = field(default_factory=dict)
     changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False)
     curves: Curves | None = field(default=None, compare=False, repr=False)
@@ -185,6 +188,7 @@ class Diagnosis(Tabled):
                     for item in self.faults
                 ],
                 "warnings": list(self.warnings),
+                "modelled": list(self.modelled),
                 "trivial": {name: item.to_json() for name, item in self.trivial.items()},
                 **({} if self.budget is None else self.budget.to_json()),
             }
@@ -219,7 +223,7 @@ class Diagnosis(Tabled):
         lines = [self.sentence(), ""]
         if len(self.tied_locations) > 1:
             lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
-        lines += gap_table(self.gap, self.where)
+        lines += [*gap_table(self.gap, self.where), *baseline_lines(self.modelled)]
         lines += ["", *effect_table(self.effects, self.candidates, self.ambiguous_with)]
         if self.budget is not None:
             lines += ["", self.budget.sentence(), *budget_table(self.budget)]

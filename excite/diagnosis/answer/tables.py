@@ -12,6 +12,19 @@ from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
 
 _LISTED = 6
+_BODIES = {
+    "rigid_body": "its bodies fitted to this record (write rigid_body_fixed under modelled in log.yaml to take them as "
+    "the model has them)",
+    "rigid_body_fixed": "its bodies as the model has them",
+}
+
+
+def baseline_lines(modelled: Sequence[str]) -> list[str]:
+    """What the gap is counted from: what of the model was fitted to the record, and what was taken from its file."""
+    bodies = [text for name, text in _BODIES.items() if name in modelled]
+    fitted = [name.replace("_", " ") for name in modelled if name not in _BODIES]
+    also = [f"{', '.join(fitted)} fitted at every joint"] if fitted else []
+    return [f"counted from the model with {'; '.join([*bodies, *also])}"] if modelled else []
 
 
 def gap_table(gap: Gap, where: Sequence[Where]) -> list[str]:

@@ -19,8 +19,8 @@ _ABOVE, _BELOW = 1.3, 0.45
 _SEGMENT, _SEGMENT_S = 256, 4.0
 # Nats that noise of a joint's acceleration may feign by itself. What other columns explain of a column is lost to its
 # signal and not to its noise, so that in a fit of whole bodies the same noise feigns tens of times as much. Of 14 arms
-# and recordings with encoders of 12 to 18 bits a turn (Z1, UR10, ARX5, Sawyer, Panda, xArm7) six had false soft gears or
-# constants with 3 here, none with 0.3 or with 0.1; what was there kept its name with all of them. Without the rule a
+# and recordings with encoders of 12 to 18 bits a turn (Z1, UR10, ARX5, Sawyer, Panda, xArm7) six had false soft gears
+# or constants with 3 here, none with 0.3 or with 0.1; what was there kept its name with all of them. Without the rule a
 # Fetch's lift had a constant of 111 N firmly, with 0.1 mm of noise on its position.
 _FEIGNED = 0.3
 # Factor between the bands that are tried, and the lowest [Hz]; settled ends may be no more than half of a trial.
