@@ -41,7 +41,7 @@ def command(
     if chart.usable:
         bundled = chart.robot if chart.robot in excite.bundled_robots() else "ROBOT"
         then = command_line("identify", robot or bundled, repair or log, "--out", "result")
-        if chart.log.header.base == "fixed" and chart.log.header.torque == "none":
+        if not chart.log.header.free_base and chart.log.header.torque == "none":
             # Nothing is identified of a fixed base without torques; `convert` says so, too.
             then = command_line("diagnose", repair or log, "--out", "diagnosis")
         emit(chart.summary(repaired=repair), document, as_json=as_json, then=then)

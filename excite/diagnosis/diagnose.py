@@ -65,13 +65,13 @@ def diagnose(
             field="loops" if robot.description.loops else "couplings",
             remedy="identify it, or hold these joints still under locked_joints and record the others",
         )
-    if loaded.header.base == "fixed" and not loaded.role("identification"):
+    if not loaded.header.free_base and not loaded.role("identification"):
         raise LogError(
             "has no identification trial", field="trials", remedy="give one the role identification"
         )
     chart = examine(robot, loaded)
     chart.check_usable()
-    trials = long_trials(robot, chart.log) if chart.log.header.base == "fixed" else chart.log.trials
+    trials = chart.log.trials if chart.log.header.free_base else long_trials(robot, chart.log)
     short = [trial.name for trial in chart.log.trials if trial.name not in {kept.name for kept in trials}]
     chart = replace(chart, log=replace(chart.log, trials=trials))
     found = _diagnosed(robot, chart, rng, None if out is None else Path(out))
@@ -92,7 +92,7 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
     modelled = baseline_of(chart)
     if modelled != loaded.header.modelled:
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
-    if loaded.header.base == "fixed":
+    if not loaded.header.free_base:
         if loaded.header.torque == "none":
             return diagnose_commands(robot, loaded, rng, folder)
         verb = diagnose_currents if loaded.header.torque == "current" else diagnose_arm
@@ -114,7 +114,7 @@ def baseline_of(chart: Chart) -> tuple[str, ...]:
 
 def _modelled(header: LogHeader) -> tuple[str, ...]:
     """What the log says that the baseline has, else what an identification takes where it says nothing."""
-    if "modelled" in header.model_fields_set or header.base != "fixed" or header.torque == "none":
+    if "modelled" in header.model_fields_set or header.free_base or header.torque == "none":
         return header.modelled
     usual = (DRIVE_TERMS[name].effects for name in drive_terms(header, ProblemSettings()))
     return (*header.modelled, *(effects[0] for effects in usual if effects))

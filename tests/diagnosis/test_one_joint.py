@@ -81,9 +81,11 @@ def axis_header(rate_hz: int, modelled: Sequence[str], names: tuple[str, str]) -
     )
 
 
-def axis_log(folder: Path, *modelled: str, size: float = 1.0, more: Force = np.zeros_like) -> Path:
+def axis_log(
+    folder: Path, *modelled: str, size: float = 1.0, more: Force = np.zeros_like, base: str = "fixed"
+) -> Path:
     """A log of a long trial and a short one, saved; ``size`` is that of the motion, ``more`` a force by position."""
-    header = axis_header(RATE_HZ, modelled, ("long", "short"))
+    header = axis_header(RATE_HZ, modelled, ("long", "short")).model_copy(update={"base": base})
     rng = np.random.default_rng(5)
     trials = (
         pushed("long", "identification", 20.0, 0.3, rng, size, more),
@@ -101,8 +103,9 @@ def test_what_was_searched_without_a_later_effect_is_searched_again_with_it(tmp_
 
 
 def test_a_constant_force_on_a_slide_is_sized_and_said_to_have_two_names(tmp_path: Path) -> None:
-    """On one axis a constant push, and friction that differs by direction, are the same force."""
-    result = diagnose(axis_log(tmp_path, "rigid_body", "viscous_friction", "coulomb_friction"))
+    """On one axis a constant push, and friction that differs by direction, are the same force; in a stand, too."""
+    log = axis_log(tmp_path, "rigid_body", "viscous_friction", "coulomb_friction", base="held")
+    result = diagnose(log)
     assert result.verdict == "ambiguous"
     assert {"torque_bias", "coulomb_asymmetry"} <= {item.effect for item in result.ambiguous_with}
     assert result.location == "slide"

@@ -52,7 +52,7 @@ def command(
         _show_guesses(found)
     header = found.log.header
     then = command_line("identify", robot, found.folder, "--out", "result")
-    if header.base == "fixed" and header.torque == "none":
+    if not header.free_base and header.torque == "none":
         then = command_line("diagnose", found.folder, "--out", "diagnosis")
     emit(found.summary(), found.to_json(), as_json=as_json, then=then)
 
