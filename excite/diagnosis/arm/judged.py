@@ -13,6 +13,7 @@ from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.attribution.scoring import Scorer
+from excite.diagnosis.budget.between_trials import sizes_by_trial
 from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of
 from excite.diagnosis.budget.record import begun_baseline, model_of_gap
@@ -78,7 +79,9 @@ def judged_record(record: TorqueRecord) -> Judged:
     effects = record.effects if together is None else _own_terms(record.effects)
     found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least)
     budget = budget_of(found, spectral, scale)
-    said = (*(() if together is None else (together,)), *other_machine(found.search.model))
+    model, context = found.search.model, found.prediction.context
+    said = (*(() if together is None else (together,)), *other_machine(model))
+    said = (*said, *sizes_by_trial(model, context, found.baseline.strict, spectral))
     scorer = Scorer(baseline, spectral, unrepeated(samples, noise * baseline.strict), scale)
     attribution, judgement = Reading(found, budget, scorer).verdict()
     return Judged(samples, baseline, spectral, noise, attribution, judgement, budget, said)

@@ -100,11 +100,11 @@ def _accelerations(positions: Sequence[Array], rate_hz: float) -> tuple[Array, A
     """
     length = min(round(_SEGMENT_S * rate_hz), *(len(q) // 2 for q in positions))
     weight = np.array([len(q) for q in positions], dtype=float)
-    f = np.arange(1, length // 2 + 1) * (rate_hz / length)
+    f = np.arange(1.0, length // 2 + 1.0) * (rate_hz / length)
     bent = (2.0 * rate_hz * np.sin(np.pi * f[:, None] / rate_hz)) ** 2
     found = []
     for order in range(3):
         parts = [welch(np.diff(q, order, axis=0), rate_hz, length)[1][1:] for q in positions]
         density = np.tensordot(weight / weight.sum(), np.array(parts), axes=1)
         found.append(density * (2.0 * np.pi * f[:, None]) ** 4 * rate_hz ** (2 * order) / bent**order)
-    return f, np.min(found, axis=0)
+    return np.asarray(f, dtype=np.float64), np.asarray(np.min(found, axis=0))
