@@ -12,7 +12,7 @@ from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.choice import choose
-from excite.conversion.columns.clock import TICKS, clock_column, tick
+from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, tick
 from excite.conversion.columns.contact_forces import without_contact_forces
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base
@@ -200,6 +200,8 @@ def _without_names(
     """Channels by physics alone, for columns whose names say nothing."""
     stream = max(recording.streams, key=lambda s: sum(c.name in unknown for c in s.columns))
     columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).mean() > _THERE]
+    # Second clocks and counters of rows are smoother than any joint.
+    columns = [c for c in columns if not goes_evenly(c.values)]
     time = seconds_of(stream, found)
     if time is None or len(columns) < len(joints):
         return {}
@@ -207,7 +209,9 @@ def _without_names(
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     if whole.sum() < _FEWEST:
         return {}
-    understood: Understood | None = understand(values[whole], time[whole], machine, tuple(joints))
+    understood: Understood | None = understand(
+        values[whole], time[whole], machine, tuple(joints), [column.name for column in columns]
+    )
     if understood is None:
         return {}
     return understood.families([column.name for column in columns])

@@ -31,6 +31,7 @@ SOURCES: Registry[Source] = Registry(
         "pickle": "excite.conversion.sources.pickled:PickleSource",
         "npz": "excite.conversion.sources.npz:NpzSource",
         "echo": "excite.conversion.sources.echo:EchoSource",
+        "xml": "excite.conversion.sources.xml:XmlSource",
         "json": "excite.conversion.sources.json:JsonSource",
         "text": "excite.conversion.sources.text:TextSource",
     },
@@ -38,7 +39,7 @@ SOURCES: Registry[Source] = Registry(
 
 # Endings that stand for recordings where a folder of files is given.
 RECORDED = frozenset(
-    ".csv .tsv .txt .dat .log .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
+    ".csv .tsv .txt .dat .log .xml .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
     ".pth .pkl .pickle".split()
 )
 # What people bring that is not opened, and what to do instead.
