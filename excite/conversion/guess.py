@@ -13,6 +13,7 @@ from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.choice import choose
 from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, tick
+from excite.conversion.columns.commands import settle_commands
 from excite.conversion.columns.contact_forces import without_contact_forces
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base
@@ -69,6 +70,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
     chosen = choose(groups, found, recording)
+    settle_commands(found, chosen, recording)
     ask_for_surplus(found, chosen, joints)
     note_order_of_legs(found, chosen, joints, mapping)
     if "q" not in known | set(chosen):

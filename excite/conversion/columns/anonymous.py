@@ -124,7 +124,7 @@ def understand(
 
 
 def _blocks(columns: list[int], names: Sequence[str], n: int) -> list[list[int]]:
-    """Blocks of ``n`` columns that may be torques: those that are called alike but for a number, else the first ones."""
+    """Blocks of ``n`` columns that may be torques: those called alike but for a number, else the first ones."""
     called: dict[str, list[int]] = {}
     for k in columns:
         called.setdefault(re.sub(r"\d+", "", names[k]) if names else "", []).append(k)

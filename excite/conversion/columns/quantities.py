@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -57,7 +58,9 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             else:
                 unit = named or {"i": "A"}.get(channel, "SI")
                 because = "unit as named" if named else "no unit stated"
-            done += _scaled_as(items, mapping, unit, because)
+            done += [
+                replace(item, unit=stated or named) for item in _scaled_as(items, mapping, unit, because)
+            ]
     return done
 
 
