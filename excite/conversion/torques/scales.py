@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
+from excite.doctor.limit_shares import AS_STATED, Share, share_of_limits
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import torque_samples
 from excite.errors import InputError, RobotError
@@ -19,8 +19,6 @@ from excite.robot.robot import Robot
 _TELLING = 0.5
 # Less of it does where what friction and back-EMF leave is the nominal torque but for this share of its power.
 _SOME, _CLOSELY = 0.15, 0.9
-# Nominal masses are off by some tenths, and a scale is no better than they are.
-_AS_STATED = 1.6
 # Of ten real robots whose torques are N·m, the joints that follow their model closely do so by 0.57 to 1.9, and by up
 # to 3.5 on the small servos of one; amperes, shares of limits and torques before a gear are off by more on all joints.
 _NO_LOAD = 3.0
@@ -98,7 +96,7 @@ def scale_notes(robot: Robot, log: Log) -> list[str]:
     off = {
         joint: scale.gain
         for joint, scale in scales.items()
-        if not 1.0 / _AS_STATED < abs(scale.gain) < _AS_STATED
+        if not 1.0 / AS_STATED < abs(scale.gain) < AS_STATED
     }
     if not off:
         return []
@@ -127,7 +125,7 @@ def unknown_scale(robot: Robot, log: Log) -> tuple[str, str] | None:
     gains = {joint: abs(scale.gain) for joint, scale in scales.items()}
     size = np.array(list(gains.values()))
     if not ((size < 1.0 / _NO_LOAD).all() or (size > _NO_LOAD).all()):
-        if not _share_of_limits(gains, robot) or ((size > 1.0 / _AS_STATED) & (size < _AS_STATED)).all():
+        if not _share_of_limits(gains, robot):
             return None
     cause, line = _cause({joint: scale.gain for joint, scale in told.items()}, scales, robot, log)
     missing = "".join(f", tau.{joint}: FACTOR" for joint in joints if f"{joint}:" not in line)
@@ -158,29 +156,10 @@ def _cause(off: dict[str, float], scales: dict[str, Scale], robot: Robot, log: L
     return cause, _scale_line(off, alone=len(log.header.torque_joints) > len(off))
 
 
-class _Share(NamedTuple):
-    """How much of a limit is called so many."""
-
-    name: str
-    whole: float
-
-
-_SHARES = (_Share("percent", 100.0), _Share("per mille", 1000.0), _Share("shares", 1.0))
-
-
-def _share_of_limits(gains: dict[str, float], robot: Robot) -> _Share | None:
-    """What every joint's gain is if torques stand as shares of the joints' limits, as drives report them.
-
-    Where all limits are the same it is one factor, of which there are other causes.
-    """
-    limits = np.array([_limit(robot, joint) for joint in gains])
-    if len(gains) < 2 or not np.isfinite(limits).all() or limits.max() < _AS_STATED * limits.min():
-        return None
-    whole = np.array(list(gains.values())) * limits
-    for share in _SHARES:
-        if (np.abs(np.log(whole / share.whole)) < np.log(_AS_STATED)).all():
-            return share
-    return None
+def _share_of_limits(gains: dict[str, float], robot: Robot) -> Share | None:
+    return share_of_limits(
+        np.array(list(gains.values())), np.array([_limit(robot, joint) for joint in gains])
+    )
 
 
 def _limit(robot: Robot, joint: str) -> float:
@@ -202,7 +181,7 @@ def _geared(gains: dict[str, float], log: Log) -> tuple[dict[str, float], int]:
     of_log = {joint: gears[joint] for joint in log.header.torque_joints if joint in gears}
     for power in (-1, 1):
         if all(
-            joint in of_log and 1.0 / _AS_STATED < abs(gain) / of_log[joint] ** power < _AS_STATED
+            joint in of_log and 1.0 / AS_STATED < abs(gain) / of_log[joint] ** power < AS_STATED
             for joint, gain in gains.items()
         ):
             return of_log, power
