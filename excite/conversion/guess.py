@@ -34,6 +34,7 @@ from excite.conversion.questions import (
     note_order_of_legs,
 )
 from excite.conversion.recording import Recording, Stream, stated_rate
+from excite.conversion.torques.controller import note_controllers_constants
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
@@ -77,6 +78,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
         named = {column for family in chosen.values() for column in family.columns}
         named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
         chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
+    note_controllers_constants(found, chosen, groups, recording)
     _add(found, chosen)
     add_base(found, recording, left, machine, mapping)
     _ask_for_doubts(found, recording, machine)
