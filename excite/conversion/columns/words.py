@@ -168,6 +168,9 @@ def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
     if (unit == "%" or set(words) & SHARES) and {OF_WORD.get(word) for word in words} & {"tau", "i", "volt"}:
         return "volt"
     said = [OF_WORD[word] for word in words if word in OF_WORD]
+    if set(said) == {"volt"} and unit in QUANTITY_OF_UNIT:
+        # A letter of a word in another script.
+        return QUANTITY_OF_UNIT[unit]
     if not of_joint and words[:1] == ["t"] and set(said[1:]) & {"q", "v", "a", "tau", "i"}:
         # t_q, t_tau: the times of those.
         return "time"

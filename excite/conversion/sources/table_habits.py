@@ -23,6 +23,8 @@ MISFIT = "its line of names"
 
 # Numbers or words within brackets, as data frames write arrays.
 _ARRAY = re.compile(r"\s*(?:[\w.]*(?:array|tensor)\()?[\[(].*[\d'\"][^\w]*$", re.DOTALL)
+# A number with a decimal comma that quotation marks keep from the separating ones.
+_QUOTED_COMMA = re.compile(r'"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"')
 _QUOTED_ARRAY = re.compile(r'"\s*[\w.]*\(?[\[(]')
 
 
@@ -103,6 +105,8 @@ def _candidates(lines: list[str]) -> list[tuple[str, str]]:
         # A decimal comma stands between digits in every row; a separating one would give even numbers of columns.
         first = ";" if any(";" in line for line in rows) else "\t"
         return [(first, ","), (first, "."), (",", ".")]
+    if any(_QUOTED_COMMA.search(line) for line in rows):
+        return [(",", ",")]
     counts = {sep: min((len(split_line(line, sep)) for line in rows), default=0) for sep in _SEPARATORS}
     order = sorted(_SEPARATORS, key=lambda sep: (-(counts[sep] > 1), _SEPARATORS.index(sep)))
     return [(sep, ".") for sep in order] + [(" ", ",")]
