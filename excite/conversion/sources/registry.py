@@ -33,6 +33,7 @@ SOURCES: Registry[Source] = Registry(
         "echo": "excite.conversion.sources.echo:EchoSource",
         "xml": "excite.conversion.sources.xml:XmlSource",
         "json": "excite.conversion.sources.json:JsonSource",
+        "printed": "excite.conversion.sources.printed:PrintedSource",
         "text": "excite.conversion.sources.text:TextSource",
     },
 )
