@@ -93,7 +93,7 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
         modelled = in_doubt(modelled, chart.doubts)
     if modelled != loaded.header.modelled:
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
-    if loaded.header.base == "fixed":
+    if not loaded.header.free_base:
         if loaded.header.torque == "none":
             return diagnose_commands(robot, loaded, rng, folder)
         verb = diagnose_currents if loaded.header.torque == "current" else diagnose_arm

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
@@ -15,6 +16,7 @@ from excite.conversion.columns.anonymous import understand
 from excite.conversion.guesses import UnclearError
 from excite.conversion.machine import load_machine
 from excite.conversion.mapping import Map
+from excite.doctor.examine import examine
 from tests.conversion import written
 from tests.conversion.test_written_otherwise import N, holds, table, whole
 from tests.conversion.written import JOINTS
@@ -227,3 +229,26 @@ def test_a_joint_that_turns_on_and_on_leaves_the_others_their_ranges(data, tmp_p
     turns = np.round((found.log.trials[0].q - data["q"]) / (2.0 * np.pi))
     np.testing.assert_allclose(found.log.trials[0].q - 2.0 * np.pi * turns, data["q"], atol=1e-5)
     assert found.chart is not None and "beyond_limits" not in {item.kind for item in found.chart.findings}
+
+
+def test_a_legged_robot_that_a_stand_holds_is_looked_at_by_its_own_name(tmp_path):
+    """The command that convert proposes names the robot, whose own description stands on its feet."""
+    robot = excite.load_robot("go2")
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 12.0, 0.005)
+    waves = rng.uniform(1.0, 6.0, robot.n_joints)
+    joints = robot.rest[7:] + 0.2 * np.sin(np.outer(time, waves))
+    model = robot.model
+    data = model.createData()
+    q = np.hstack([np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(time), 1)), joints])
+    v = np.hstack([np.zeros((len(time), 6)), np.gradient(joints, time, axis=0)])
+    a = np.gradient(v, time, axis=0)
+    tau = np.array([pin.rnea(model, data, *row)[6:] for row in zip(q, v, a, strict=True)])
+    names = ["t", *(f"{word}.{joint}" for word in ("q", "tau") for joint in robot.joint_names)]
+    file = table(tmp_path / "a.csv", names, time, joints, tau)
+    rules = {"trials": {"split": "none", "validation": ["none"]}, "log": {"base": "held"}}
+    found = excite.convert([file], "go2", tmp_path / "log", Map.model_validate(rules))
+    named = excite.robot_for_log("go2", found.folder)
+    assert not named.floating and named.joint_names == robot.joint_names
+    chart = examine(named, found.log)
+    assert chart.usable and "torque_scale" not in {item.kind for item in chart.findings}
