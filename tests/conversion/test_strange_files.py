@@ -17,6 +17,7 @@ from excite.conversion.guesses import UnclearError
 from excite.conversion.machine import load_machine
 from excite.conversion.mapping import Map
 from excite.doctor.examine import examine
+from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.test_written_otherwise import N, holds, table, whole
 from tests.conversion.written import JOINTS
@@ -252,3 +253,43 @@ def test_a_legged_robot_that_a_stand_holds_is_looked_at_by_its_own_name(tmp_path
     assert not named.floating and named.joint_names == robot.joint_names
     chart = examine(named, found.log)
     assert chart.usable and "torque_scale" not in {item.kind for item in chart.findings}
+
+
+def test_accelerations_among_columns_without_names_are_no_torques(arm, tmp_path):
+    data = written.motion(2000)
+    a = np.gradient(data["v"], data["time"], axis=0)
+    rows = np.column_stack([data["time"], data["q"], data["v"], a, data["tau"]])
+    np.savetxt(tmp_path / "a.txt", rows, fmt="%.9g")
+    trial = whole(tmp_path / "a.txt", arm, tmp_path).log.trials[0]
+    np.testing.assert_allclose(trial.tau, data["tau"], atol=1e-5)
+    np.testing.assert_allclose(trial.q, data["q"], atol=1e-5)
+
+
+def test_levels_of_headings_and_names_that_stand_three_times(data, arm, tmp_path):
+    body = "\n".join(
+        ",".join(f"{value:.8f}" for value in row)
+        for row in np.column_stack([data["time"], data["q"], data["tau"]])
+    )
+    levels = [",".join(["", *["pos"] * 3, *["trq"] * 3]), ",".join(["", *JOINTS, *JOINTS]), "time" + "," * 6]
+    (tmp_path / "levels.csv").write_text("\n".join([*levels, body]))
+    holds(whole(tmp_path / "levels.csv", arm, tmp_path), data)
+    (tmp_path / "same.csv").write_text(",".join(["t", *["position"] * 3, *["torque"] * 3]) + "\n" + body)
+    holds(whole(tmp_path / "same.csv", arm, tmp_path), data)
+
+
+def test_commas_between_thousands_in_quotation_marks(data, arm, tmp_path):
+    names = [
+        "Time (ms)",
+        *(f"J{k} Position (deg)" for k in range(3)),
+        *(f"J{k} Torque (mNm)" for k in range(3)),
+    ]
+    rows = np.column_stack([1e3 * data["time"], np.degrees(data["q"]), 1e3 * data["tau"]])
+    lines = [",".join(f'"{value:,.4f}"' for value in row) for row in rows]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(names), *lines]))
+    holds(whole(tmp_path / "a.csv", arm, tmp_path), data)
+
+
+def test_a_model_is_no_recording(arm, tmp_path):
+    (tmp_path / "arm.xml").write_text(arm.read_text())
+    with pytest.raises(LogError, match="of no format that is known"):
+        whole(tmp_path / "arm.xml", arm, tmp_path)

@@ -93,6 +93,11 @@ def understand(
     if derived:
         channels["v"] = [velocity[p] for p in positions]
         reasons["v"] = "derivatives of the positions"
+        left = [k for k in heads if k not in positions and k not in channels["v"]]
+        accelerations = _accelerations(smooth, rate, channels["v"], left)
+        # Torques of what gravity does not turn look like accelerations, where nothing else is left.
+        if accelerations and len(left) >= 2 * n:
+            channels["a"], reasons["a"] = accelerations, "derivatives of the velocities"
     used = {k for columns in channels.values() for k in columns}
     groups = {group[0]: group for group in twins}
     commands = [[k for k in groups[p] if k != p] for p in positions]
@@ -124,12 +129,12 @@ def understand(
 
 
 def _blocks(columns: list[int], names: Sequence[str], n: int) -> list[list[int]]:
-    """Blocks of ``n`` columns that may be torques: those called alike but for a number, else the first ones."""
+    """Blocks of ``n`` columns that may be torques: those called alike but for a number, else one after the other."""
     called: dict[str, list[int]] = {}
     for k in columns:
         called.setdefault(re.sub(r"\d+", "", names[k]) if names else "", []).append(k)
     alike = [block for block in called.values() if len(block) == n]
-    return alike or ([columns[:n]] if len(columns) >= n else [])
+    return alike or [columns[k : k + n] for k in range(0, len(columns) - n + 1, n)]
 
 
 def _explained(values: Array, positions: list[int], block: list[int], dt: float) -> float:
@@ -186,6 +191,17 @@ def _derivatives(smooth: Array, rate: Array, heads: list[int]) -> Array:
     match = _correlations(rate[:, heads], smooth[:, heads])
     np.fill_diagonal(match, 0.0)
     return np.where(match > 0.0, match, 0.0)
+
+
+def _accelerations(smooth: Array, rate: Array, velocities: list[int], others: list[int]) -> list[int]:
+    """Columns that are the velocities' derivatives, in their order; empty where not every joint has one."""
+    if len(others) < len(velocities):
+        return []
+    match = _correlations(rate[:, velocities], smooth[:, others])
+    rows, partners = linear_sum_assignment(-match)
+    if (match[rows, partners] < _DERIVATIVE).any():
+        return []
+    return [others[column] for column in partners]
 
 
 def _positions(heads: list[int], match: Array, smooth: Array, dt: float, n: int) -> list[int] | None:

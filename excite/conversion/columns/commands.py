@@ -31,10 +31,11 @@ def settle_commands(found: Guesses, chosen: dict[str, Family], recording: Record
     agreements = {
         target: _agreement(family, chosen[target], columns) for target in ("q", "tau") if target in chosen
     }
-    if agreements.get("q") is None or agreements["q"] >= max(_FOLLOWED, agreements.get("tau") or 0.0):
+    of_position, of_torque = agreements["q"], agreements.get("tau") or 0.0
+    if of_position is None or of_position >= max(_FOLLOWED, of_torque):
         return
     del chosen["q_cmd"]
-    if (agreements.get("tau") or 0.0) >= _FOLLOWED:
+    if of_torque >= _FOLLOWED:
         if "tau_cmd" not in chosen:
             chosen["tau_cmd"] = replace(family, target="tau_cmd", quantity="tau")
         return

@@ -94,5 +94,5 @@ def _stamps(lines: list[str]) -> np.ndarray | None:
             words = [match[match.re.groups] for match in found if match]
             if pattern is _EPOCH:
                 return np.array(words, dtype=float)
-            return seconds(np.array([word.replace(",", ".") for word in words], dtype=object))
+            return seconds([word.replace(",", ".") for word in words])
     return None

@@ -61,6 +61,10 @@ _REFUSED = {
     **dict.fromkeys((".c3d", ".trc", ".mot", ".sto"), _CAPTURED),
     ".mdf": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
     ".mf4": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
+    ".tfrecord": (
+        "is a record of TensorFlow, as RLDS data sets have them",
+        "save the joints of its steps with numpy.savez, or as Parquet",
+    ),
     ".tdms": ("is a measurement file of LabVIEW", "export its channels as CSV or .mat"),
 }
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].

@@ -22,6 +22,10 @@ _ELEMENT = re.compile(
     r"<([A-Za-z_][\w.-]*)((?:\s+[\w.-]+\s*=\s*\"[^\"<]*\")+)\s*/?>|<([A-Za-z_][\w.-]*)>\s*([^<\s]*)\s*</?\3>"
 )
 _ATTRIBUTE = re.compile(r"([\w.-]+)\s*=\s*\"([^\"]*)\"")
+# Outermost elements of robots' models and scenes.
+_MODELS = frozenset(
+    (b"robot", b"mujoco", b"mujocoinclude", b"sdf", b"COLLADA", b"launch", b"OpenSimDocument")
+)
 # As many records as make a recording.
 _FEWEST = 20
 
@@ -36,8 +40,9 @@ class XmlSource(Source):
         """See :class:`Source`: by its first bytes, or by its ending."""
         if not path.is_file() or path.suffix.lower() in {".urdf", ".xacro", ".mjcf", ".sdf"}:
             return False
-        start = first_bytes(path, 512).removeprefix(b"\xef\xbb\xbf").lstrip()
-        return bool(re.match(rb"<[A-Za-z?!]", start))
+        start = first_bytes(path, 4096).removeprefix(b"\xef\xbb\xbf").lstrip()
+        outermost = re.search(rb"<([A-Za-z_][\w.-]*)", start)
+        return start[:1] == b"<" and outermost is not None and outermost[1] not in _MODELS
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
