@@ -293,3 +293,10 @@ def test_a_model_is_no_recording(arm, tmp_path):
     (tmp_path / "arm.xml").write_text(arm.read_text())
     with pytest.raises(LogError, match="of no format that is known"):
         whole(tmp_path / "arm.xml", arm, tmp_path)
+
+
+def test_currents_in_counts_of_a_servo_are_called_so(data, arm, tmp_path):
+    names = ["t", *(f"q{k}" for k in range(3)), *(f"Present_Current_{k}" for k in range(3))]
+    file = table(tmp_path / "a.csv", names, data["time"], data["q"], np.round(data["tau"] / 2.69e-3))
+    found = whole(file, arm, tmp_path)
+    assert any("counts of a drive" in because for _, _, because in found.guesses)
