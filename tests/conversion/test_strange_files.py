@@ -112,6 +112,15 @@ def test_lines_that_a_program_printed(heading, data, arm, tmp_path):
     holds(whole(tmp_path / "a.log", arm, tmp_path), data)
 
 
+def test_dictionaries_that_python_printed(data, arm, tmp_path):
+    lines = [
+        str({"t": float(t), "q": q.tolist(), "tau": tau.tolist()})
+        for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True)
+    ]
+    (tmp_path / "a.txt").write_text("\n".join(lines))
+    holds(whole(tmp_path / "a.txt", arm, tmp_path), data)
+
+
 def test_decimal_commas_in_quotation_marks_between_commas(data, arm, tmp_path):
     names = ["t", *(f"q{k}" for k in range(3)), *(f"tau{k}" for k in range(3))]
     rows = np.column_stack([data["time"], data["q"], data["tau"]])

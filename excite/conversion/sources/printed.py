@@ -17,7 +17,7 @@ from excite.reading.file import check_file, first_bytes
 
 _MAX_BYTES = 512 * 1024 * 1024
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_PAIR = re.compile(rf"([A-Za-z_][\w./]*)\s*[:=]\s*(?:[\[({{]([^\])}}]*)[\])}}]|({_NUMBER})(?![\w.:]))")
+_PAIR = re.compile(rf"([A-Za-z_][\w./]*)'?\s*[:=]\s*(?:[\[({{]([^\])}}]*)[\])}}]|({_NUMBER})(?![\w.:]))")
 _FIRST = re.compile(_NUMBER)
 # Seconds since 1970 in brackets, as ROS writes them; or a date and time of day.
 _EPOCH = re.compile(r"\[(\d{9,10}\.\d+)\]")
@@ -39,7 +39,9 @@ class PrintedSource(Source):
         if not path.is_file() or path.suffix.lower() in {".yaml", ".yml", ".json"}:
             return False
         start = first_bytes(path, 65536)
-        if b"\0" in start or start.lstrip()[:1] in (b"{", b"<"):
+        # JSON has double quotation marks; Python prints its dictionaries with single ones.
+        opening = start.lstrip()[:2]
+        if b"\0" in start or opening[:1] == b"<" or (opening[:1] == b"{" and opening != b"{'"):
             return False
         lines = start.decode("utf-8", "replace").splitlines()[:_LOOKED_AT]
         return len(lines) >= _FEWEST and sum(_holds(line) for line in lines) >= _SHARE * len(lines)

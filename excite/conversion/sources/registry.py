@@ -32,8 +32,8 @@ SOURCES: Registry[Source] = Registry(
         "npz": "excite.conversion.sources.npz:NpzSource",
         "echo": "excite.conversion.sources.echo:EchoSource",
         "xml": "excite.conversion.sources.xml:XmlSource",
-        "json": "excite.conversion.sources.json:JsonSource",
         "printed": "excite.conversion.sources.printed:PrintedSource",
+        "json": "excite.conversion.sources.json:JsonSource",
         "text": "excite.conversion.sources.text:TextSource",
     },
 )
