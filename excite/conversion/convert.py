@@ -24,8 +24,9 @@ from excite.conversion.recordings import read_recordings
 from excite.conversion.repairs.clean_rows import whole_rows
 from excite.conversion.repairs.turns import WHOLE_TURNS, within_ranges
 from excite.conversion.result import Conversion
-from excite.conversion.scales import scale_notes, torque_scales
 from excite.conversion.shapes.clock_runs import in_runs
+from excite.conversion.torques.preview import ask_for_scale
+from excite.conversion.torques.scales import scale_notes, torque_scales
 from excite.conversion.trials import Cut, cut_trials
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError
@@ -66,9 +67,21 @@ def convert(
         UnclearError: something cannot be told; it carries all questions with the lines that would settle them.
         LogError: a source is of no known format, damaged, or does not fit the robot.
     """
-    out = Path(out)
-    check_replaceable(out)
     stated = mapping if isinstance(mapping, Map) else (Map() if mapping is None else read_map(Path(mapping)))
+    return _converted(sources, robot, Path(out), stated, capture)
+
+
+def _converted(
+    sources: Sequence[str | Path],
+    robot: str | Path,
+    out: Path,
+    stated: Map,
+    capture: str | Path | None,
+    *,
+    weighs: bool = False,
+) -> Conversion:
+    """As :func:`convert`; where a unit is weighed, torques of any scale are taken."""
+    check_replaceable(out)
     machine = load_machine(robot)
     recordings = joined_by_joint(read_recordings(sources), stated.joints or machine.joints)
     if recordings[0].said.get("linkages") == "joints":
@@ -92,6 +105,8 @@ def convert(
     compared = [] if sheet is None else compare(cuts, sheet) or ["as the capture sheet asks"]
     trials = tuple((cut.name, cut.role, cut.because) for cut in cuts)
     header = log_header(cuts, found, machine, stated, recordings)
+    if not weighs:
+        ask_for_scale(cuts, header, machine, found, stated, recordings[0])
     text = map_text(found, header, cuts, stated)
     _write(cuts, header, machine, out)
     (out / "map.yaml").write_text(text, encoding="utf-8")
@@ -152,7 +167,7 @@ def _weighed(
     tried = stated.model_copy(update={"columns": {**stated.columns, **question.torques}})
     try:
         folder = TemporaryFolder()
-        found = convert(sources, robot, folder.path / "log", tried)
+        found = _converted(sources, robot, folder.path / "log", tried, None, weighs=True)
         scales = torque_scales(nominal_robot(found.log), found.log)
     except InputError:
         scales = {}

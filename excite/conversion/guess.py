@@ -12,7 +12,8 @@ from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.choice import choose
-from excite.conversion.columns.clock import TICKS, clock_column, tick
+from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, tick
+from excite.conversion.columns.commands import settle_commands
 from excite.conversion.columns.contact_forces import without_contact_forces
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base
@@ -33,6 +34,7 @@ from excite.conversion.questions import (
     note_order_of_legs,
 )
 from excite.conversion.recording import Recording, Stream, stated_rate
+from excite.conversion.torques.controller import note_controllers_constants
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
@@ -69,12 +71,14 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
     chosen = choose(groups, found, recording)
+    settle_commands(found, chosen, recording)
     ask_for_surplus(found, chosen, joints)
     note_order_of_legs(found, chosen, joints, mapping)
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
         named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
         chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
+    note_controllers_constants(found, chosen, groups, recording)
     _add(found, chosen)
     add_base(found, recording, left, machine, mapping)
     _ask_for_doubts(found, recording, machine)
@@ -200,6 +204,8 @@ def _without_names(
     """Channels by physics alone, for columns whose names say nothing."""
     stream = max(recording.streams, key=lambda s: sum(c.name in unknown for c in s.columns))
     columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).mean() > _THERE]
+    # Second clocks and counters of rows are smoother than any joint.
+    columns = [c for c in columns if not goes_evenly(c.values)]
     time = seconds_of(stream, found)
     if time is None or len(columns) < len(joints):
         return {}
@@ -207,7 +213,9 @@ def _without_names(
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     if whole.sum() < _FEWEST:
         return {}
-    understood: Understood | None = understand(values[whole], time[whole], machine, tuple(joints))
+    understood: Understood | None = understand(
+        values[whole], time[whole], machine, tuple(joints), [column.name for column in columns]
+    )
     if understood is None:
         return {}
     return understood.families([column.name for column in columns])

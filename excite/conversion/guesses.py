@@ -20,6 +20,7 @@ class Mapped:
         because: why it is taken for that.
         stated: whether a map or the format said so, so that nothing was guessed.
         offset: added after scaling (SI).
+        unit: what a name, the format or a map states of its unit; empty where it was guessed.
     """
 
     target: str
@@ -28,6 +29,7 @@ class Mapped:
     because: str
     stated: bool = False
     offset: float = 0.0
+    unit: str = ""
 
     @property
     def channel(self) -> str:

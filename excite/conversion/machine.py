@@ -115,19 +115,22 @@ def _of_urdf(path: Path) -> Machine:
     names = tuple(name for name in tuple(model.names)[1:] if name not in followers)
     children = {joint.find("child").get("link") for joint in root.findall("joint")}  # type: ignore[union-attr]
     links = [link.get("name", "") for link in root.findall("link")]
-    order = [model.joints[model.getJointId(name)].idx_v for name in names]
+    moved = [model.joints[model.getJointId(name)] for name in names]
+    order = [joint.idx_v for joint in moved]
+    # What turns on and on has the two numbers of a direction for a position, and no range.
+    ends = np.array([joint.nq == 1 for joint in moved])
 
-    def limits(values: Array, missing: float) -> Array:
-        found = np.asarray(values, dtype=float)[order]
+    def limits(values: Array, missing: float, places: list[int] = order) -> Array:
+        found = np.asarray(values, dtype=float)[places]
         return np.where(np.isfinite(found) & (np.abs(found) < 1e10), found, missing)
 
-    wide = model.nq == model.nv
+    at = [joint.idx_q for joint in moved]
     effort = limits(model.effortLimit, np.inf)
     return Machine(
         name=model.name or path.stem,
         joints=names,
-        lower=limits(model.lowerPositionLimit, -np.inf) if wide else np.full(len(names), -np.inf),
-        upper=limits(model.upperPositionLimit, np.inf) if wide else np.full(len(names), np.inf),
+        lower=np.where(ends, limits(model.lowerPositionLimit, -np.inf, at), -np.inf),
+        upper=np.where(ends, limits(model.upperPositionLimit, np.inf, at), np.inf),
         torque=np.where(effort > 0.0, effort, np.inf),
         slides=np.array([_slides(model, place) for place in order]),
         floating=_stands(path, model),

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from excite.conversion.columns.families import Family
+from excite.conversion.columns.vocabulary import SHARES
 from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -36,8 +37,10 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], recording: Recordi
     for family in groups:
         if family.quantity == "volt" and family.placed.columns and not _is_supply(family, recording):
             name = family.columns[0]
+            share = family.unit == "%" or SHARES & set(family.stem.split("_"))
+            kind = "a share of a rated torque or current" if share else "a voltage or duty cycle"
             found.ask(
-                f"{name} is a voltage or duty cycle, whose torque per unit is not known",
+                f"{name} is {kind}, whose torque per unit is not known",
                 f'columns: {{tau: "{name}"}} and scale: {{tau: FACTOR}}, or log: {{torque: none}}',
                 {f"tau.{joint}": column for joint, column in family.placed.columns.items()},
             )

@@ -116,11 +116,14 @@ def _limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
         usable = np.where(np.isfinite(values[index]) & (values[index] > 0.0), values[index], 1e3)
         return {joint: float(value) for joint, value in zip(header.joints, usable, strict=True)}
 
-    ranges = zip(header.joints, model.lowerPositionLimit[index], model.upperPositionLimit[index], strict=True)
-    position = {
-        joint: (float(low), float(high)) for joint, low, high in ranges if np.isfinite([low, high]).all()
-    }
-    unbounded = {joint: (-np.pi, np.pi) for joint in header.joints if joint not in position}
+    position = {}
+    for joint in header.joints:
+        moved = model.joints[model.getJointId(joint)]
+        low, high = model.lowerPositionLimit[moved.idx_q], model.upperPositionLimit[moved.idx_q]
+        # What turns on and on has the two numbers of a direction for a position, and no range.
+        if moved.nq == 1 and np.isfinite([low, high]).all():
+            position[joint] = (float(low), float(high))
+    unbounded = {joint: (-2.0 * np.pi, 2.0 * np.pi) for joint in header.joints if joint not in position}
     narrow = {joint: (low - 1e-3, high + 1e-3) for joint, (low, high) in position.items() if not low < high}
     return {
         "position": {"joints": position | unbounded | narrow, "source": "URDF"},

@@ -36,7 +36,8 @@ def nominal_robot(log: Log) -> Robot:
         raise LogError("was made in memory", field="robot", remedy="hand the robot over")
     file = log.folder / log.header.robot
     if _names_bundled(log):
-        return robot_in_log(load_robot(log.header.robot), log.header, log.folder / "log.yaml")
+        loaded = _carried(load_robot(log.header.robot), log.header)
+        return robot_in_log(loaded, log.header, log.folder / "log.yaml")
     if file.suffix in {".yaml", ".yml"}:
         return robot_in_log(load_robot(file), log.header, log.folder / "log.yaml")
     return robot_in_log(
@@ -66,10 +67,20 @@ def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
     """
     file = Path(name_or_path)
     if file.suffix != ".urdf":
-        return load_robot(name_or_path)
+        robot = load_robot(name_or_path)
+        return _carried(robot, read_header(header_path(log))) if robot.floating else robot
     path = header_path(log)
     header = read_header(path)
     return robot_in_log(build_robot(bare_description(file, header), file), header, path)
+
+
+def _carried(robot: Robot, header: LogHeader) -> Robot:
+    """The robot as a log has it: one that stands on feet may have been held, by a stand or by hands."""
+    if not robot.floating or header.base != "held":
+        return robot
+    sensors = robot.description.sensors.model_copy(update={"wrench": ()})
+    held = robot.description.model_copy(update={"base": "held", "feet": (), "sensors": sensors})
+    return build_robot(held, robot.source)
 
 
 def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) -> Robot:

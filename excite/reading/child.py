@@ -26,6 +26,7 @@ def in_child(
     error: type[InputError] = InputError,
     seconds: float = 60.0,
     memory_gb: float = 8.0,
+    endless: tuple[str, str] = ("takes its reader more than {seconds:g} s", "check that it is complete"),
 ) -> Any:
     """Call a function in a child process and return what it returns.
 
@@ -39,6 +40,7 @@ def in_child(
         error: class of the errors.
         seconds: how long it may take [s].
         memory_gb: how much memory it may ask for [GB].
+        endless: what is said, and what is to be done, where that time is over.
 
     Raises:
         InputError: of the class ``error``: the child crashed, took too long or too much memory.
@@ -59,9 +61,7 @@ def in_child(
                 env=environment,
             )
         except subprocess.TimeoutExpired as reason:
-            raise error(
-                f"takes its reader more than {seconds:g} s", source=source, remedy="check that it is complete"
-            ) from reason
+            raise error(endless[0].format(seconds=seconds), source=source, remedy=endless[1]) from reason
         if done.returncode != 0:
             raise error(
                 f"makes its reader fail ({_ending(done.returncode)})",

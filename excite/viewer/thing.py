@@ -14,6 +14,7 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document
 from excite.documents.plan import Plan
 from excite.errors import InputError
+from excite.export.export import robot_beside
 from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
 from excite.logs.log import Trial
@@ -78,7 +79,7 @@ def _motions(path: Path, robot: str | None) -> Thing:
             source=path,
             remedy="give a folder that excite plan, export, simulate, convert or diagnose wrote with --out",
         )
-    name = robot or ("" if path.is_dir() else motion_robot(path))
+    name = robot or _whose(path)
     if not name:
         raise InputError(
             "does not say which robot it is for", source=path, remedy="name it with --robot ROBOT"
@@ -86,6 +87,12 @@ def _motions(path: Path, robot: str | None) -> Thing:
     loaded = load_robot(name)
     motions = load_motions([path], loaded)
     return Thing(path.name, loaded, tuple(_of_motion(loaded, motion) for motion in motions))
+
+
+def _whose(path: Path) -> str:
+    """The robot that motions are for, if all say the same: bundled, or kept beside their plan; empty for none."""
+    names = {robot_beside(file, motion_robot(file)) for file in motion_paths([path])}
+    return names.pop() if len(names) == 1 else ""
 
 
 def _holds_motions(folder: Path) -> bool:

@@ -127,3 +127,38 @@ def test_shares_of_the_limits_are_called_so(word: str, whole: float, tmp_path):
     assert f"{word} of the model's limits" in said
     for joint, limit in zip(JOINTS, limits, strict=True):
         assert scale_of(said)[f"tau.{joint}"] == pytest.approx(limit / whole, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("per_unit", "said"),
+    [
+        ((1.6, 0.4, 0.08), "percent of the model's limits"),
+        ((160.0, 40.0, 8.0), "shares of the model's limits"),
+        ((9.0, 7.0, 4.0), "currents, whose torque constants are not known"),
+    ],
+)
+def test_torques_that_are_no_newton_metres_are_asked_about(per_unit, said, tmp_path):
+    """Nothing says their unit, and no load makes every joint's factor; what the line proposes settles it."""
+    robot = written.arm_urdf(tmp_path / "arm.urdf")
+    text = robot.read_text()
+    for limit in (160.0, 40.0, 8.0):
+        text = text.replace('effort="60"', f'effort="{limit:g}"', 1)
+    robot.write_text(text)
+    data = swing(robot)
+    file = table(tmp_path / "run.csv", data, "effort", data["tau"] / np.array(per_unit))
+    with pytest.raises(UnclearError, match=said) as error:
+        excite.convert([file], robot, tmp_path / "log")
+    (question,) = error.value.questions
+    assert not (tmp_path / "log").exists()
+    stated = yaml.safe_load(question.line.split("   #")[0])
+    for joint, value in zip(JOINTS, per_unit, strict=True):
+        assert stated["scale"][f"tau.{joint}"] == pytest.approx(value, rel=0.1)
+    excite.convert([file], robot, tmp_path / "log", Map.model_validate(stated))
+
+
+def test_a_load_and_constants_that_are_off_are_not_asked_about(tmp_path):
+    """A real arm had such factors; the nominal masses may be what is wrong."""
+    robot = written.arm_urdf(tmp_path / "arm.urdf")
+    data = swing(robot)
+    file = table(tmp_path / "run.csv", data, "tau", data["tau"] * np.array([1.1, 1.9, 2.8]))
+    assert excite.convert([file], robot, tmp_path / "log").log.header.torque == "motor_side"

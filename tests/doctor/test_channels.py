@@ -176,6 +176,23 @@ def test_torques_that_are_too_large_each_by_a_factor_of_its_own_have_no_unit(pan
     assert found.kind == "torque_scale" and found.figures["factor"] == pytest.approx(1.8, rel=0.1)
 
 
+@pytest.mark.parametrize("whole", [1.0, 100.0, 1000.0])
+def test_shares_of_the_joints_limits_are_named_and_left_to_a_person(panda, log, whole) -> None:
+    """To repair one joint of them would leave the others, and to repair all takes the nominal masses for the truth."""
+    limits = np.array([panda.limits.torque[panda.joint_index(joint)] for joint in JOINTS])
+    shares = changed(log, lambda t: replace(t, tau=whole * t.tau / limits))
+    chart = examine(panda, shares)
+    (found,) = (item for item in chart.findings if item.kind == "torque_scale")
+    assert found.places == JOINTS and not found.repaired and "limits" in found.text
+    np.testing.assert_allclose(chart.log.trials[0].tau, shares.trials[0].tau)
+
+
+def test_currents_whose_constants_are_not_known_are_left_to_a_person(panda, log) -> None:
+    constants = np.array([9.0, 14.0, 8.0, 12.0, 5.0, 6.0, 7.0])
+    (found,) = suspicions(panda, changed(log, lambda t: replace(t, tau=t.tau / constants)))
+    assert found.kind == "torque_scale" and found.places == JOINTS and not found.repaired
+
+
 def test_a_joint_that_counts_whole_turns_is_not_in_degrees(panda, log):
     """The wrist turned once too often lies beyond three times its range, and inside it in degrees."""
     wound = changed(log, lambda t: replace(t, q=t.q + 4.0 * np.pi * np.array([0, 0, 0, 0, 0, 0, 1])))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
+from excite.cli.main import _run
 from excite.export.export import export_motions, robot_beside
 from excite.motion.files import save_motion
 from excite.robot.bringing import load_robot
+from excite.viewer.thing import read_thing
 from tests.robot.small import ARM
 from tests.simulation.motions import standing
 
@@ -29,6 +32,32 @@ def test_the_description_that_a_plan_kept_is_found(tmp_path: Path) -> None:
     motion = plan / "motions" / "still.parquet"
     assert robot_beside(motion, "mine") == str((plan / "robot" / "robot.yaml").resolve())
     assert robot_beside(motion, "another") == "another" and robot_beside(motion, "ur10") == "ur10"
+
+
+def test_motions_of_a_plan_are_watched_by_the_description_that_it_kept(tmp_path: Path) -> None:
+    plan = _planned(tmp_path)
+    for thing in (plan / "motions" / "still.parquet", plan / "motions"):
+        shown = read_thing(thing)
+        assert shown.robot.name == "mine" and len(shown.clips) == 1
+
+
+def test_the_sheet_of_a_plan_is_written_by_the_robots_name(tmp_path: Path, monkeypatch) -> None:
+    plan = _planned(tmp_path)
+    document = {
+        "schema": "excite.plan/1",
+        "robot": "mine",
+        "candidates": {"generated": 1, "accepted": 1, "rejected": {}},
+        "selected": [{"motion": "motions/still.parquet", "segments": [], "duration_s": 1.0}],
+        "validation": [],
+        "conditioning": {"full": 10.0, "log_det": 1.0, "n_base_parameters": 36, "segments": []},
+        "stages": [],
+    }
+    (plan / "plan.json").write_text(json.dumps(document))
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    assert _run(["capture", "mine", str(plan), "--json"]) == 0
+    assert (plan / "capture.md").is_file()
 
 
 def test_the_next_command_names_a_robot_that_it_finds(tmp_path: Path) -> None:

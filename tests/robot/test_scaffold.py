@@ -312,6 +312,13 @@ def test_links_without_geometry_are_named(tmp_path: Path) -> None:
     assert any("links without geometry: shoulder" in one for one in said)
 
 
+def test_an_expression_of_xacro_that_does_not_end_is_one_line(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("excite.robot.xacro_file._SECONDS", 1.5)
+    head = '<robot name="n" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    with pytest.raises(RobotError, match=r"not expanded after 1.5 s"):
+        written(f'{head}<link name="a${{9**9**9}}"/></robot>', tmp_path, "mine.urdf.xacro")
+
+
 def test_whatever_xacro_raises_is_one_line(tmp_path: Path) -> None:
     head = '<robot name="n" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     wanting = {

@@ -26,7 +26,11 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
-    sheet = excite.capture(excite.load_robot(robot), plan, out)
+    from excite.export.export import robot_beside  # lazy: pinocchio
+
+    # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
+    whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)
+    sheet = excite.capture(excite.load_robot(whose), plan, out)
     document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
     minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
     emit(

@@ -46,6 +46,16 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             f"{family.target} may be {other.columns[0]} … or {family.columns[0]} …",
             f'columns: {{{family.target}: "{_pattern(other)}"}}',
         )
+    unmeasured = not {"q", "tau", "i"} & set(chosen)
+    if unmeasured and {"q_cmd", "tau_cmd"} <= set(chosen):
+        # The torques that a controller asks for are its own model's: identified, they would only give that back.
+        q, tau = chosen.pop("q_cmd"), chosen.pop("tau_cmd")
+        found.ask(
+            f"{q.columns[0]} … and {tau.columns[0]} … are what was asked of the joints, and nothing that was measured "
+            "is there: record measured positions and torques or currents",
+            f'columns: {{q: "{_pattern(q)}"}} and log: {{torque: none}}, or columns: {{q: "{_pattern(q)}", '
+            f'tau: "{_pattern(tau)}"}} to take them for measured',
+        )
     if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
         # A motion that was planned and has no measured twin.
         chosen["q"] = replace(chosen.pop("q_cmd"), target="q")

@@ -19,10 +19,6 @@ _SLOWEST_HZ, _FASTEST_HZ = 4.0, 20_000.0
 _FORWARD = 0.9
 # A step back by more rows than this is a clock that was set anew; buffers that mix rows hold fewer.
 _RESET_ROWS = 50.0
-# What columns that count rows are called by; how fast they count is not in them.
-_COUNTERS = frozenset(
-    "frame frames index idx sample samples row rows count counter nr no number n k step id seq".split()
-)
 # A run has more rows than this; of more late rows the order is not known.
 _FEWEST_ROWS, _LATE = 20, 0.4
 # Steps longer than this many usual ones are pauses.
@@ -73,16 +69,22 @@ def clock_column(stream: Stream, clues: dict[str, Clue]) -> tuple[str, str] | No
             return column.name, "its name, and it goes forward evenly within its runs"
     for column in stream.columns:
         said = clues[column.name]
-        if set(said.stem.split("_")) & _COUNTERS and _counts_rows(column.values):
+        if _counts_rows(column.values):
+            # A counter of rows, whatever it is called: how fast it counts is not in it.
             continue
         # state[0] is a position by its number alone.
         numbered = said.number is not None and any(OF_WORD.get(word) for word in said.stem.split("_"))
         if said.quantity in ("", "skip") or (
             said.quantity in ("q", "i", "a", "v") and not said.exact and not numbered
         ):
-            if is_clock(column.values) and _steady(column.values):
+            if goes_evenly(column.values):
                 return column.name, "it goes forward evenly from row to row, as no joint does"
     return None
+
+
+def goes_evenly(values: Array) -> bool:
+    """Whether a column's numbers go forward evenly from the first row to the last, as no joint's do."""
+    return is_clock(values) and _steady(values)
 
 
 def _counts_rows(values: Array) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -131,10 +132,14 @@ def _across_streams(found: Sequence[Family]) -> list[Family]:
 def _one_machine_each(
     groups: dict[_Group, list[Column]], clues: dict[str, Clue]
 ) -> Iterable[tuple[_Group, list[Column]]]:
-    """The groups, apart by words beside the joints' names where these stand twice: left and right arm."""
+    """The groups, apart by words beside the joints' names or numbers where these stand twice: left and right arm."""
     for key, columns in groups.items():
-        exact = [clues[column.name].exact for column in columns]
-        if len(set(exact)) == len(exact) or not all(exact):
+        said = [clues[column.name] for column in columns]
+        joints = (
+            [one.exact for one in said] if all(one.exact for one in said) else [one.number for one in said]
+        )
+        sizes = set(Counter(one.label for one in said).values())
+        if len(set(joints)) == len(joints) or None in joints or len(sizes) > 1 or min(sizes) < 2:
             yield key, columns
             continue
         machines: dict[str, list[Column]] = {}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from excite.conversion.columns.clock import row_seconds
 from excite.conversion.columns.mixed_units import alike, stated_unit
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
-from excite.conversion.columns.scaled import named_unit, scaled, values_of
+from excite.conversion.columns.scaled import named_unit, scaled, values_of, without_unit
 from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
@@ -56,8 +57,10 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
                 unit, because = _torques(items, columns, machine, named)
             else:
                 unit = named or {"i": "A"}.get(channel, "SI")
-                because = "unit as named" if named else "no unit stated"
-            done += _scaled_as(items, mapping, unit, because)
+                because = "unit as named" if named else without_unit(channel, items, columns)
+            done += [
+                replace(item, unit=stated or named) for item in _scaled_as(items, mapping, unit, because)
+            ]
     return done
 
 

@@ -38,3 +38,13 @@ def values_of(items: list[Mapped], columns: dict[str, Column]) -> Array:
     """Numbers of several columns as they stand in the file, ``(n, k)``."""
     rows = min(len(columns[item.source].values) for item in items)
     return np.column_stack([columns[item.source].values[:rows] for item in items])
+
+
+def without_unit(channel: str, items: list[Mapped], columns: dict[str, Column]) -> str:
+    """What is said of columns whose unit nothing states: servos report currents in counts of a few milliamperes."""
+    if channel == "i":
+        values = values_of(items, columns)
+        known = values[np.isfinite(values)]
+        if len(known) and (known == np.round(known)).all():
+            return "no unit stated; whole numbers, so counts of a drive or mA: torque constants are per one of them"
+    return "no unit stated"

@@ -48,6 +48,7 @@ UNITS: dict[str, str] = {
     **dict.fromkeys(("in", "inch"), "in"),
     **dict.fromkeys(("inps", "in/s", "ips"), "in/s"),
     **dict.fromkeys(("v", "volt", "volts"), "V"),
+    **dict.fromkeys(("%", "‰", "percent", "per cent", "% rated", "%rated", "p.u.", "pu"), "%"),
 }
 QUANTITY_OF_UNIT = {
     "rad": "q", "deg": "q", "m": "q", "mm": "q", "in": "q", "in/s": "v", "lb": "tau", "kip": "tau",

@@ -4,233 +4,63 @@ from __future__ import annotations
 
 # Words by the quantity that they name, as drivers, middleware and papers write them.
 QUANTITIES: dict[str, tuple[str, ...]] = {
-    "skip": (
-        *(
-            "enable",
-            "enabled",
-            "on",
-            "done",
-            "success",
-            "err",
-            "error",
-            "errors",
-            "ext",
-            "external",
-            "extern",
-            "hat",
-            "temp",
-            "temps",
-            "temperature",
-            "status",
-        ),
-        *(
-            "mode",
-            "tcp",
-            "cartesian",
-            "flange",
-            "eef",
-            "id",
-            "seq",
-            "residual",
-            "deviation",
-            "tracking",
-            "model",
-        ),
-        *(
-            "ee",
-            "tip",
-            "wrench",
-            "ft",
-            "imu",
-            "gyro",
-            "tool",
-            "gripper",
-            "contact",
-            "disturbance",
-            "load_est",
-            "crc",
-            "kp",
-            "kd",
-            "ki",
-            "stiffness",
-            "damping",
+    "skip": tuple(
+        (
+            "enable enabled on done success err error errors ext external extern hat temp temps temperature "
+            "status mode tcp cartesian flange eef id seq residual deviation tracking model ee tip wrench ft "
+            "imu gyro tool gripper contact disturbance load_est crc kp kd ki stiffness damping "
             # The rate of a torque: a log has no channel for it.
-            "dtau",
-        ),
+            "dtau"
+        ).split()
     ),
-    "time": (
-        "time",
-        "timestamp",
-        "timestamps",
-        "ipoc",
-        "t",
-        "stamp",
-        "tstamp",
-        "clock",
-        "tick",
-        "ticks",
-        "zeit",
-        "times",
-        "ts",
-        "sec",
-        "secs",
-        "seconds",
-        "millis",
-        "msec",
-        "usec",
-        "nsec",
+    "time": tuple(
+        (
+            "time timestamp timestamps ipoc t stamp tstamp clock tick ticks zeit times ts sec secs seconds "
+            "millis msec usec nsec tm elapsed uptime"
+        ).split()
     ),
-    "a": (
-        *(
-            "a",
-            "acc",
-            "accel",
-            "acceleration",
-            "accelerations",
-            "ddq",
-            "qdd",
-            "qddot",
-            "qacc",
-            "ddtheta",
-            "dd",
-            "ddqs",
-            "qdds",
-            "qaccs",
-        ),
-        *("thetaddot", "ddot", "alpha", "ddpos", "accs"),
+    "a": tuple(
+        (
+            "a acc accel acceleration accelerations ddq qdd qddot qacc ddtheta dd ddqs qdds qaccs thetaddot "
+            "ddot alpha ddpos accs"
+        ).split()
     ),
-    "v": (
-        *(
-            "v",
-            "vel",
-            "vels",
-            "velocity",
-            "velocities",
-            "speed",
-            "speeds",
-            "dq",
-            "qd",
-            "qdot",
-            "qvel",
-            "dtheta",
-            "omega",
-            "drehzahl",
-            "vitesse",
-            "velocidad",
-            "velocita",
-        ),
-        *(
-            "thetadot",
-            "dot",
-            "dpos",
-            "velo",
-            "spd",
-            "rate",
-            "qp",
-            "geschwindigkeit",
-            "thetad",
-            "dof_vel",
-            "dqs",
-            "qds",
-            "qdots",
-            "qvels",
-            "w",
-            "rpm",
-            "qv",
-        ),
+    "v": tuple(
+        (
+            "v vel vels velocity velocities speed speeds dq qd qdot qvel dtheta omega drehzahl vitesse "
+            "velocidad velocita thetadot dot dpos velo spd rate qp geschwindigkeit thetad dof_vel dqs qds "
+            "qdots qvels w rpm qv alphain alphaout"
+        ).split()
     ),
-    "tau": (
-        *(
-            "tau",
-            "taus",
-            "torque",
-            "torques",
-            "trq",
-            "tq",
-            "effort",
-            "efforts",
-            "eff",
-            "moment",
-            "drehmoment",
-        ),
-        *(
-            "actuatorfrc",
-            "trqs",
-            "qfrc",
-            "tor",
-            "frc",
-            "force",
-            "forces",
-            "torq",
-            "tauj",
-            "nm",
-            "mot_torque",
-            "couple",
-            "coppia",
-        ),
+    "tau": tuple(
+        (
+            "tau taus torque torques trq tq effort efforts eff moment drehmoment actuatorfrc trqs qfrc tor "
+            "frc force forces torq tauj nm mot_torque couple coppia tauin tauout"
+        ).split()
     ),
-    "i": (
-        "current",
-        "currents",
-        "cur",
-        "curr",
-        "amp",
-        "amps",
-        "ampere",
-        "iq",
-        "i",
-        "strom",
-        "motcur",
-        "courant",
-        "corrente",
-        "corriente",
+    "i": tuple(
+        ("current currents cur curr amp amps ampere iq i strom motcur courant corrente corriente").split()
     ),
-    "volt": (*("volt", "volts", "voltage", "voltages", "vir", "pwm", "duty", "u", "load", "pwms", "uq"),),
-    "q": (
-        *(
-            "q",
-            "pos",
-            "position",
-            "positions",
-            "angle",
-            "angles",
-            "theta",
-            "qpos",
-            "jointpos",
-            "encoder",
-            "enc",
-            "qs",
-        ),
-        *(
-            "displacement",
-            "disp",
-            "p",
-            "th",
-            "ang",
-            "winkel",
-            "phi",
-            "posn",
-            "jpos",
-            "coord",
-            "rotation",
-            "lage",
-            "posicion",
-            "posizione",
-            "thetas",
-            "jointpositions",
-            "qposs",
-        ),
+    "volt": tuple(("volt volts voltage voltages vir pwm duty u load pwms uq").split()),
+    "q": tuple(
+        (
+            "q pos position positions angle angles theta qpos jointpos encoder enc qs displacement disp p th "
+            "ang winkel phi posn jpos coord rotation lage posicion posizione thetas jointpositions qposs qin "
+            "qout"
+        ).split()
     ),
 }
 OF_WORD = {word: quantity for quantity, words in QUANTITIES.items() for word in words}
 # KUKA writes AIPos and ASPos for actual and set positions of axes.
 COMMANDED = frozenset(
     "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
-    "soll sollwert consigne ff feedforward d want demand nominal requested input in as".split()
+    "soll sollwert consigne ff feedforward d want demand nominal requested input in as "
+    # mc_rtc calls what goes to the robot out, and what comes from it in.
+    "planned plan ipo interpolated interp prescribed qout tauout alphaout".split()
 )
 MEASURED = frozenset(
     "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "
-    "present raw sensor est mes ai".split()
+    "present raw sensor est mes ai qin tauin alphain".split()
 )
 # Words of what is measured that name the message rather than the signal: ``state.q_d`` is the desired position in it.
 OF_MESSAGE = frozenset("state obs observation".split())

@@ -76,9 +76,9 @@ def _without_unit(name: str) -> tuple[str, str]:
         unit = UNITS.get(match[1].strip().lower(), "")
         if unit:
             return name[: match.start()], unit
-    match = re.search(r"[/_ ](rad/s\^?2?|deg/s\^?2?|m/s)$", name)
+    match = re.search(r"[/_ ](rad/s\^?2?|deg/s\^?2?|m/s)$|\s*([%‰])\s*$", name)
     if match:
-        return name[: match.start()], UNITS.get(match[1].lower(), "")
+        return name[: match.start()], UNITS.get((match[1] or match[2]).lower(), "")
     return name, ""
 
 
@@ -165,9 +165,12 @@ def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
         # Pos act A1, A1 torque: another word says the quantity.
         letters = {"a"}
     words = [word for word in words if word not in letters]
-    if set(words) & SHARES and {OF_WORD.get(word) for word in words} & {"tau", "i", "volt"}:
+    if (unit == "%" or set(words) & SHARES) and {OF_WORD.get(word) for word in words} & {"tau", "i", "volt"}:
         return "volt"
     said = [OF_WORD[word] for word in words if word in OF_WORD]
+    if set(said) == {"volt"} and unit in QUANTITY_OF_UNIT:
+        # A letter of a word in another script.
+        return QUANTITY_OF_UNIT[unit]
     if not of_joint and words[:1] == ["t"] and set(said[1:]) & {"q", "v", "a", "tau", "i"}:
         # t_q, t_tau: the times of those.
         return "time"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.conversion.recording import Column, Stream
-from excite.conversion.shapes.labels import with_labels, word_lists
+from excite.conversion.shapes.labels import in_one_order, with_labels, word_lists
 
 # Texts of a row each are as many as a recording has rows, which are more than a robot has joints.
 _MOST_LABELS = 100
@@ -22,6 +22,7 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
     Lists of ``k`` words name the columns of arrays that are ``k`` wide, a word for every row is a text of that row.
     Arrays of three axes or more are left out, but for those of one row a sample.
     """
+    arrays = in_one_order(arrays)
     lengths: dict[int, list[Column]] = {}
     words: dict[int, dict[str, NDArray[np.object_]]] = {}
     for key, values in arrays.items():

@@ -10,7 +10,8 @@ import numpy as np
 from excite.conversion.recording import Column, Stream
 
 _ARRAY = re.compile(r"\s*(?:(?:np\.|torch\.)?(?:array|tensor)\()?\s*[\[(]")
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|nan|inf)")
+# Not the 64 of np.float64(0.5), as numpy writes the numbers of a list.
+_NUMBER = re.compile(r"(?<![A-Za-z\d.])[+-]?(?:\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|nan|inf)")
 _WORD = re.compile(r"""["']([^"']+)["']""")
 # Rows that a killed logger leaves incomplete are few.
 _WHOLE = 0.95

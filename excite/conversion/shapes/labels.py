@@ -70,6 +70,26 @@ def word_lists(arrays: Mapping[str, Any]) -> dict[str, list[str]]:
     return found
 
 
+def in_one_order(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The arrays, those as wide as a table of words beside them in the order of its first row throughout.
+
+    Messages of joint states name their joints anew each time, and some drivers in another order each time.
+    """
+    done = dict(arrays)
+    for key, values in arrays.items():
+        words = np.asarray(values)
+        if words.dtype.kind != "U" or words.ndim != 2 or not len(words) or (words == words[0]).all():
+            continue
+        sorted_words, place = np.sort(words, axis=1), np.argsort(words, axis=1)
+        if (sorted_words != sorted_words[0]).any() or len(set(words[0])) < words.shape[1]:
+            continue
+        back = place[:, np.argsort(place[0])]
+        for name, other in arrays.items():
+            if np.shape(other) == words.shape and (name.rpartition("/")[0] == key.rpartition("/")[0]):
+                done[name] = np.take_along_axis(np.asarray(other), back, axis=1)
+    return done
+
+
 def _joint_states(stream: Stream, constant: Mapping[str, str]) -> tuple[Stream, str]:
     """Messages of joint states, printed in lines without names: stamp, names, positions, velocities, efforts."""
     place = {name: int(match[2]) for name in constant if (match := _NUMBERED.match(name))}

@@ -12,7 +12,7 @@ from excite.conversion.recording import Recording
 from excite.conversion.sources.ros.any_message import MOST_BYTES
 from excite.conversion.sources.ros.controller_types import KIND, register_interfaces, register_state
 from excite.conversion.sources.ros.messages import is_trajectory, is_wanted
-from excite.conversion.sources.ros.topics import Topics
+from excite.conversion.sources.ros.topics import Topics, is_of_torques
 from excite.conversion.sources.ros.unitree_types import register_unitree
 from excite.conversion.sources.source import Source, damaged
 from excite.reading.file import first_bytes
@@ -68,9 +68,12 @@ class BagSource(Source):
                 there = {c.topic: c.msgtype for c in bag.connections}
                 wanted = [c for c in bag.connections if is_wanted(c.msgtype) or is_trajectory(c.msgtype)]
                 _add(topics, bag, wanted)
+                others = [c for c in bag.connections if c not in wanted]
                 if not topics.has_positions:
                     # Nobody's known message says where the joints were: those of any type are looked through.
-                    _add(topics, bag, [c for c in bag.connections if c not in wanted])
+                    _add(topics, bag, others)
+                elif topics.lacks_torques:
+                    _add(topics, bag, [c for c in others if is_of_torques(c.topic)])
         except (
             AnyReaderError,
             AssertionError,

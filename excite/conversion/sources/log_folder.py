@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-from excite.conversion.recording import Recording
+from excite.conversion.recording import Recording, Stream
 from excite.conversion.shapes.array_streams import stream_of_arrays
 from excite.conversion.sources.source import Source
 from excite.logs.header import read_header
@@ -29,6 +30,19 @@ class LogFolderSource(Source):
         files = [folder / entry.file for entry in header.trials]
         said = {"roles": {Path(entry.file).stem: entry.role for entry in header.trials}, "log": header}
         return tuple(
-            Recording(str(file), file.stem, tuple(stream_of_arrays(file.stem, columns)), said)
+            Recording(
+                str(file),
+                file.stem,
+                tuple(_in_si(stream) for stream in stream_of_arrays(file.stem, columns)),
+                said,
+            )
             for file, columns in zip(files, read_trials(files), strict=True)
         )
+
+
+def _in_si(stream: Stream) -> Stream:
+    """The stream with the unit on its torques: whoever wrote the log said what they are."""
+    columns = tuple(
+        replace(column, unit="N·m") if column.name.startswith("tau.") else column for column in stream.columns
+    )
+    return replace(stream, columns=columns)

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from excite.conversion.recording import Recording
 from excite.conversion.sources.ros.any_message import MOST_BYTES
 from excite.conversion.sources.ros.messages import is_trajectory, is_wanted
-from excite.conversion.sources.ros.topics import Topics
+from excite.conversion.sources.ros.topics import Topics, is_of_torques
 from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError
 from excite.reading.file import first_bytes
@@ -64,11 +64,16 @@ class McapSource(Source):
         notes: tuple[str, ...] = ()
         try:
             for known in (True, False):
-                # Where no known message says where the joints were, those of any type are looked through.
-                if known or not topics.has_positions:
+                # Where no known message says where the joints were, those of any type are looked through; where none
+                # holds torques, topics that are called after them.
+                if known or not topics.has_positions or topics.lacks_torques:
+                    of_torques = not known and topics.has_positions
                     with path.open("rb") as stream:
                         reader = NonSeekingReader(stream, validate_crcs=False)
-                        _add(topics, there, decode, reader.iter_messages(log_time_order=False), known=known)
+                        messages = reader.iter_messages(log_time_order=False)
+                        if of_torques:
+                            messages = (m for m in messages if is_of_torques(m[1].topic))
+                        _add(topics, there, decode, messages, known=known)
         except (McapError, SerdeError, *_DAMAGED) as error:
             if not topics.any:
                 raise damaged(path, error, "MCAP") from error

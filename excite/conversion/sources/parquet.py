@@ -61,22 +61,39 @@ def table_arrays(table: pa.Table) -> dict[str, Any]:
         column = table[name].combine_chunks()
         if isinstance(column, pa.ChunkedArray):
             column = column.chunk(0) if column.num_chunks else pa.array([])
-        if pa.types.is_dictionary(column.type):
-            column = column.dictionary_decode()
-        kind = column.type
-        if pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
-            flat = column.flatten()
-            if len(column) and len(flat) % len(column) == 0 and _is_number(flat.type):
-                found[name] = flat.to_numpy(zero_copy_only=False).reshape(len(column), -1)
-        elif pa.types.is_timestamp(kind):
-            found[name] = (
-                column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy(zero_copy_only=False) * 1e-9
-            )
-        elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
-            found[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=object)
-        elif _is_number(kind) or pa.types.is_boolean(kind):
-            found[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+        _collect(name, column, found)
     return found
+
+
+def _collect(name: str, column: pa.Array, found: dict[str, Any]) -> None:
+    """The numbers and texts of a column by name; of records their fields, of lists of records an array a field."""
+    if pa.types.is_dictionary(column.type):
+        column = column.dictionary_decode()
+    kind = column.type
+    if pa.types.is_struct(kind):
+        for field, inner in zip(kind, column.flatten(), strict=True):
+            _collect(f"{name}/{field.name}", inner, found)
+    elif pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
+        _collect_lists(name, column, found)
+    elif pa.types.is_timestamp(kind):
+        found[name] = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy(zero_copy_only=False) * 1e-9
+    elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        found[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=object)
+    elif _is_number(kind) or pa.types.is_boolean(kind):
+        found[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+
+
+def _collect_lists(name: str, column: pa.Array, found: dict[str, Any]) -> None:
+    """Lists of one length, ``(n, k)``: of numbers, of words, or of records."""
+    flat = column.flatten()
+    if not len(column) or not len(flat) or len(flat) % len(column):
+        return
+    inside: dict[str, Any] = {}
+    _collect(name, flat, inside)
+    for key, values in inside.items():
+        if values.ndim == 1:
+            rows = values.reshape(len(column), -1)
+            found[key] = rows.astype(str) if rows.dtype.kind == "O" else rows
 
 
 def _is_number(kind: pa.DataType) -> bool:

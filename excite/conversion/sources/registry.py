@@ -31,6 +31,8 @@ SOURCES: Registry[Source] = Registry(
         "pickle": "excite.conversion.sources.pickled:PickleSource",
         "npz": "excite.conversion.sources.npz:NpzSource",
         "echo": "excite.conversion.sources.echo:EchoSource",
+        "xml": "excite.conversion.sources.xml:XmlSource",
+        "printed": "excite.conversion.sources.printed:PrintedSource",
         "json": "excite.conversion.sources.json:JsonSource",
         "text": "excite.conversion.sources.text:TextSource",
     },
@@ -38,7 +40,7 @@ SOURCES: Registry[Source] = Registry(
 
 # Endings that stand for recordings where a folder of files is given.
 RECORDED = frozenset(
-    ".csv .tsv .txt .dat .log .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
+    ".csv .tsv .txt .dat .log .xml .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
     ".pth .pkl .pickle".split()
 )
 # What people bring that is not opened, and what to do instead.
@@ -59,6 +61,10 @@ _REFUSED = {
     **dict.fromkeys((".c3d", ".trc", ".mot", ".sto"), _CAPTURED),
     ".mdf": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
     ".mf4": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
+    ".tfrecord": (
+        "is a record of TensorFlow, as RLDS data sets have them",
+        "save the joints of its steps with numpy.savez, or as Parquet",
+    ),
     ".tdms": ("is a measurement file of LabVIEW", "export its channels as CSV or .mat"),
 }
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].

@@ -23,6 +23,8 @@ MISFIT = "its line of names"
 
 # Numbers or words within brackets, as data frames write arrays.
 _ARRAY = re.compile(r"\s*(?:[\w.]*(?:array|tensor)\()?[\[(].*[\d'\"][^\w]*$", re.DOTALL)
+# A number with a decimal comma that quotation marks keep from the separating ones.
+_QUOTED_COMMA = re.compile(r'"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"')
 _QUOTED_ARRAY = re.compile(r'"\s*[\w.]*\(?[\[(]')
 
 
@@ -103,6 +105,8 @@ def _candidates(lines: list[str]) -> list[tuple[str, str]]:
         # A decimal comma stands between digits in every row; a separating one would give even numbers of columns.
         first = ";" if any(";" in line for line in rows) else "\t"
         return [(first, ","), (first, "."), (",", ".")]
+    if any(_QUOTED_COMMA.search(line) for line in rows):
+        return [(",", ",")]
     counts = {sep: min((len(split_line(line, sep)) for line in rows), default=0) for sep in _SEPARATORS}
     order = sorted(_SEPARATORS, key=lambda sep: (-(counts[sep] > 1), _SEPARATORS.index(sep)))
     return [(sep, ".") for sep in order] + [(" ", ",")]
@@ -170,10 +174,13 @@ def _names_and_units(
 
 
 def _with_headings(names: list[str], above: list[str], separator: str) -> list[str]:
-    """Names that stand more than once, behind the headings in the line above: each holds until the next one."""
+    """Names that stand more than once, behind the headings in the lines above: each holds until the next one."""
     headings = of_width(split_line(above[-1], separator), len(names)) if above else []
     if len(headings) != len(names) or not any(re.search(r"[A-Za-zµ]", cell) for cell in headings):
         return names
+    if len(set(headings)) < len(headings) and len({*zip(headings, names, strict=True)}) < len(names):
+        # Several levels of headings, as data frames have them.
+        headings = _with_headings(headings, above[:-1], separator)
     found, last = [], ""
     for heading, name in zip(headings, names, strict=True):
         last = heading or last
@@ -190,10 +197,12 @@ def _unique(names: list[str]) -> list[str]:
     found: list[str] = []
     # How many of those found have a name, or begin with it and a tilde: some files have ten thousands of columns.
     taken: Counter[str] = Counter()
+    # The first of several is counted, too, so that all of them have a number.
+    several = {name for name, count in Counter(names).items() if count > 2}
     for name in names:
         name = name or f"column{len(found) + 1}"
         again = 1 + taken[name]
-        name = name if again == 1 else f"{name}~{again}"
+        name = name if again == 1 and name not in several else f"{name}~{again}"
         found.append(name)
         taken.update([name, *(name[: mark.start()] for mark in re.finditer("~", name))])
     return found

@@ -201,7 +201,10 @@ def _numbers(values: Any) -> Any:
 
 
 def _float(value: object) -> float:
+    text = str(value)
+    # 1,234.5: commas between thousands.
+    text = text.replace(",", "") if "." in text.partition(",")[2] else text.replace(",", ".")
     try:
-        return float(str(value).replace(",", "."))
+        return float(text)
     except ValueError:
         return float("nan")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from excite.conversion.columns.words import clue
 from excite.conversion.recording import Recording, Stream
 from excite.conversion.sources.ros.any_message import decode_any
 from excite.conversion.sources.ros.gathered import Gathered, Room
@@ -15,6 +16,11 @@ from excite.errors import LogError
 
 # Two stamps of one message that differ by more come from different clocks [s].
 _OTHER_CLOCK_S = 3600.0
+
+
+def is_of_torques(topic: str) -> bool:
+    """Whether a topic is called after torques or currents, so that messages of any type in it may hold them."""
+    return clue(topic, ()).quantity in ("tau", "i")
 
 
 class Topics:
@@ -49,6 +55,11 @@ class Topics:
     def has_positions(self) -> bool:
         """Whether a message said that it holds positions of joints, measured or planned."""
         return bool(self._planned) or any(g.has_channel("q") for g in self._topics.values())
+
+    @property
+    def lacks_torques(self) -> bool:
+        """Whether no message said that it holds torques of joints: drivers may leave efforts empty."""
+        return not any(g.has_channel("tau") for g in self._topics.values())
 
     @property
     def any(self) -> bool:

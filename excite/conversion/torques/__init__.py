@@ -1,0 +1,1 @@
+"""What the torques and currents of a recording are worth, by the nominal model."""

@@ -1,0 +1,311 @@
+"""Recordings as other programs write them: records in XML, nested tables, printed lines, numpy in cells."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+import excite
+from excite.conversion.columns.anonymous import understand
+from excite.conversion.guesses import UnclearError
+from excite.conversion.machine import load_machine
+from excite.conversion.mapping import Map
+from excite.doctor.examine import examine
+from excite.errors import LogError
+from tests.conversion import written
+from tests.conversion.test_written_otherwise import N, holds, table, whole
+from tests.conversion.written import JOINTS
+
+
+@pytest.fixture(scope="module")
+def data() -> dict[str, np.ndarray]:
+    return written.motion(N)
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
+
+
+def _xml(row: np.ndarray) -> str:
+    return " ".join(f'A{k + 1}="{value:.7f}"' for k, value in enumerate(row))
+
+
+@pytest.mark.parametrize("around", ["{}", "<log>\n{}\n</log>"])
+def test_records_of_kukas_sensor_interface(around, data, arm, tmp_path):
+    """As in KUKA's own example: set and actual positions of axes in degrees, currents, a counter of milliseconds."""
+    records = [
+        f'<Rob Type="KUKA"><RIst X="1.0" Y="2.0" Z="3.0" A="0.1" B="0.2" C="0.3"/><AIPos {_xml(np.degrees(q))}/>'
+        f'<ASPos {_xml(np.degrees(c))}/><MACur {_xml(tau)}/><Delay D="0"/><IPOC>{4208163634 + 10 * k}</IPOC></Rob>'
+        for k, (q, c, tau) in enumerate(zip(data["q"], data["q_cmd"], data["tau"], strict=True))
+    ]
+    file = tmp_path / "rsi.xml"
+    file.write_text(around.format("\n".join(records)))
+    trial = whole(file, arm, tmp_path).log.trials[0]
+    np.testing.assert_allclose(trial.time - trial.time[0], data["time"], atol=1e-6)
+    np.testing.assert_allclose(trial.q, data["q"], atol=1e-6)
+    np.testing.assert_allclose(trial.q_cmd, data["q_cmd"], atol=1e-6)
+    np.testing.assert_allclose(trial.current, data["tau"], atol=1e-6)
+
+
+def test_records_in_the_columns_of_parquet(data, arm, tmp_path):
+    rows = [
+        {"stamp": float(t), "state": {"position": q.tolist(), "effort": tau.tolist()}}
+        for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True)
+    ]
+    pa.parquet.write_table(pa.Table.from_pylist(rows), tmp_path / "a.parquet")
+    holds(whole(tmp_path / "a.parquet", arm, tmp_path), data)
+
+
+def test_a_list_of_records_a_row_whose_order_changes(data, arm, tmp_path):
+    rng = np.random.default_rng(0)
+    rows = [
+        {
+            "t_ns": int(1e9 * t),
+            "joints": [
+                {"name": JOINTS[k], "pos": float(q[k]), "trq": float(tau[k])} for k in rng.permutation(3)
+            ],
+        }
+        for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True)
+    ]
+    pa.parquet.write_table(pa.Table.from_pylist(rows), tmp_path / "a.parquet")
+    holds(whole(tmp_path / "a.parquet", arm, tmp_path), data)
+
+
+def test_messages_of_joint_states_in_lines_of_json_whose_order_changes(data, arm, tmp_path):
+    rng = np.random.default_rng(1)
+    lines = []
+    for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True):
+        order = rng.permutation(3)
+        message = {
+            "name": [JOINTS[k] for k in order],
+            "position": q[order].tolist(),
+            "effort": tau[order].tolist(),
+        }
+        lines.append(json.dumps({"stamp": t} | message))
+    (tmp_path / "a.jsonl").write_text("\n".join(lines))
+    holds(whole(tmp_path / "a.jsonl", arm, tmp_path), data)
+
+
+def test_numbers_in_cells_as_numpy_writes_them(data, arm, tmp_path):
+    lines = ["t,q,tau"]
+    for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True):
+        cells = (", ".join(f"np.float64({value:.9f})" for value in row) for row in (q, tau))
+        lines.append(f'{t},"[{next(cells)}]","[{next(cells)}]"')
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    holds(whole(tmp_path / "a.csv", arm, tmp_path), data)
+
+
+@pytest.mark.parametrize("heading", ["[INFO] [{:.6f}] [control]: ", "INFO at {:.6f} s=1: "])
+def test_lines_that_a_program_printed(heading, data, arm, tmp_path):
+    lines = ["[INFO] [1700000000.0] [control]: started"]
+    for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True):
+        lists = (", ".join(f"{value:.8f}" for value in row) for row in (q, tau))
+        lines.append(f"{heading.format(1.7e9 + t)}t: {t:.6f} q: [{next(lists)}] tau: [{next(lists)}]")
+    (tmp_path / "a.log").write_text("\n".join(lines))
+    holds(whole(tmp_path / "a.log", arm, tmp_path), data)
+
+
+def test_dictionaries_that_python_printed(data, arm, tmp_path):
+    lines = [
+        str({"t": float(t), "q": q.tolist(), "tau": tau.tolist()})
+        for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True)
+    ]
+    (tmp_path / "a.txt").write_text("\n".join(lines))
+    holds(whole(tmp_path / "a.txt", arm, tmp_path), data)
+
+
+def test_decimal_commas_in_quotation_marks_between_commas(data, arm, tmp_path):
+    names = ["t", *(f"q{k}" for k in range(3)), *(f"tau{k}" for k in range(3))]
+    rows = np.column_stack([data["time"], data["q"], data["tau"]])
+    lines = [",".join('"' + f"{value:.8f}".replace(".", ",") + '"' for value in row) for row in rows]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(names), *lines]))
+    holds(whole(tmp_path / "a.csv", arm, tmp_path), data)
+
+
+def test_words_in_another_script_with_units(data, arm, tmp_path):
+    names = ["時刻[s]", *(f"J{k + 1}位置[deg]" for k in range(3)), *(f"J{k + 1}トルク[Nm]" for k in range(3))]
+    rows = np.column_stack([data["time"], np.degrees(data["q"]), data["tau"]])
+    lines = [",".join(names), *(",".join(f"{value:.8f}" for value in row) for row in rows)]
+    (tmp_path / "a.csv").write_bytes("\n".join(lines).encode("cp932"))
+    holds(whole(tmp_path / "a.csv", arm, tmp_path), data)
+
+
+def test_a_counter_of_any_name_is_no_clock(data, arm, tmp_path):
+    """Protocols count their messages: 250 a second would be taken for a thousand."""
+    names = ["seqno", "tm", *(f"joints[{k}]" for k in range(3)), *(f"tau[{k}]" for k in range(3))]
+    count = np.arange(N) + 1000.0
+    file = table(tmp_path / "a.csv", names, count, 1e3 * data["time"], data["q"], data["tau"])
+    holds(whole(file, arm, tmp_path), data)
+    file = table(tmp_path / "b.csv", ["seqno", *names[2:]], count, data["q"], data["tau"])
+    with pytest.raises(UnclearError, match="no column of times"):
+        whole(file, arm, tmp_path)
+
+
+def test_blocks_without_known_names_are_told_by_what_postures_make_of_them(arm):
+    """Measured positions, set ones, external torques, torques, and a counter, as KUKA's FRI client writes them."""
+    data = written.motion(2000)
+    rng = np.random.default_rng(0)
+    external = 0.1 * rng.standard_normal(data["q"].shape)
+    names = [f"{word}{k + 1}" for word in ("mp", "ip", "et", "mt") for k in range(3)]
+    values = np.column_stack([data["q"], data["q_cmd"], external, data["tau"]])
+    found = understand(values, data["time"], load_machine(arm), JOINTS, names)
+    assert found is not None and found.channels["tau"] == [9, 10, 11]
+
+
+def test_what_comes_in_and_goes_out_of_a_controller(data, arm, tmp_path):
+    """mc_rtc calls what the robot measures in, and what it is sent out."""
+    names = ["t", *(f"{word}_{k}" for word in ("qIn", "qOut", "alphaIn", "tauIn") for k in range(3))]
+    columns = (data["q"], data["q_cmd"], data["v"], data["tau"])
+    found = whole(table(tmp_path / "a.csv", names, data["time"], *columns), arm, tmp_path)
+    holds(found, data)
+    np.testing.assert_allclose(found.log.trials[0].q_cmd, data["q_cmd"], atol=1e-6)
+    np.testing.assert_allclose(found.log.trials[0].v, data["v"], atol=1e-6)
+
+
+@pytest.mark.parametrize(("of", "channel"), [("tau", "tau_cmd"), ("q_cmd", "q_cmd"), ("noise", None)])
+def test_controls_are_of_what_follows_them(of, channel, data, arm, tmp_path):
+    """A simulator's ``ctrl`` is a torque of motors and a position of servos."""
+    control = np.random.default_rng(0).standard_normal(data["q"].shape) if of == "noise" else data[of]
+    names = [f"{word}[{k}]" for word in ("qpos", "qfrc_actuator", "ctrl") for k in range(3)]
+    file = table(tmp_path / "a.csv", ["time", *names], data["time"], data["q"], data["tau"], control)
+    trial = whole(file, arm, tmp_path).log.trials[0]
+    assert {c for c in ("q_cmd", "tau_cmd") if getattr(trial, c) is not None} == (
+        {channel} if channel else set()
+    )
+
+
+def test_targets_alone_are_nothing_measured(data, arm, tmp_path):
+    names = ["timestamp", *(f"target_{word}_{k}" for word in ("q", "moment") for k in range(3))]
+    file = table(tmp_path / "a.csv", names, data["time"], data["q"], data["tau"])
+    with pytest.raises(UnclearError, match="nothing that was measured"):
+        whole(file, arm, tmp_path)
+    stated = {"columns": {"q": "target_q_{n0}", "tau": "target_moment_{n0}"}}
+    holds(whole(file, arm, tmp_path, **stated), data)
+
+
+def test_constants_of_a_controller_that_states_torques_and_currents(data, arm, tmp_path):
+    """What it asks of a motor is the joint's torque and friction: torque = constant · current − friction."""
+    constants = np.array([12.0, 9.8, 10.6])
+    asked = (data["tau"] + 0.5 * np.tanh(data["v"] / 0.02) + 0.3 * data["v"]) / constants
+    names = ["timestamp"]
+    for word in ("actual_q", "actual_qd", "actual_current", "target_current", "target_moment"):
+        names += [f"{word}_{k}" for k in range(3)]
+    columns = (data["q"], data["v"], 1.01 * asked, asked, data["tau"])
+    found = whole(table(tmp_path / "a.csv", names, data["time"], *columns), arm, tmp_path)
+    assert found.log.header.torque == "current"
+    (said,) = (row[2] for row in found.guesses if row[0] == "N·m per A")
+    told = dict(item.split(": ") for item in said.split("{")[1].split("}")[0].split(", "))
+    for joint, constant in zip(JOINTS, constants, strict=True):
+        assert float(told[joint]) == pytest.approx(constant, rel=0.02)
+
+
+def test_two_machines_in_one_table_are_asked_for_by_name(data, arm, tmp_path):
+    names = [
+        "t",
+        *(f"{side}_{word}_{k}" for side in ("left", "right") for word in ("q", "tau") for k in range(3)),
+    ]
+    columns = (data["q"], data["tau"], -data["q"], -data["tau"])
+    file = table(tmp_path / "a.csv", names, data["time"], *columns)
+    with pytest.raises(UnclearError, match=r"left_q_0 … or right_q_0 …"):
+        whole(file, arm, tmp_path)
+    holds(whole(file, arm, tmp_path, columns={"q": "left_q_{n0}", "tau": "left_tau_{n0}"}), data)
+
+
+def test_a_share_of_what_is_rated_is_a_unit(data, arm, tmp_path):
+    names = ["t", *(f"J{k + 1} Pos[deg]" for k in range(3)), *(f"J{k + 1} Torque[%]" for k in range(3))]
+    file = table(tmp_path / "a.csv", names, data["time"], np.degrees(data["q"]), data["tau"])
+    with pytest.raises(UnclearError, match="a share of a rated torque"):
+        excite.convert([file], arm, tmp_path / "log", Map())
+
+
+def test_a_joint_that_turns_on_and_on_leaves_the_others_their_ranges(data, tmp_path):
+    """Angles in degrees within a turn, as Kortex has them; the model's first joint has no ends."""
+    robot = written.arm_urdf(tmp_path / "arm.urdf")
+    first = 'name="shoulder" type="revolute"'
+    assert first in robot.read_text()
+    robot.write_text(robot.read_text().replace(first, 'name="shoulder" type="continuous"'))
+    machine = load_machine(robot)
+    np.testing.assert_array_equal(machine.lower, [-np.inf, -2.5, -2.5])
+    names = ["t", *(f"{word}_{k}" for word in ("position", "torque") for k in range(3))]
+    file = table(tmp_path / "a.csv", names, data["time"], np.degrees(data["q"]) % 360.0, data["tau"])
+    found = whole(file, robot, tmp_path)
+    turns = np.round((found.log.trials[0].q - data["q"]) / (2.0 * np.pi))
+    np.testing.assert_allclose(found.log.trials[0].q - 2.0 * np.pi * turns, data["q"], atol=1e-5)
+    assert found.chart is not None and "beyond_limits" not in {item.kind for item in found.chart.findings}
+
+
+def test_a_legged_robot_that_a_stand_holds_is_looked_at_by_its_own_name(tmp_path):
+    """The command that convert proposes names the robot, whose own description stands on its feet."""
+    robot = excite.load_robot("go2")
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 12.0, 0.005)
+    waves = rng.uniform(1.0, 6.0, robot.n_joints)
+    joints = robot.rest[7:] + 0.2 * np.sin(np.outer(time, waves))
+    model = robot.model
+    data = model.createData()
+    q = np.hstack([np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(time), 1)), joints])
+    v = np.hstack([np.zeros((len(time), 6)), np.gradient(joints, time, axis=0)])
+    a = np.gradient(v, time, axis=0)
+    tau = np.array([pin.rnea(model, data, *row)[6:] for row in zip(q, v, a, strict=True)])
+    names = ["t", *(f"{word}.{joint}" for word in ("q", "tau") for joint in robot.joint_names)]
+    file = table(tmp_path / "a.csv", names, time, joints, tau)
+    rules = {"trials": {"split": "none", "validation": ["none"]}, "log": {"base": "held"}}
+    found = excite.convert([file], "go2", tmp_path / "log", Map.model_validate(rules))
+    named = excite.robot_for_log("go2", found.folder)
+    assert not named.floating and named.joint_names == robot.joint_names
+    chart = examine(named, found.log)
+    assert chart.usable and "torque_scale" not in {item.kind for item in chart.findings}
+
+
+def test_accelerations_among_columns_without_names_are_no_torques(arm, tmp_path):
+    data = written.motion(2000)
+    a = np.gradient(data["v"], data["time"], axis=0)
+    rows = np.column_stack([data["time"], data["q"], data["v"], a, data["tau"]])
+    np.savetxt(tmp_path / "a.txt", rows, fmt="%.9g")
+    trial = whole(tmp_path / "a.txt", arm, tmp_path).log.trials[0]
+    np.testing.assert_allclose(trial.tau, data["tau"], atol=1e-5)
+    np.testing.assert_allclose(trial.q, data["q"], atol=1e-5)
+
+
+def test_levels_of_headings_and_names_that_stand_three_times(data, arm, tmp_path):
+    body = "\n".join(
+        ",".join(f"{value:.8f}" for value in row)
+        for row in np.column_stack([data["time"], data["q"], data["tau"]])
+    )
+    levels = [",".join(["", *["pos"] * 3, *["trq"] * 3]), ",".join(["", *JOINTS, *JOINTS]), "time" + "," * 6]
+    (tmp_path / "levels.csv").write_text("\n".join([*levels, body]))
+    holds(whole(tmp_path / "levels.csv", arm, tmp_path), data)
+    (tmp_path / "same.csv").write_text(",".join(["t", *["position"] * 3, *["torque"] * 3]) + "\n" + body)
+    holds(whole(tmp_path / "same.csv", arm, tmp_path), data)
+
+
+def test_commas_between_thousands_in_quotation_marks(data, arm, tmp_path):
+    names = [
+        "Time (ms)",
+        *(f"J{k} Position (deg)" for k in range(3)),
+        *(f"J{k} Torque (mNm)" for k in range(3)),
+    ]
+    rows = np.column_stack([1e3 * data["time"], np.degrees(data["q"]), 1e3 * data["tau"]])
+    lines = [",".join(f'"{value:,.4f}"' for value in row) for row in rows]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(names), *lines]))
+    holds(whole(tmp_path / "a.csv", arm, tmp_path), data)
+
+
+def test_a_model_is_no_recording(arm, tmp_path):
+    (tmp_path / "arm.xml").write_text(arm.read_text())
+    with pytest.raises(LogError, match="of no format that is known"):
+        whole(tmp_path / "arm.xml", arm, tmp_path)
+
+
+def test_currents_in_counts_of_a_servo_are_called_so(data, arm, tmp_path):
+    names = ["t", *(f"q{k}" for k in range(3)), *(f"Present_Current_{k}" for k in range(3))]
+    file = table(tmp_path / "a.csv", names, data["time"], data["q"], np.round(data["tau"] / 2.69e-3))
+    found = whole(file, arm, tmp_path)
+    assert any("counts of a drive" in because for _, _, because in found.guesses)
