@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     robot = load_robot("ur10")
     true = robot.nominal_parameters.copy()
     true[50:60] += LOAD.toDynamicParameters()
-    log = changed(arm_log(robot, 3, duration=10.0, torque="link_side", trials=4, true=true), rubbed)
+    log = changed(arm_log(robot, 3, duration=10.0, torque="link_side", trials=3, true=true), rubbed)
     header = log.header.model_copy(update={"modelled": ("rigid_body_fixed",), "torque": "motor_side"})
     return save_log(replace(log, robot_text=robot.urdf, header=header), tmp_path_factory.mktemp("log"))
 
