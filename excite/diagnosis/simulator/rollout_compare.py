@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -166,17 +167,22 @@ def _helpful(
     def left(model: AugmentedModel, rigid: Array) -> Array:
         return np.asarray((errors(model.xml, samples, rigid, check) ** 2).mean(axis=(0, 1)))
 
-    made = [(before, baseline, left(before, baseline.rigid))]
-    for count in range(1, len(effects) + 1):
+    @cache
+    def made(count: int) -> tuple[AugmentedModel, Baseline, Array]:
+        """With the first effects; fewer of them are simulated only where more do not help."""
+        if count == 0:
+            return before, baseline, left(before, baseline.rigid)
         final = attribution.final if count == len(effects) else attribution.stages[count].context.baseline
         model = augmented_model(final, effects[:count])
-        made.append((model, final, left(model, final.rigid)))
+        return model, final, left(model, final.rigid)
+
+    whole = made(len(effects))[0]
     for count in range(len(effects), 0, -1):
-        model, final, most = made[count]
+        model, final, most = made(count)
         gain = plan.least_gain if count > 1 else 0.0
-        if _nearer(most, made[0][2]) and _nearer(most, made[count - 1][2], gain):
-            return _Helpful(model, final, effects[:count], made[-1][0])
-    return _Helpful(before, baseline, (), made[-1][0])
+        if _nearer(most, made(0)[2]) and _nearer(most, made(count - 1)[2], gain):
+            return _Helpful(model, final, effects[:count], whole)
+    return _Helpful(before, baseline, (), whole)
 
 
 def _nearer(after: Array, before: Array, gain: float = 0.0) -> bool:
