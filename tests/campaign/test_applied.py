@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     robot = load_robot("ur10")
     true = robot.nominal_parameters.copy()
     true[50:60] += LOAD.toDynamicParameters()
-    log = changed(arm_log(robot, 3, duration=10.0, torque="link_side", trials=4, true=true), rubbed)
+    log = changed(arm_log(robot, 3, duration=10.0, torque="link_side", trials=3, true=true), rubbed)
     header = log.header.model_copy(update={"modelled": ("rigid_body_fixed",), "torque": "motor_side"})
     return save_log(replace(log, robot_text=robot.urdf, header=header), tmp_path_factory.mktemp("log"))
 
@@ -176,7 +176,7 @@ def test_a_free_base_is_refused_before_any_work(g1: Robot) -> None:
 @pytest.mark.slow
 def test_a_servo_keeps_the_model_that_it_had(gap_dir: Path, tmp_path: Path) -> None:
     """Commands and positions alone: the feedforward was made without the load, whatever the next round's model has."""
-    log = few_trials(load_log(gap_dir / "arm" / "case_003"))
+    log = few_trials(load_log(gap_dir / "arm" / "case_003"), 1)
     robot = nominal_robot(log)
     log = without_torque(log, controller_of(log, robot) | {"feedforward": "inverse_dynamics"})
     found = diagnose(log, robot)

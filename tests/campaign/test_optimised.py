@@ -26,7 +26,7 @@ def test_series_aim_at_joints_in_turn_and_take_the_period_asked_for(
     """Of a search that stops early at its first optimum: how good it is does not matter here."""
 
     def quick(task: ExcitationTask, search: SearchSettings, **told: object) -> SearchResult:
-        return optimise(task, replace(search, kicks=0, effort=0.2), **told)
+        return optimise(task, replace(search, kicks=0, effort=0.02), **told)
 
     monkeypatch.setattr(optimised, "optimise", quick)
     aimed = ("wrist_2_joint", "elbow_joint")

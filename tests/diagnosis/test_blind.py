@@ -21,8 +21,9 @@ from excite.blind.score import score, score_case
 from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import InputError
-from excite.logs.files import save_log
+from excite.logs.files import load_log, save_log
 from excite.robot.loading import load_robot
+from tests.diagnosis.few_trials import few_trials
 
 
 @pytest.mark.parametrize(
@@ -39,7 +40,8 @@ from excite.robot.loading import load_robot
 def test_a_hidden_effect_is_found_and_none_is_kept(plan: Draft, seed: int, tmp_path) -> None:
     log, answer = build_case(plan, np.random.default_rng(seed))
     save_log(log, tmp_path / "case")
-    result = score_case("case", answer, diagnose(tmp_path / "case").to_json())
+    found = diagnose(few_trials(load_log(tmp_path / "case")))
+    result = score_case("case", answer, found.to_json())
     assert result.named, f"{result.truth} | {result.said}"
     assert result.placed
     assert result.extras == 0
@@ -137,7 +139,7 @@ def test_detectability_grows_with_the_effect_and_falls_with_noise() -> None:
 def test_a_wave_that_never_repeats_in_the_record_is_no_ripple(tmp_path) -> None:
     plan = Draft("jaco2", "unknown", (("unknown", "stop"),), False, 1.0, (), False)
     log, answer = build_case(plan, np.random.default_rng(11))
-    document = diagnose(log, load_robot("jaco2")).to_json()
+    document = diagnose(few_trials(log), load_robot("jaco2")).to_json()
     result = score_case("case", answer, document)
     assert result.named, f"{result.truth} | {result.said}"
     assert result.placed

@@ -58,7 +58,7 @@ def two_joints(folder: Path, more: More | None = None) -> Log:
     rng = np.random.default_rng(3)
     trials = [
         moved(n, role, s, rng, np.eye(2))
-        for n, role, s in (("a", "identification", 40.0), ("b", "validation", 15.0))
+        for n, role, s in (("a", "identification", 25.0), ("b", "validation", 10.0))
     ]
     made = []
     for trial in trials:

@@ -159,7 +159,7 @@ def test_a_velocity_servo_is_refused(gap_dir: Path):
 
 @pytest.mark.slow
 def test_command_only_payload_is_named_on_positions(gap_dir: Path, tmp_path: Path):
-    log = few_trials(load_log(gap_dir / "arm" / "case_003"))
+    log = few_trials(load_log(gap_dir / "arm" / "case_003"), 1)
     robot = nominal_robot(log)
     controller = controller_of(log, robot) | {"feedforward": "inverse_dynamics"}
     result = diagnose(without_torque(log, controller), robot, out=tmp_path)
@@ -179,7 +179,7 @@ def test_command_only_payload_is_named_on_positions(gap_dir: Path, tmp_path: Pat
 
 @pytest.mark.slow
 def test_unknown_torque_constants_are_said(gap_dir: Path):
-    log = few_trials(load_log(gap_dir / "arm" / "case_003"))
+    log = few_trials(load_log(gap_dir / "arm" / "case_003"), 1)
     robot = nominal_robot(log)
     ratio = np.array([2.0, 4.0, 3.0, 1.5, 0.7, 0.5])
     header = log.header.model_copy(update={"torque": "current"})
@@ -312,7 +312,7 @@ def test_what_hangs_and_what_sticks_is_measured(gap_dir: Path):
 
 @pytest.mark.slow
 def test_commanded_torques_are_torques(gap_dir: Path):
-    log = few_trials(load_log(gap_dir / "arm" / "case_003"))
+    log = few_trials(load_log(gap_dir / "arm" / "case_003"), 1)
     robot = nominal_robot(log)
     asked = replace(
         without_torque(log, {"mode": "velocity"}),

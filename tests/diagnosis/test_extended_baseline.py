@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.samples import arm_samples
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
+from tests.diagnosis.few_trials import few_trials
 
 
 @pytest.fixture(scope="module")
@@ -52,9 +52,6 @@ def test_predictions_with_an_effect_are_those_of_the_fit_with_it(baseline: Basel
 
 def test_a_log_without_validation_trials_is_judged_on_those_it_has(gap_dir: Path):
     log = load_log(gap_dir / "arm" / "case_006")
-    names = [trial.name for trial in log.trials[:3]]
-    entries = tuple(e for e in log.header.trials if Path(e.file).stem in names)
-    header = log.header.model_copy(update={"trials": entries})
-    result = diagnose(replace(log, header=header, trials=log.trials[:3]))
+    result = diagnose(few_trials(log, 2, 0))
     assert [(item.effect, item.location) for item in result.effects] == [("torque_bias", "panda_joint4")]
     assert any("no validation trial" in text for text in result.warnings)

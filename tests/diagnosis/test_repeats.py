@@ -15,7 +15,9 @@ from excite.diagnosis.equations.samples import arm_samples
 from excite.errors import LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.robot import nominal_robot
 from excite.robot.loading import load_robot
+from tests.diagnosis.two_joints import NOISE, moved, two_joint_log
 
 RATE, REST, MOTION = 200.0, 1.5, 8.0
 NOISE_Q, NOISE_TAU = 5e-5, 0.02
@@ -86,12 +88,27 @@ def test_the_floor_of_repeats_does_not_know_what_repeats(later: float) -> None:
 
 
 def test_a_log_in_memory_is_the_log_that_is_saved(tmp_path) -> None:
-    log = record(0.0)
+    rng = np.random.default_rng(3)
+    first, other = (
+        replace(made, tau=made.tau + np.array([0.0, 0.3]) * np.abs(made.q[:, :1]))
+        for made in (
+            moved(name, role, 12.0, rng, np.eye(2))
+            for name, role in (("a", "identification"), ("b", "validation"))
+        )
+    )
+    again = replace(first, name="again", tau=first.tau + NOISE * rng.normal(size=first.tau.shape))
+    trials = (first, other, again)
+    alone = two_joint_log(trials)
+    *others, entry = alone.header.trials
+    entries = (*others, entry.model_copy(update={"repeats": "a.parquet"}))
+    log = replace(alone, header=alone.header.model_copy(update={"trials": entries}))
     save_log(log, tmp_path / "log")
     read = load_log(tmp_path / "log")
     assert [t.repeats for t in log.trials] == [t.repeats for t in read.trials] == [None, None, "a"]
-    here, there = (diagnose(x, load_robot("iiwa14")) for x in (log, read))
+    here, there = (diagnose(x, nominal_robot(read)) for x in (log, read))
     assert here.gap.per_channel == there.gap.per_channel
+    # A floor of repeats is another one than that of the spectrum.
+    assert diagnose(alone, nominal_robot(read)).gap.per_channel != here.gap.per_channel
 
 
 def test_a_trial_that_was_broken_off_is_named() -> None:

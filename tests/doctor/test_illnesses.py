@@ -22,7 +22,7 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.diagnosis.few_trials import few_trials
 from tests.doctor.illnesses import ILLNESSES
-from tests.identification.practice_log import arm_log
+from tests.identification.practice_log import arm_log, changed
 
 ROBOTS = ("panda", "ur10", "iiwa14", "jaco2")
 ROOT = Path(__file__).resolve().parents[2]
@@ -112,11 +112,14 @@ def test_identify_and_diagnose_say_what_the_doctor_says(
 ) -> None:
     """And no diagnosis names the illness as an effect."""
     robot, log = logs["ur10"]
-    log = few_trials(log, 1)
+    # Beside the illness there is a true effect to be named: friction that the log does not call modelled.
+    modelled = ("rigid_body", "coulomb_friction", "armature")
+    log = changed(few_trials(log, 1), lambda trial: trial, modelled=modelled)
     healthy = diagnose(_through_a_file(log, robot, tmp_path / "healthy"), robot)
+    assert {item.effect for item in healthy.effects} == {"viscous_friction"}
     for name in ("torque sign", "gravity"):
-        changed = ILLNESSES[name].change(log, np.random.default_rng(2), 0)
-        ill = _through_a_file(changed, robot, tmp_path / name.replace(" ", "_"))
+        spoilt = ILLNESSES[name].change(log, np.random.default_rng(2), 0)
+        ill = _through_a_file(spoilt, robot, tmp_path / name.replace(" ", "_"))
         said = [item.to_json() for item in doctor(ill, robot).findings]
         assert said
         found = identify(robot, ill, "wls")

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -241,27 +238,3 @@ class TestOutsideCone:
 def test_bad_settings_are_refused_by_name(name, value):
     with pytest.raises(InputError, match=name):
         estimator_settings(methods_with(name)[0], **{name: value})
-
-
-_RUN = """
-import sys, numpy as np
-from excite.identification.estimators.registry import ESTIMATORS
-from excite.robot.loading import load_robot
-from tests.identification.estimated import estimated
-from tests.identification.synthetic import arm_problem
-problem = arm_problem(load_robot("panda"), seed=0, duration=2.0)
-names = [name for name in ESTIMATORS if name != "physical"]
-np.save(sys.argv[1], [estimated(ESTIMATORS[name](), problem, sphere_epsilon=1e-3).parameters for name in names])
-"""
-
-
-@pytest.mark.slow
-def test_results_do_not_depend_on_the_number_of_blas_threads(tmp_path, arm):
-    found = []
-    for threads in ("1", "2"):
-        path = tmp_path / f"{threads}.npy"
-        environment = dict(os.environ, OPENBLAS_NUM_THREADS=threads, OMP_NUM_THREADS=threads)
-        subprocess.run([sys.executable, "-c", _RUN, str(path)], check=True, env=environment)
-        found.append(np.load(path))
-    predicted = [item @ arm.Y.T for item in found]
-    np.testing.assert_allclose(predicted[0], predicted[1], atol=1e-7)

@@ -67,7 +67,7 @@ class Refiner:
     def _searched(self, beside: Beside, term: Term) -> tuple[Term, float]:
         """Steps on a logarithmic scale, one parameter after the other, the steps ever smaller."""
         best, gain = term, beside.gain(term)[0]
-        step, tried = _FIRST, 0
+        step, tried, seen = _FIRST, 0, {_rounded(term.theta)}
         while step > _LAST and term.theta and tried < _MOST:
             moved = False
             for i, parameter in enumerate(term.effect.searched):
@@ -76,8 +76,12 @@ class Refiner:
                     if not parameter.low <= value <= parameter.high:
                         continue
                     theta = (*best.theta[:i], value, *best.theta[i + 1 :])
-                    item = self._made(term.effect, term, theta)
                     tried += 1
+                    # Shorter steps come back to where longer ones were: what was no better then is none now.
+                    if _rounded(theta) in seen:
+                        continue
+                    seen.add(_rounded(theta))
+                    item = self._made(term.effect, term, theta)
                     if item is None:
                         continue
                     new, x = beside.gain(item)
@@ -95,3 +99,8 @@ class Refiner:
         if term.known:
             return True
         return term.effect.admissible(self.maker.context, term.location, term.theta, term.beta(x))
+
+
+def _rounded(theta: Theta) -> tuple[str, ...]:
+    """The same for parameters that differ by rounding alone."""
+    return tuple(f"{value:.9e}" for value in theta)

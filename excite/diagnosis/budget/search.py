@@ -55,7 +55,7 @@ class Search:
     @property
     def candidates(self) -> int:
         """Number of effects and places."""
-        return max(self.tried, len({t.key for t in self.design.terms}))
+        return max(self.tried, self.design.n_candidates)
 
     def run(self) -> Model:
         """Sweep until nothing changes."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -166,23 +167,21 @@ def _helpful(
     def left(model: AugmentedModel, rigid: Array) -> Array:
         return np.asarray((errors(model.xml, samples, rigid, check) ** 2).mean(axis=(0, 1)))
 
+    @cache
     def made(count: int) -> tuple[AugmentedModel, Baseline, Array]:
-        if not count:
-            return before, baseline, nominal
+        """With the first effects; fewer of them are simulated only where more do not help."""
+        if count == 0:
+            return before, baseline, left(before, baseline.rigid)
         final = attribution.final if count == len(effects) else attribution.stages[count].context.baseline
         model = augmented_model(final, effects[:count])
         return model, final, left(model, final.rigid)
 
-    nominal = left(before, baseline.rigid)
-    here = made(len(effects))
-    whole = here[0]
+    whole = made(len(effects))[0]
     for count in range(len(effects), 0, -1):
-        fewer = made(count - 1)
-        model, final, most = here
+        model, final, most = made(count)
         gain = plan.least_gain if count > 1 else 0.0
-        if _nearer(most, nominal) and _nearer(most, fewer[2], gain):
+        if _nearer(most, made(0)[2]) and _nearer(most, made(count - 1)[2], gain):
             return _Helpful(model, final, effects[:count], whole)
-        here = fewer
     return _Helpful(before, baseline, (), whole)
 
 

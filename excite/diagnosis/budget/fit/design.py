@@ -117,6 +117,11 @@ class Design:
         )
 
     @cached_property
+    def n_candidates(self) -> int:
+        """Number of effects and places."""
+        return len({term.key for term in self.terms})
+
+    @cached_property
     def groups(self) -> tuple[Candidates, ...]:
         """Its terms by their sizes."""
         return grouped(self.terms, self.place, self.fitted.total)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -46,7 +47,7 @@ class Term:
         """Name of the effect."""
         return self.effect.name
 
-    @property
+    @cached_property
     def key(self) -> tuple[str, str]:
         """Name and place."""
         return self.name, self.location

@@ -34,6 +34,15 @@ def link_columns(context: Context, joint: int) -> Array:
     return kept[key][:, :, 10 * (joint - 1) : 10 * joint]
 
 
+def _power(context: Context, joint: int) -> Array:
+    """Products of these columns with each other, over all samples and joints, ``(10, 10)``."""
+    key, kept = (joint, "power of a body"), context.baseline.derived.values
+    if key not in kept:
+        columns = link_columns(context, joint).reshape(-1, 10)
+        kept[key] = columns.T @ columns
+    return kept[key]
+
+
 class Payload(Effect):
     """The regressor's columns of one body: mass, first moments, inertia (Atkeson, An, Hollerbach 1986)."""
 
@@ -71,9 +80,9 @@ class Payload(Effect):
         """Whether it has weight: one that has inertia alone is a rotor that the model lacks."""
         if ARMATURE.asked(context.baseline.modelled):
             return True
-        columns = link_columns(context, self.locations(context).index(location) + 1)
-        torque, weight = columns @ beta, columns[:, :, :4] @ beta[:4]
-        return float(np.linalg.norm(weight)) > _WEIGHTLESS * float(np.linalg.norm(torque))
+        power = _power(context, self.locations(context).index(location) + 1)
+        torque, weight = float(beta @ power @ beta), float(beta[:4] @ power[:4, :4] @ beta[:4])
+        return weight > _WEIGHTLESS**2 * torque
 
     def possible(self, context: Context, location: str, beta: Array) -> bool:
         """Whether link and body together have no negative mass, and the body's centre lies within reach."""

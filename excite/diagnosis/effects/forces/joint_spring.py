@@ -247,4 +247,4 @@ def pulls_back(q: Array, stiffness: float, quadratic: float = 0.0, cubic: float 
         quadratic: [N·m/rad²].
         cubic: [N·m/rad³].
     """
-    return float((q - q.mean()) @ (stiffness * q + quadratic * q**2 + cubic * q**3)) > 0.0
+    return float((q - q.mean()) @ (q * (stiffness + q * (quadratic + q * cubic)))) > 0.0
