@@ -137,6 +137,9 @@ class HardeningSpring(JointSpring):
     def richer(self) -> tuple[Effect, ...]:
         return ()
 
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [()]
+
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         q = context.q[:, j]
@@ -190,10 +193,6 @@ class SlackSpring(JointSpring):
 
     @property
     def forms(self) -> tuple[Effect, ...]:
-        return ()
-
-    @property
-    def richer(self) -> tuple[Effect, ...]:
         return ()
 
     def grid(self, context: Context, location: str) -> list[Theta]:
