@@ -16,7 +16,6 @@ from excite.diagnosis.effects.bodies.link_length_error import LinkLengthError
 from excite.diagnosis.effects.bodies.payload import Payload
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.forces.joint_spring import SlackSpring
 from excite.diagnosis.effects.forces.torque_ripple import RippleHarmonics, TorqueRipple
 from excite.diagnosis.effects.form import Sizes
 from excite.diagnosis.effects.friction.stribeck import (
@@ -56,7 +55,6 @@ SIZES: dict[type[Effect], tuple[Theta, tuple[float, ...]]] = {
     StribeckExponent: ((0.25, 1.2), (1.5,)),
     StribeckBristles: ((0.25, 2e-3), (3.0, 0.4, 0.0)),
     TorqueRipple: ((13.0,), (2.0, 1.0)),
-    SlackSpring: ((0.8,), (10.0,)),
     RippleHarmonics: ((13.0,), (2.0, 1.0, 0.7, -0.7, 0.1, 0.1)),
     JointElasticity: ((60.0, 0.2), ()),
     HardeningElasticity: ((30.0, 0.2, 0.05), ()),

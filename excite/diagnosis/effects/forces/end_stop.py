@@ -10,7 +10,6 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.forces.joint_spring import pulls_often
 from excite.diagnosis.equations.joint_torque import Fit
 
 # Shares of a joint's travel that may lie beyond the edge.
@@ -46,12 +45,9 @@ class EndStop(Effect):
         return Shape({j: self.side * beyond[:, None]})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        way = self.side * context.q[:, context.row(location)]
-        inside = self.searched[0].low <= theta[0] <= _MOST * float(np.ptp(way))
-        # What pushes back for much of the time is a spring.
-        return (
-            inside and not pulls_often(way, theta[0]) and super().admissible(context, location, theta, beta)
-        )
+        travel = float(np.ptp(context.q[:, context.row(location)]))
+        inside = self.searched[0].low <= theta[0] <= _MOST * travel
+        return inside and super().admissible(context, location, theta, beta)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         way = self.side * context.q[:, context.row(location)]

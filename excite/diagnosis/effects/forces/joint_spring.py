@@ -8,23 +8,16 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.bristle import Bristle
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
-from excite.diagnosis.effects.note import Beyond, JointStep, Note, Noted
-from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.effects.note import Beyond, JointStep, Note
 from excite.doctor.doubt import Doubt
 
 # A spring whose torque hardly changes over the joint's motion is a constant.
 _CHANGES = 0.05
-# Share of a motion's time from which what pushes back beyond an edge is a spring that is slack before it: drawn arms
-# run into stops for 15 to 25 % of it, another simulator's springs of one side pull for half. And least time of slack.
-_OFTEN, _LEAST_SLACK = 0.3, 0.1
-# Shares of a motion for which a spring of one side is slack where its search begins.
-_SLACK = (0.2, 0.35, 0.5, 0.65)
 # Cables and springs wind up over no more than so many radians.
 _TRAVEL = 4.0 * np.pi
 
@@ -38,18 +31,12 @@ class Spring(Note):
         cubic: [N·m/rad³].
         rubbing: dry friction that builds up over a deflection [N·m].
         breakaway: that deflection [rad].
-        taut: stiffness of a spring that is slack on one side [N·m/rad].
-        above: where that pulls above a position [rad].
-        below: where it pulls below one [rad].
     """
 
-    quadratic: float = 0.0
-    cubic: float = 0.0
+    quadratic: float
+    cubic: float
     rubbing: float | None = None
     breakaway: float | None = None
-    taut: float | None = None
-    above: float | None = None
-    below: float | None = None
 
     beyond = Beyond.SPRING
 
@@ -64,12 +51,7 @@ class Spring(Note):
         return self.rubbing or 0.0
 
     def torque(self, at: JointStep) -> float:
-        pulled = self.quadratic * at.q**2 + self.cubic * at.q**3
-        if self.taut is not None and self.above is not None:
-            pulled += self.taut * max(at.q - self.above, 0.0)
-        if self.taut is not None and self.below is not None:
-            pulled += self.taut * min(at.q - self.below, 0.0)
-        return -pulled
+        return -(self.quadratic * at.q**2 + self.cubic * at.q**3)
 
 
 class JointSpring(Effect):
@@ -86,10 +68,6 @@ class JointSpring(Effect):
     mujoco = "joint stiffness and springref"
     note = Spring
     spans = ("q", "1")
-
-    @property
-    def forms(self) -> tuple[Effect, ...]:
-        return (SlackSpring(1.0), SlackSpring(-1.0))
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -130,15 +108,8 @@ class HardeningSpring(JointSpring):
     )
 
     @property
-    def forms(self) -> tuple[Effect, ...]:
-        return ()
-
-    @property
     def richer(self) -> tuple[Effect, ...]:
         return ()
-
-    def starts(self, theta: Theta) -> list[Theta]:
-        return [()]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
@@ -174,64 +145,6 @@ class RubbingSpring(HardeningSpring):
         # Bristles do not push: where a fit has them do so, the joint has less dry friction.
         rest = {name: value for name, value in item.values.items() if name not in ("rubbing", "breakaway")}
         return replace(super().in_mujoco(replace(item, values=rest)), coulomb=rubbing)
-
-
-class SlackSpring(JointSpring):
-    """``τ = k max(q − q_0, 0)``, or the same below: a cable, a bungee or a hose that is slack on one side.
-
-    The search is over how far the joint goes beyond where it is taut.
-
-    Args:
-        side: 1 where it pulls above a position, −1 where it pulls below one.
-    """
-
-    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("stiffness", "N·m/rad", 0.0),)
-    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("depth", "rad", 1e-3, 6.0),)
-
-    def __init__(self, side: float):
-        self.side = side
-
-    @property
-    def forms(self) -> tuple[Effect, ...]:
-        return ()
-
-    def grid(self, context: Context, location: str) -> list[Theta]:
-        way = self.side * context.q[:, context.row(location)]
-        most = float(way.max())
-        return [(most - float(np.quantile(way, slack)),) for slack in _SLACK]
-
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        way = self.side * context.q[:, j]
-        return Shape({j: self.side * np.maximum(way - (way.max() - theta[0]), 0.0)[:, None]})
-
-    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        return beta[0] >= 0.0 and pulls_often(self.side * context.q[:, context.row(location)], theta[0])
-
-    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        way = self.side * context.q[:, context.row(location)]
-        edge = self.side * (float(way.max()) - theta[0])
-        stiffness = super().estimates(context, location, theta, fit)["stiffness"]
-        return {"stiffness": stiffness, self._edge: Estimate(edge, None, "rad")}
-
-    def in_mujoco(self, item: Sizes) -> Form:
-        note = Spring(taut=item.value("stiffness"), **{self._edge: item.value(self._edge)})
-        return Form(notes=(Noted(self.name, item.location, note),))
-
-    @property
-    def _edge(self) -> str:
-        return "above" if self.side > 0.0 else "below"
-
-
-def pulls_often(way: Array, depth: float) -> bool:
-    """Whether what pushes back beyond an edge does so over much of a motion, though not all: no stop does.
-
-    Args:
-        way: ``(n_samples,)`` positions towards it [rad].
-        depth: how far the largest lies beyond the edge [rad].
-    """
-    beyond = float(np.mean(way > way.max() - depth))
-    return _OFTEN <= beyond <= 1.0 - _LEAST_SLACK
 
 
 def pulls_back(q: Array, stiffness: float, quadratic: float = 0.0, cubic: float = 0.0) -> bool:
