@@ -104,4 +104,4 @@ def all_alike(elements: Sequence[ElementTree.Element]) -> bool:
 def _canonical(element: ElementTree.Element) -> str:
     alone = copy(element)
     alone.tail = None
-    return ElementTree.canonicalize(ElementTree.tostring(alone), strip_text=True)
+    return ElementTree.canonicalize(ElementTree.tostring(alone, encoding="unicode"), strip_text=True)

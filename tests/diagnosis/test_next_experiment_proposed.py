@@ -239,7 +239,7 @@ def test_shapes_that_touch_in_the_record_are_named_with_what_to_do(robot: Robot,
 
 @pytest.mark.slow
 def test_the_motion_proposed_settles_the_doubt_when_the_robot_runs_it(tmp_path: Path):
-    done = outcome(RECIPES[12], np.random.default_rng(1), tmp_path)
+    done = outcome(RECIPES[0], np.random.default_rng(3), tmp_path)
     assert done.eligible, done.first
     assert done.safe
     assert done.separated, done.then
