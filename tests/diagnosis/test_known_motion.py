@@ -94,6 +94,17 @@ def test_a_joint_that_stands_has_no_say_in_the_bands() -> None:
     assert bands_by_noise(log, log.trials) == Bands()
 
 
+def test_steps_of_an_encoder_count_as_noise_long_before_they_bend_a_single_column() -> None:
+    """Arms with 14 bits a turn had false soft gears: beside whole bodies a tenth of what bends one column is enough."""
+    log = _log(0.0, np.random.default_rng(0), lift=0.0)
+    seen = {}
+    for bits in (15, 17):
+        step = 2.0 * np.pi / 2**bits
+        trials = tuple(replace(t, q=step * np.round(t.q / step)) for t in log.trials)
+        seen[bits] = bands_by_noise(log, trials).rows_hz
+    assert seen[15] < Bands().rows_hz == seen[17]
+
+
 @pytest.mark.parametrize("constant", [0.0, 25.0])
 def test_noise_of_a_slow_lift_is_no_constant_torque_and_hides_none(constant: float, tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").write_text(URDF)
