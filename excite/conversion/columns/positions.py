@@ -97,8 +97,8 @@ def _by_unit(
         f"{item.target}: {'deg' if is_so else 'rad'}" for item, is_so in zip(turning, degrees, strict=True)
     )
     found.ask(
-        f"{', '.join(names[0][:4])} can only be degrees, {', '.join(names[1][:4])} may be radians: as degrees "
-        f"{one.partition('.')[2]} … would turn by less than 6.3",
+        f"{', '.join(names[0][:MOST_NAMED])} can only be degrees, {', '.join(names[1][:MOST_NAMED])} may be radians: "
+        f"as degrees {one.partition('.')[2]} … would turn by less than 6.3",
         f"units: {{q: deg}} where all are degrees, or units: {{{stated}}}",
     )
     return [(items, "")]

@@ -11,7 +11,7 @@ from excite.conversion.columns.clock import row_seconds
 from excite.conversion.columns.mixed_units import alike, stated_unit
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
 from excite.conversion.columns.scaled import named_unit, scaled, values_of, without_unit
-from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit
+from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit, zero_of
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -25,6 +25,7 @@ _VELOCITIES = {
     "mrad/s": 1e-3,
     "in/s": 0.0254,
 }
+_FACTORS = TO_SI | _VELOCITIES | COUNT_RATES
 # Torques beyond a joint's limit by this are in another unit: gears and servos are not exceeded by an order.
 _BEYOND_LIMIT = 30.0
 # Gravity may keep the torques of one or two joints on one side; not those of three.
@@ -66,8 +67,7 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
 
 def _scaled_as(items: list[Mapped], mapping: Map, unit: str, because: str) -> list[Mapped]:
     """Columns of one unit with their factors."""
-    factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
-    zero = COUNTS[unit][0] if unit in COUNTS else 0.0
+    factor, zero = _FACTORS.get(unit, 1.0), zero_of(unit)
     return [scaled(item, mapping, factor, zero, f"{item.because}; {because}") for item in items]
 
 
@@ -97,8 +97,7 @@ def _of_positions(
     """Positions of one unit, with whole turns that bring them into their ranges."""
     if unit == SHARE:
         return of_ranges(found, items, mapping, machine)
-    factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
-    zero = COUNTS[unit][0] if unit in COUNTS else 0.0
+    factor, zero = _FACTORS.get(unit, 1.0), zero_of(unit)
     turning = unit in ("rad", "deg") and not mapping.motors
     zeros = whole_turns(items, columns, machine, factor) if turning else [zero] * len(items)
     return [

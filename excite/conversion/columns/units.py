@@ -57,6 +57,11 @@ class PositionUnit(NamedTuple):
     sure: bool
 
 
+def zero_of(unit: str) -> float:
+    """What a position is at its unit's number zero [rad]: the beginning of the range where servos count."""
+    return COUNTS[unit][0] if unit in COUNTS else 0.0
+
+
 def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stated: str) -> PositionUnit:
     """Unit of positions, and how it is known.
 

@@ -14,8 +14,8 @@ from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
-from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
 from excite.regressor.kernels import inverse_dynamics
+from excite.rows.kinematics import positions_on_grid, trial_grid
 
 
 def position_noise(samples: ArmSamples, columns: Sequence[int], trials: Sequence[Trial]) -> Array:
@@ -27,12 +27,7 @@ def position_noise(samples: ArmSamples, columns: Sequence[int], trials: Sequence
         trials: the trials as logged, repaired.
     """
     rate = samples.rate_hz
-    positions = []
-    for trial in trials:
-        q = trial.q[:, list(columns)]
-        if not is_uniform(trial.time, rate):
-            q = resample_smooth(trial.time, q, uniform_grid(trial.time, rate))
-        positions.append(q)
+    positions = [positions_on_grid(t.time, t.q[:, list(columns)], trial_grid(t, rate)) for t in trials]
     return np.asarray(np.sqrt(0.5 * rate * noise_density(positions, rate, samples.bands.kinematics_hz)))
 
 

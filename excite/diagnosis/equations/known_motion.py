@@ -49,7 +49,7 @@ def noise_density(positions: Sequence[Array], rate_hz: float, band_hz: float) ->
     return np.asarray(np.median(found, axis=0))
 
 
-def bands_by_noise(log: Log, trials: Sequence[Trial], bands: Bands | None = None) -> Bands:
+def bands_by_noise(log: Log, trials: Sequence[Trial]) -> Bands:
     """Bands of the comparison: lower where the noise of positions would bend what is fitted.
 
     Noise in a regressor bends its coefficient towards zero by the noise's share of the regressor's power (Fuller,
@@ -61,9 +61,8 @@ def bands_by_noise(log: Log, trials: Sequence[Trial], bands: Bands | None = None
     Args:
         log: the log.
         trials: repaired trials.
-        bands: where there is no noise.
     """
-    bands = bands or Bands()
+    bands = Bands()
     rate = float(np.median([trial_rate(log.header, trial) for trial in trials]))
     positions = [positions_on_grid(t.time, t.q, trial_grid(t, rate)) for t in trials]
     noise = noise_density(positions, rate, bands.kinematics_hz)

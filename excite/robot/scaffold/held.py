@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.scaffold.guesses import JointGuess
-from excite.robot.urdf.tree import MOVING
+from excite.robot.urdf.tree import MOVING, link_at
 
 _WHEEL = re.compile(r"wheel|caster|castor|roller|rotor|propell", re.IGNORECASE)
 _FINGER = re.compile(r"finger|thumb|gripper|knuckle|jaw|pinky", re.IGNORECASE)
@@ -57,8 +57,7 @@ def held_joints(
             continue
         if guess.follows is not None:
             continue
-        child = joints[guess.name].find("child")
-        called = f"{guess.name} {'' if child is None else child.get('link', '')}"
+        called = f"{guess.name} {link_at(joints[guess.name], 'child')}"
         called = " ".join([called, *(one.name for one in guesses if one.follows == guess.name)])
         slides = joints[guess.name].get("type") == "prismatic"
         if masses[guess.name] <= 0.0 and guess.name not in tied:
@@ -87,7 +86,7 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
         for link in root.findall("link")
         if link.find("visual/geometry") is not None or link.find("collision/geometry") is not None
     }
-    ends = {name: tuple(_link(joint, end) for end in ("parent", "child")) for name, joint in joints.items()}
+    ends = _ends(joints)
     children = {child for _, child in ends.values()}
     here = next((parent for parent, _ in ends.values() if parent not in children), "")
     turn, slides, hinges, found = np.eye(3), dict[str, Array](), dict[str, Array](), set[str]()
@@ -107,9 +106,9 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
     return found
 
 
-def _link(joint: ElementTree.Element, end: str) -> str:
-    found = joint.find(end)
-    return "" if found is None else str(found.get("link"))
+def _ends(joints: dict[str, ElementTree.Element]) -> dict[str, tuple[str, str]]:
+    """Links before and beyond each joint."""
+    return {name: (link_at(joint, "parent"), link_at(joint, "child")) for name, joint in joints.items()}
 
 
 def _three(element: ElementTree.Element | None, name: str, default: str) -> Array:
@@ -120,10 +119,7 @@ def _three(element: ElementTree.Element | None, name: str, default: str) -> Arra
 def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) -> set[str]:
     """Joints beyond a link of little mass at which limbs part that have three or more ends."""
     moving = {name for name, joint in joints.items() if joint.get("type") in MOVING}
-    ends = {
-        name: tuple(str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
-        for name, joint in joints.items()
-    }
+    ends = _ends(joints)
     whole = max((masses[name] for name in moving), default=0.0)
     found: set[str] = set()
 
@@ -157,8 +153,7 @@ def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Elem
         own[link.get("name", "")] = _number(mass)
     children: dict[str, list[str]] = {}
     ends: dict[str, str] = {}
-    for name, joint in joints.items():
-        parent, child = (str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
+    for name, (parent, child) in _ends(joints).items():
         children.setdefault(parent, []).append(child)
         ends[name] = child
     order = list(ends.values())

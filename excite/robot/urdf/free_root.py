@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
+from excite.robot.urdf.tree import link_at
+
 
 def free_root(root: ElementTree.Element) -> tuple[ElementTree.Element, ElementTree.Element] | None:
     """The floating joint that carries the whole robot, and the bare link that it hangs on; None where there is none.
@@ -15,8 +17,8 @@ def free_root(root: ElementTree.Element) -> tuple[ElementTree.Element, ElementTr
     for joint in joints:
         if joint.get("type") != "floating":
             continue
-        above = _end(joint, "parent")
-        ends = [(_end(other, "parent"), _end(other, "child")) for other in joints if other is not joint]
+        above = link_at(joint, "parent")
+        ends = [(link_at(other, "parent"), link_at(other, "child")) for other in joints if other is not joint]
         links = [link for link in root.findall("link") if link.get("name") == above]
         if any(above in pair for pair in ends) or len(links) != 1:
             continue
@@ -31,8 +33,3 @@ def drop_free_root(root: ElementTree.Element) -> None:
     if found is not None:
         for element in found:
             root.remove(element)
-
-
-def _end(joint: ElementTree.Element, end: str) -> str:
-    element = joint.find(end)
-    return "" if element is None else str(element.get("link"))

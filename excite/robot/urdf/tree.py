@@ -77,6 +77,12 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     return joints
 
 
+def link_at(joint: ElementTree.Element, end: str) -> str:
+    """Name of the link at a joint's ``end``, ``parent`` or ``child``; empty where the joint names none."""
+    element = joint.find(end)
+    return "" if element is None else str(element.get("link"))
+
+
 def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, ElementTree.Element]:
     found: dict[str, ElementTree.Element] = {}
     for number, element in enumerate(root.findall(tag)):
