@@ -147,33 +147,29 @@ class Reading:
         made = (self._try(term, self.scorer.baseline) for term in terms)
         return tuple(scored for scored in made if scored is not None)
 
-    def _at_model(self, baseline: Baseline) -> Baseline:
-        """A baseline with its own equations, and predictions at the bodies of the model of the gap.
-
-        A gear's load is what its link needs, which the fit without the gear has bent.
-        """
-        if not baseline.free:
-            return baseline
-        x, n = self.found.search.model.x, self.found.baseline.basis.shape[1]
-        there = replace(baseline.fit, shared=np.concatenate([x[:n], baseline.fit.shared[n:]]))
-        return replace(baseline.updated(there), solver=baseline.solver)
-
     def _try(self, term: Term, baseline: Baseline, nats: float | None = None) -> Scored | None:
         """A term in the equations of what is modelled; None where it cannot be there."""
         named = self._terms.get(term.key) is term or baseline is self._begun
-        made = hypothesis_of(term, self._at_model(baseline) if named else baseline)
+        made = hypothesis_of(term, baseline, term.context if named else None)
         if made.effect.along:
             # Play before friction is told by rows near standstill, which count here and hardly in the model of the gap.
             made = Search(Context(made.baseline), made.baseline.solver).refine(made)
         return self.scorer.scored(baseline.fit, made, nats) if made.physical else None
 
 
-def hypothesis_of(term: Term, baseline: Baseline) -> Hypothesis:
-    """A term of the model in the equations of a baseline."""
-    context = Context(baseline)
-    columns = at_rows(context, term.effect.shape(context, term.location, term.theta))
+def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None) -> Hypothesis:
+    """A term of the model in the equations of a baseline.
+
+    Args:
+        term: the term.
+        baseline: the equations.
+        made_at: predictions that its columns are made of, where not the baseline's own: a gear's load is what its link
+            needs beside all that the model has.
+    """
+    shape = term.effect.shape(made_at or Context(baseline), term.location, term.theta)
+    columns = at_rows(Context(baseline), shape)
     fit = baseline.solver.fit(columns.extra, columns.offset, 6, term.effect.widths)
-    return Hypothesis(term.effect, term.location, term.theta, columns, fit, baseline)
+    return Hypothesis(term.effect, term.location, term.theta, columns, fit, baseline, made_at)
 
 
 def _second_name(item: Scored, final: Baseline) -> str | None:

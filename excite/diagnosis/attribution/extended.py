@@ -8,7 +8,6 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.attribution.hypotheses import Hypothesis
-from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Solver
 
@@ -43,7 +42,7 @@ def extended(item: Hypothesis) -> Baseline:
 
 def torque_of(item: Hypothesis) -> Array:
     """What a fitted effect adds to the torques at full rate, ``(n_samples, n_joints)`` [N·m]."""
-    shape = item.effect.shape(Context(item.baseline), item.location, item.theta)
+    shape = item.effect.shape(item.context, item.location, item.theta)
     torque = np.zeros_like(item.baseline.rigid)
     for j, columns in shape.columns.items():
         torque[:, j] += columns @ item.fit.extra

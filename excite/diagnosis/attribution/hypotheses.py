@@ -38,6 +38,7 @@ class Hypothesis:
         columns: at the rows.
         fit: the fit with it.
         baseline: what it was fitted on; its sign changes may differ from those that the search began with.
+        made_at: predictions that its columns were made of, where these are not the baseline's own.
     """
 
     effect: Effect
@@ -46,6 +47,12 @@ class Hypothesis:
     columns: Columns
     fit: Fit
     baseline: Baseline
+    made_at: Context | None = None
+
+    @property
+    def context(self) -> Context:
+        """Predictions that its columns were made of."""
+        return self.made_at or Context(self.baseline)
 
     @property
     def loss(self) -> float:

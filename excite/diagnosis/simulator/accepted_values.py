@@ -47,4 +47,4 @@ def _found(item: Scored, beta: Array) -> Found:
 def told_states(attribution: Attribution) -> tuple[tuple[str, Told], ...]:
     """By place, what the record tells of each accepted effect's own state."""
     hypotheses = [item.hypothesis for item in attribution.accepted]
-    return tuple((h.location, h.effect.told(Context(h.baseline), h.location, h.theta)) for h in hypotheses)
+    return tuple((h.location, h.effect.told(h.context, h.location, h.theta)) for h in hypotheses)

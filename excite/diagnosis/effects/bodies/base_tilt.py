@@ -60,6 +60,10 @@ class BaseTilt(Effect):
     def richer(self) -> tuple[Effect, ...]:
         return (SteepTilt(),)
 
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return (KnownLeverTilt(),)
+
     def offered(self, modelled: tuple[str, ...]) -> bool:
         return self.name not in modelled
 
@@ -77,7 +81,8 @@ class BaseTilt(Effect):
                 model.gravity.linear = axis
                 columns[:, :, k] = context.torques(q, still, still, model)
         # A slide has no first moments; those of links further out are the identifier's.
-        if samples.index[0] == 0 and not slides(samples.robot, context.joints[0]):
+        lever = len(self.linear) > 2
+        if lever and samples.index[0] == 0 and not slides(samples.robot, context.joints[0]):
             first = context.q[:, 0]
             columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
         return Shape({j: columns[:, j] for j in range(len(context.joints))})
@@ -85,7 +90,7 @@ class BaseTilt(Effect):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         mass = sum(inertia.mass for inertia in context.baseline.samples.robot.model.inertias)
         most = _LEVER * mass * max(float(np.hypot(*beta[:2])), _LEAST)
-        return float(np.hypot(*beta[2:4])) <= most and super().admissible(context, location, theta, beta)
+        return float(np.linalg.norm(beta[2:4])) <= most and super().admissible(context, location, theta, beta)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         # A slide that is level shows one of the two, or none.
@@ -100,6 +105,20 @@ class BaseTilt(Effect):
         first = {name: item.value(f"first_row_{name}") for name in ("cosine", "sine")}
         noted = self.noted(replace(item, values={**first, "periods_per_rev": 1.0}), item.joints[0])
         return Form(gravity=lambda gravity: tilted(gravity, item), notes=(noted,))
+
+
+class KnownLeverTilt(BaseTilt):
+    """The same with a first link as it is known: beside a large effect at joint 1, its first moments are nowhere."""
+
+    linear = BaseTilt.linear[:2]
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (BaseTilt(),)
+
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return ()
 
 
 class SteepTilt(BaseTilt):

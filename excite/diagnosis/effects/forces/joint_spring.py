@@ -11,6 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.effects.bristle import Bristle
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.forces.one_sided import OneSided
 from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
 from excite.diagnosis.effects.note import Beyond, JointStep, Note
@@ -20,6 +21,8 @@ from excite.doctor.doubt import Doubt
 _CHANGES = 0.05
 # Cables and springs wind up over no more than so many radians.
 _TRAVEL = 4.0 * np.pi
+# A length that no joint reaches, where a spring is slack [rad].
+_FAR = 1e3
 
 
 @dataclass(frozen=True)
@@ -65,13 +68,17 @@ class JointSpring(Effect):
     )
     confusable_with = ("torque_bias", "encoder_offset", "base_tilt")
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
-    mujoco = "joint stiffness and springref"
+    mujoco = "joint stiffness and springref; with slack, a tendon of that joint alone"
     note = Spring
     spans = ("q", "1")
 
     @property
     def richer(self) -> tuple[Effect, ...]:
         return (HardeningSpring(), RubbingSpring())
+
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return (SlackSpring(), LowerSlackSpring())
 
     def locations(self, context: Context) -> tuple[str, ...]:
         return tuple(j for j, q in zip(context.joints, context.q.T, strict=True) if np.ptp(q) <= _TRAVEL)
@@ -96,6 +103,41 @@ class JointSpring(Effect):
             joint.springref = -item.value("torque_at_zero") / stiffness
 
         return Form(elements=stretched)
+
+
+class SlackSpring(OneSided, JointSpring):
+    """``τ = k max(q − edge, 0)`` over much of a joint's travel: a hose that tightens, a counterbalance that lifts off."""
+
+    first: ClassVar[tuple[float, ...]] = (0.5, 0.65, 0.8)
+    # What acts over less is a stop, over more a spring without slack.
+    within: ClassVar[tuple[float, float]] = (0.45, 0.95)
+    spans: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return ()
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        edge, stiffness = item.value("edge"), item.value("stiffness")
+        slack = [-_FAR, edge] if self.side > 0.0 else [edge, _FAR]
+
+        def tightened(draft: Draft) -> None:
+            tendon = draft.spec.add_tendon(
+                name=f"{item.location}.spring", stiffness=[stiffness, 0.0, 0.0], springlength=slack
+            )
+            tendon.wrap_joint(item.location, 1.0)
+
+        return Form(elements=tightened)
+
+
+class LowerSlackSpring(SlackSpring):
+    """The same below an edge."""
+
+    side: ClassVar[float] = -1.0
 
 
 class HardeningSpring(JointSpring):
