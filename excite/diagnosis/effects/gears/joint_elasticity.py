@@ -103,11 +103,12 @@ class HardeningElasticity(JointElasticity):
         return [(s * theta[0], theta[1], at) for s in (0.15, 0.4, 0.8) for at in (0.01, 0.03, 0.08)]
 
     def own_starts(self, context: Context, location: str) -> list[Theta]:
-        """Hardly damped, and much stiffer where the load stretches it than at rest."""
+        """Stiffer where the load stretches it than at rest: hardly damped, and damped more, whose valley is wider."""
         j = context.row(location)
         load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
-        soft = [contact_stiffness(context, j, hertz) for hertz in (1.6, 2.4, 3.6, 5.4)]
-        return [(k, 0.1, share * load / k) for k in soft for share in (0.7, 1.4)]
+        soft = [contact_stiffness(context, j, hertz) for hertz in (0.75, 1.1, 1.6, 2.4, 3.6, 5.4)]
+        wide = [(k, 0.3, 0.7 * load / k) for k in soft[:4]]
+        return wide + [(k, 0.1, share * load / k) for k in soft[2:] for share in (0.7, 1.4)]
 
     def gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return super().gear(context, location, theta)._replace(cubic=theta[2] ** -2)
