@@ -6,8 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
 from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.attribution.attribution import Attribution, Scored, Stage
 from excite.diagnosis.attribution.extended import extended

@@ -151,6 +151,10 @@ class Effect(ABC):
         """Where the search of a richer form begins besides, where the plain one fits nothing."""
         return []
 
+    def mirrored(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta] | None:
+        """What says about the same beside bodies and a constant that are free to take up the rest; None, mostly."""
+        return None
+
     def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
         """Non-linear parameters that say about the same on another fit of the baseline."""
         return theta

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from excite.diagnosis.effects.effect import Effect
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Theta
+from excite.diagnosis.effects.forces.joint_spring import LowerSlackSpring, SlackSpring
 from excite.diagnosis.effects.forces.one_sided import OneSided
 
 
@@ -19,6 +21,11 @@ class EndStop(OneSided):
     @property
     def forms(self) -> tuple[Effect, ...]:
         return (LowerEndStop(),)
+
+    def mirrored(self, context: Context, location: str, theta: Theta) -> tuple[Effect, Theta]:
+        """A spring that is slack where this pushes: weight and a constant take up what grows with the position."""
+        other = LowerSlackSpring() if self.side > 0.0 else SlackSpring()
+        return other, self.beyond_edge(context, location, theta)
 
 
 class LowerEndStop(EndStop):

@@ -106,7 +106,7 @@ class JointSpring(Effect):
 
 
 class SlackSpring(OneSided, JointSpring):
-    """``τ = k max(q − edge, 0)`` over much of a joint's travel: a hose that tightens, a counterbalance that lifts off."""
+    """``τ = k max(q − edge, 0)`` over much of a joint's travel: a hose that tightens, a weight that lifts off."""
 
     first: ClassVar[tuple[float, ...]] = (0.5, 0.65, 0.8)
     # What acts over less is a stop, over more a spring without slack.

@@ -43,7 +43,15 @@ class OneSided(Effect):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         travel = float(np.ptp(context.q[:, context.row(location)]))
         least, most = self.within
-        return self.searched[0].low <= theta[0] and least * travel <= theta[0] <= most * travel and beta[0] >= 0.0
+        return (
+            self.searched[0].low <= theta[0]
+            and least * travel <= theta[0] <= most * travel
+            and beta[0] >= 0.0
+        )
+
+    def beyond_edge(self, context: Context, location: str, theta: Theta) -> Theta:
+        """Non-linear parameters of what acts on the other side of the same edge."""
+        return (float(np.ptp(context.q[:, context.row(location)])) - theta[0],)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         way = self.side * context.q[:, context.row(location)]
