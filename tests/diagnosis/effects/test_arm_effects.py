@@ -11,11 +11,12 @@ import pytest
 
 from excite.arrays import Array
 from excite.diagnosis.answer.effect_summary import effect_summaries
-from excite.diagnosis.effects.bodies.base_tilt import BaseTilt, SteepTilt
+from excite.diagnosis.effects.bodies.base_tilt import BaseTilt, KnownLeverTilt, SteepTilt
 from excite.diagnosis.effects.bodies.link_length_error import LinkLengthError
 from excite.diagnosis.effects.bodies.payload import Payload
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.forces.joint_spring import LowerSlackSpring, SlackSpring
 from excite.diagnosis.effects.forces.torque_ripple import RippleHarmonics, TorqueRipple
 from excite.diagnosis.effects.form import Sizes
 from excite.diagnosis.effects.friction.stribeck import (
@@ -49,6 +50,7 @@ SIZES: dict[type[Effect], tuple[Theta, tuple[float, ...]]] = {
     Payload: ((), _BODY),
     LinkLengthError: ((), (0.02, 0.015, 0.02)),
     BaseTilt: ((), (0.6, 0.3, 0.2, 0.1)),
+    KnownLeverTilt: ((), (0.6, 0.3)),
     SteepTilt: ((), (0.6, 0.3, 0.2, 0.1, -0.1)),
     Stribeck: ((0.25,), (1.5,)),
     StribeckExponential: ((0.25,), (1.5,)),
@@ -58,6 +60,8 @@ SIZES: dict[type[Effect], tuple[Theta, tuple[float, ...]]] = {
     RippleHarmonics: ((13.0,), (2.0, 1.0, 0.7, -0.7, 0.1, 0.1)),
     JointElasticity: ((60.0, 0.2), ()),
     HardeningElasticity: ((30.0, 0.2, 0.05), ()),
+    SlackSpring: ((0.8,), (8.0,)),
+    LowerSlackSpring: ((0.8,), (8.0,)),
     Backlash: ((0.08, 20.0), ()),
     DampedBacklash: ((0.08, 20.0, 1.5), ()),
     SoftBacklash: ((0.08, 6.0, 0.02), ()),

@@ -104,7 +104,8 @@ class BaseTilt(Effect):
     def in_mujoco(self, item: Sizes) -> Form:
         first = {name: item.value(f"first_row_{name}") for name in ("cosine", "sine")}
         noted = self.noted(replace(item, values={**first, "periods_per_rev": 1.0}), item.joints[0])
-        return Form(gravity=lambda gravity: tilted(gravity, item), notes=(noted,))
+        notes = (noted,) if any(first.values()) else ()
+        return Form(gravity=lambda gravity: tilted(gravity, item), notes=notes)
 
 
 class KnownLeverTilt(BaseTilt):
