@@ -94,6 +94,9 @@ def model_of_gap(
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)
         kept, near = refined_terms(full, search, library, resonances=least > 0.0)
+        if steps and any(term.effect.moves for term in search.model.terms):
+            # What grows with the load has been given that of a robot without them.
+            candidates = library.candidates(TermMaker(predicted(full, search.model).context, full.strict))
     last, full = _settled(full, search, kept, near, library)
     return Found(last, full, predicted(full, last.model), likely)
 
