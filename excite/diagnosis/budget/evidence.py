@@ -76,6 +76,20 @@ def _nats(share: Array, one: Model, other: Model) -> float:
     return float((0.5 * effective * np.log(one.predicted.sum(axis=0) / other.predicted.sum(axis=0))).sum())
 
 
+def share_taken(without: Model, with_it: Model, of: Array) -> float:
+    """What a model leaves less than another, as a share of what is above the noise, where that share is largest.
+
+    Args:
+        without: the other model.
+        with_it: the model.
+        of: ``(n_joints,)`` sums of squares of which it is a share, each at its joint.
+    """
+    design = with_it.design
+    old, new = without.predicted.sum(axis=0), with_it.predicted.sum(axis=0)
+    noise = design.rows.floor**2 * design.fitted.count.sum()
+    return float(np.max(np.where(old > noise, (old - new) / np.maximum(of - noise, 1e-300), 0.0)))
+
+
 def probabilities(score: float, behind: Sequence[float]) -> tuple[float, ...]:
     """Probability of an effect, then of its rivals; that there is nothing has the rest.
 

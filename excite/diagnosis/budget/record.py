@@ -18,7 +18,7 @@ from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.polish.polisher import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import refined_terms
-from excite.diagnosis.budget.search import Search
+from excite.diagnosis.budget.search import LARGE, Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
@@ -26,9 +26,6 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.own_columns import COULOMB, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 
-# Share of what is left at its place that an effect of the first search has to take: small ones patch up what a large
-# one leaves at its first, rough parameters.
-_LARGE = 0.3
 # Passes after which the last terms stand: two whose places differ by rounding could go on.
 _PASSES = 3
 
@@ -74,7 +71,7 @@ def model_of_gap(
     kept: list[Term] = []
     near: list[Term] = []
     likely: tuple[Term, ...] = ()
-    candidates, steps = library.candidates(maker), [_LARGE, 0.0]
+    candidates, steps = library.candidates(maker), [LARGE, 0.0]
     while steps:
         least = steps.pop(0)
         begun = library.begun(maker)
@@ -89,7 +86,7 @@ def model_of_gap(
         # A body that was missing has bent what friction looked like: nothing else is sought beside it as yet.
         search.stops = least > 0.0 and not kept
         search.run()
-        steps = [_LARGE, *steps] if search.stopped else steps
+        steps = [LARGE, *steps] if search.stopped else steps
         if least > 0.0:
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)

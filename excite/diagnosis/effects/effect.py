@@ -88,6 +88,7 @@ class Effect(ABC):
         nameless: what it follows, where it is physics that no name of a diagnosis stands for; empty where it has one.
         seen_alone: whether it may show where the plainer form that it enriches does not, and is tried along with that.
         by_load: whether it is a share of what the rigid bodies ask of its joint.
+        patches: whether its shape bends to what the forms of others leave: it has to be a large part of a joint's gap.
         is_body: whether its linear parameters are the ten of a body.
         of_channel: whether it is of the torque channel alone: a log without one has none of it.
         twins_without_torque: other names that mean the same where only commands and positions are known.
@@ -112,6 +113,7 @@ class Effect(ABC):
     nameless: ClassVar[str] = ""
     seen_alone: ClassVar[bool] = False
     by_load: ClassVar[bool] = False
+    patches: ClassVar[bool] = False
     is_body: ClassVar[bool] = False
     of_channel: ClassVar[bool] = False
     twins_without_torque: ClassVar[tuple[str, ...]] = ()

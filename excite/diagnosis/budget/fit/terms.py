@@ -52,6 +52,17 @@ class Term:
         """Name and place."""
         return self.name, self.location
 
+    def can_be(self, context: Context, x: Array) -> bool:
+        """Whether fitted parameters ``(size,)`` are of something that can be, as its name says it."""
+        if self.known:
+            return True
+        beta, effect = self.beta(x), self.effect
+        if not effect.possible(context, self.location, beta):
+            return False
+        if self.started:
+            return all(p.low <= b <= p.high for p, b in zip(effect.linear, beta, strict=True))
+        return effect.admissible(context, self.location, self.theta, beta)
+
     @property
     def size(self) -> int:
         """Number of linear parameters."""
