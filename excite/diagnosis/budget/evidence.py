@@ -14,6 +14,10 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 # Odds at the width within which two effects are called alike: e³, about 20 to 1.
 _ODDS = 3.0
+# Share of what is left at its place that an effect of the first search has to take: small ones patch up what a large
+# one leaves at its first, rough parameters. Springs with slack always have to, of the whole gap: of friction by the
+# motor's torque they patch up 3 %, which is 37 nats; where they are there they have 85 and 95 % of the joint's gap.
+LARGE = 0.3
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import bodies_again, bodies_at
+from excite.diagnosis.budget.evidence import LARGE
 from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.fit.joint_fit import fit
@@ -18,7 +19,7 @@ from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.polish.polisher import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import refined_terms
-from excite.diagnosis.budget.search import LARGE, Search
+from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline

@@ -11,10 +11,11 @@ from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_at
 from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design
-from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
 from excite.diagnosis.budget.prediction import predicted
+from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
@@ -162,11 +163,20 @@ def refined_terms(
             alone = [i for i in others if i not in neighbours]
             apart = Beside.of(fit(model.design, alone, model.weight, left_out=False))
             near.append(refiner.refined(apart, again, term.effect.richer))
-        for other in search.instead(k, beside.model)[:_INSTEAD]:
+        for other in _instead(search, k, beside.model)[:_INSTEAD]:
             near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
     if resonances:
         near += [_with_its_swing(full, search, term) for term in _resonances(search, Refiner(maker))]
     return kept, near
+
+
+def _instead(search: Search, k: int, without: Model) -> list[int]:
+    """Other effects with non-linear parameters that might stand in a term's place, likeliest first."""
+    terms = search.design.terms
+    allowed = [i for i in search.allowed(without) if terms[i].key != terms[k].key]
+    ranking = [s for s in screened(without, allowed) if search.can_be(s.index, s.x)]
+    near = [s.index for s in one_each(search.design, ranking) if s.joint == terms[k].own]
+    return [i for i in near if terms[i].theta and not terms[i].started]
 
 
 def _mirrored(maker: TermMaker, term: Term) -> list[Term]:

@@ -9,7 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.evidence import Merit, merit, nats_alike, nats_between, price_of, share_taken
+from excite.diagnosis.budget.evidence import (
+    LARGE,
+    Merit,
+    merit,
+    nats_alike,
+    nats_between,
+    price_of,
+    share_taken,
+)
 from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.screening import Tried, one_each, screened
@@ -19,10 +27,6 @@ from excite.diagnosis.effects.gears.gear_effect import GearEffect
 from excite.diagnosis.equations.own_columns import COULOMB
 
 _SWEEPS = 4
-# Share of what is left at its place that an effect of the first search has to take: small ones patch up what a large
-# one leaves at its first, rough parameters. Springs with slack always have to, of the whole gap: of friction by the
-# motor's torque they patch up 3 %, which is 37 nats; where they are there they have 85 and 95 % of the joint's gap.
-LARGE = 0.3
 # Front-runners of the screening that are fitted in full at a time, and how often the next ones are tried.
 _FITTED, _BATCHES = 14, 2
 # Candidates that are fitted in the place of a term that is taken out.
@@ -105,7 +109,7 @@ class Search:
     def _best_of_screening(self) -> list[Tried]:
         """Those that pass, best first."""
         ranking = screened(self.model, self.allowed(self.model))
-        ranking = [item for item in ranking if self._can_be(item.index, item.x)]
+        ranking = [item for item in ranking if self.can_be(item.index, item.x)]
         ranking = one_each(self.design, ranking)
         for batch in range(_BATCHES):
             part = ranking[batch * _FITTED : (batch + 1) * _FITTED]
@@ -163,7 +167,7 @@ class Search:
             tried = self._in_place_of(k, without)
             ahead = {t.index: self._ahead(t, k) for t in tried}
             best = max(tried, key=lambda t: ahead[t.index], default=None)
-            keep = here.passes and not orphan and self._can_be(k, self.model.parameters(k))
+            keep = here.passes and not orphan and self.can_be(k, self.model.parameters(k))
             if best is not None and best.merit.passes:
                 simple = self.design.terms[best.index].n_parameters < term.n_parameters
                 gain, width = ahead[best.index], self._width(without, best)
@@ -198,7 +202,7 @@ class Search:
         allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key and i != k]
         joints = set(term.columns) if term.own is None else {term.own}
         ranking = screened(without, allowed)
-        ranking = [item for item in ranking if self._can_be(item.index, item.x)]
+        ranking = [item for item in ranking if self.can_be(item.index, item.x)]
         near = [item for item in one_each(self.design, ranking) if item.joint in joints]
         made = [self.try_beside(without, item.index) for item in near[:_SWAPPED]]
         return [item for item in made if item is not None and not self._patches(without, item)]
@@ -213,18 +217,14 @@ class Search:
         more = self.design.terms[a].n_parameters > self.design.terms[b].n_parameters
         return more and self._same_place(a, b)
 
-    def instead(self, k: int, without: Model) -> list[int]:
-        """Other effects with non-linear parameters that might stand in a term's place, likeliest first."""
-        term = self.design.terms[k]
-        allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key]
-        ranking = [s for s in screened(without, allowed) if self._can_be(s.index, s.x)]
-        near = [s.index for s in one_each(self.design, ranking) if s.joint == term.own]
-        return [i for i in near if self.design.terms[i].theta and not self.design.terms[i].started]
+    def can_be(self, k: int, x: Array) -> bool:
+        """Whether a term is physical at fitted parameters."""
+        return self.design.terms[k].can_be(self.context, x)
 
     def try_beside(self, without: Model, k: int) -> Tried | None:
         """A model with term ``k`` beside its own, and what that is worth; None where its numbers cannot be."""
         model = fit(self.design, (*without.chosen, k), without.weight, beside=without)
-        if not self._can_be(k, model.parameters(k)):
+        if not self.can_be(k, model.parameters(k)):
             return None
         return Tried(k, model, merit(without, model, self.design.terms[k], self.candidates))
 
@@ -250,6 +250,3 @@ class Search:
             self.design.terms[k].location == location and self.design.terms[k].effect.term is COULOMB
             for k in chosen
         )
-
-    def _can_be(self, k: int, x: Array) -> bool:
-        return self.design.terms[k].can_be(self.context, x)
