@@ -80,17 +80,18 @@ def _nats(share: Array, one: Model, other: Model) -> float:
     return float((0.5 * effective * np.log(one.predicted.sum(axis=0) / other.predicted.sum(axis=0))).sum())
 
 
-def share_taken(without: Model, with_it: Model, of: Array) -> float:
+def share_taken(without: Model, with_it: Model, of: Array | None = None) -> float:
     """What a model leaves less than another, as a share of what is above the noise, where that share is largest.
 
     Args:
         without: the other model.
         with_it: the model.
-        of: ``(n_joints,)`` sums of squares of which it is a share, each at its joint.
+        of: ``(n_joints,)`` sums of squares of which it is a share, each at its joint; what the other leaves if None.
     """
     design = with_it.design
     old, new = without.predicted.sum(axis=0), with_it.predicted.sum(axis=0)
     noise = design.rows.floor**2 * design.fitted.count.sum()
+    of = old if of is None else of
     return float(np.max(np.where(old > noise, (old - new) / np.maximum(of - noise, 1e-300), 0.0)))
 
 

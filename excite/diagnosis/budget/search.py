@@ -128,16 +128,13 @@ class Search:
 
     def _large(self, model: Model, item: Tried) -> bool:
         """Whether a term takes away enough of what a model leaves where it acts most."""
-        enough = (
-            self.least <= 0.0 or share_taken(model, item.model, model.predicted.sum(axis=0)) >= self.least
-        )
+        enough = self.least <= 0.0 or share_taken(model, item.model) >= self.least
         return enough and not self._patches(model, item)
 
     def _patches(self, model: Model, item: Tried) -> bool:
         """Whether a term that bends to anything takes too little of the gap to be what it says."""
-        return (
-            self.design.terms[item.index].effect.patches and share_taken(model, item.model, self._gap) < LARGE
-        )
+        effect = self.design.terms[item.index].effect
+        return effect.patches and share_taken(model, item.model, self._gap) < LARGE
 
     @cached_property
     def _gap(self) -> Array:
