@@ -133,6 +133,22 @@ def test_a_stop_is_not_taken_for_a_spring(tmp_path: Path, side: float) -> None:
     assert "N/m" in told
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_spring_that_is_slack_on_one_side_is_named(tmp_path: Path, side: float) -> None:
+    """What pulls back over half of the travel is no stop."""
+
+    def spring(q: np.ndarray) -> np.ndarray:
+        return side * 300.0 * np.maximum(side * q + 0.01, 0.0)
+
+    result = diagnose(
+        axis_log(tmp_path, "rigid_body", "viscous_friction", "coulomb_friction", "torque_bias", more=spring)
+    )
+    assert (result.verdict, result.effect, result.location) == ("effect", "joint_spring", "slide")
+    found = result.candidates[0].parameters
+    assert found["stiffness"].value == pytest.approx(300.0, rel=0.03)
+    assert found["edge"].value == pytest.approx(-side * 0.01, abs=3e-3)
+
+
 def test_a_spring_that_hardens_is_not_taken_for_a_stop(tmp_path: Path) -> None:
     """Its torque grows faster towards an end of the travel, but it never lets go."""
 
