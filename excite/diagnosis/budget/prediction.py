@@ -36,16 +36,18 @@ class Prediction:
         """With all terms."""
         return Context(self.baseline)
 
-    def without(self, k: int) -> Context:
-        """As a term's own columns need it: a gear's load is not what it makes of it itself."""
+    def without(self, *terms: int) -> Context:
+        """As terms' own columns need it: a gear's load is not what it makes of it itself."""
         base = self.baseline
-        if k not in self.torques:
-            return Context(base)
-        torque = self.torques[k]
-        if not self.moves[k]:
-            return Context(replace(base, total=base.total - torque, added_drive=base.added_drive - torque))
-        added = base.added - torque
-        return Context(replace(base, rigid=base.rigid - torque, total=base.total - torque, added=added))
+        for k in terms:
+            if k not in self.torques:
+                continue
+            torque, total = self.torques[k], base.total - self.torques[k]
+            if self.moves[k]:
+                base = replace(base, rigid=base.rigid - torque, total=total, added=base.added - torque)
+            else:
+                base = replace(base, total=total, added_drive=base.added_drive - torque)
+        return Context(base)
 
 
 def predicted(full: Baseline, model: Model) -> Prediction:

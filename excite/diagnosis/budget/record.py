@@ -92,9 +92,8 @@ def model_of_gap(
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)
         kept, near = refined_terms(full, search, library, resonances=least > 0.0)
-        if steps and any(term.effect.moves for term in search.model.terms):
-            # What grows with the load has been given that of a robot without them.
-            candidates = library.candidates(TermMaker(predicted(full, search.model).context, full.strict))
+        if steps and (loads := _other_loads(full, search)) is not None:
+            candidates = library.candidates(TermMaker(loads, full.strict))
     last, full = _settled(full, search, kept, near, library)
     return Found(last, full, predicted(full, last.model), likely)
 
@@ -122,6 +121,17 @@ def _settled(
         if last.model.chosen == before:
             break
     return last, state.full
+
+
+def _other_loads(full: Baseline, search: Search) -> Context | None:
+    """Predictions with bodies and geometry that were found, whose load what grows with it needs; None without any.
+
+    Not with gears: of a load that a soft gear has made of itself a torque gain at its joint explains that gear.
+    """
+    now, terms = predicted(full, search.model), search.design.terms
+    gears = [k for k in now.torques if terms[k].known]
+    moved = any(moves and k not in gears for k, moves in now.moves.items())
+    return now.without(*gears) if moved else None
 
 
 def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
