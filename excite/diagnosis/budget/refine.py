@@ -23,6 +23,8 @@ from excite.diagnosis.equations.baseline import Baseline
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.
 _FIRST, _LAST, _MOST = 1.5, 1.01, 40
+# Values after which a search that has gained nothing ends: gears that are not there only grow stiffer.
+_HOPELESS = 8
 # Nats by which a form with more parameters has to lead, odds of 20 to 1, and one more for each of them.
 RICHER = 3.0
 # Of what might stand in a term's place, how many have their non-linear parameters searched as well.
@@ -77,8 +79,9 @@ class Refiner:
         for form in term.effect.richer:
             starts = form.own_starts(self.maker.context, term.location)
             begun = [t for t in (self._made(form, term, start) for start in starts) if t is not None]
-            if begun:
-                found.append(self._searched(beside, max(begun, key=lambda t: beside.gain(t)[0]))[0])
+            best = max(begun, key=lambda t: beside.gain(t)[0], default=None)
+            if best is not None and beside.gain(best)[0] > 0.0:
+                found.append(self._searched(beside, best)[0])
         return found
 
     def _searched(self, beside: Beside, term: Term) -> tuple[Term, float]:
@@ -105,6 +108,8 @@ class Refiner:
                     if new > gain + 1e-3 and self._can_be(item, x):
                         best, gain, moved = item, new, True
                         break
+            if gain <= 0.0 and tried >= _HOPELESS:
+                break
             step = step if moved else step**0.5
         return best, gain
 
