@@ -59,7 +59,9 @@ class Polisher:
             state = self._plain_sign(state, j)
         if any(knob.term == LEAD for knob in knobs_of(state)):
             state = self._plainer(state, state.full.signs, 0.0)
-        return state if state.full is before else self._in_forms(state)
+        state = state if state.full is before else self._in_forms(state)
+        # Forms were tried joint by joint, the other joints' columns as they were.
+        return min(state, state.remade(state.prediction), key=lambda item: item.loss)
 
     def _in_forms(self, state: State) -> State:
         """Each term in the plainest form that says as much, and the one of highest order of those."""

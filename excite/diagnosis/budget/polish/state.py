@@ -80,11 +80,16 @@ class State:
             term.context, term.location, term.theta, term.beta(self.model.parameters(k))
         )
 
-    def remade(self, prediction: Prediction) -> State:
-        """All terms made of predictions, at the same parameters or at those that say the same, whatever fits better."""
+    def remade(self, prediction: Prediction, joint: int | None = None) -> State:
+        """Terms made of predictions, at the same parameters or at those that say the same, whatever fits better.
+
+        Args:
+            prediction: what the columns are made of.
+            joint: index of the one whose own terms are made again; None for all terms.
+        """
         terms, carried = list(self.terms), list(self.terms)
         for k, term in enumerate(terms):
-            if term.started or term.effect.is_body:
+            if term.started or term.effect.is_body or (joint is not None and term.own != joint):
                 continue
             context = prediction.without(k)
             maker = TermMaker(context, self.full.strict)

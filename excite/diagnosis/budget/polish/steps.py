@@ -46,14 +46,15 @@ class Steps:
         knobs, n = knobs_of(state, joint), state.rows.shared.shape[2]
         if not knobs:
             return state
-        gears = any(term.effect.moves for term in state.terms if not term.effect.is_body)
-        state = state.remade(state.prediction) if gears else state
+        own = [term for term in state.terms if joint is None or term.own == joint]
+        gears = any(term.effect.moves for term in own if not term.effect.is_body)
+        state = state.remade(state.prediction, joint) if gears else state
         best, worse, x = state, 0, state.model.x[:n]
         last: tuple[Array, Array] | None = None
         for _ in range(_STEPS):
             found = self._stepped(state, knobs)
             there = found.model.x[:n]
-            made = found.remade(found.prediction)
+            made = found.remade(found.prediction, joint)
             gained = best.loss - made.loss
             worse = 0 if gained > _DONE else worse + (2 if gained > -_DONE else 1)
             best = made if gained > 0.0 else best
@@ -63,7 +64,7 @@ class Steps:
             last, x, state = (there, there - x), upcoming, made
             if upcoming is not there:
                 moved = replace(found.model, x=np.concatenate([upcoming, found.model.x[n:]]))
-                state = found.remade(predicted(found.full, moved))
+                state = found.remade(predicted(found.full, moved), joint)
         return best
 
     def _stepped(self, state: State, knobs: Sequence[Knob]) -> State:
