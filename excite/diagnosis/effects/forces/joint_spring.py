@@ -70,7 +70,7 @@ class JointSpring(Effect):
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
     mujoco = "joint stiffness and springref; with slack, a tendon of that joint alone"
     note = Spring
-    spans = ("q", "1")
+    spans: ClassVar[tuple[str, ...]] = ("q", "1")
 
     @property
     def richer(self) -> tuple[Effect, ...]:

@@ -107,8 +107,8 @@ class HardeningElasticity(JointElasticity):
         j = context.row(location)
         load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
         soft = [contact_stiffness(context, j, hertz) for hertz in (0.75, 1.1, 1.6, 2.4, 3.6, 5.4)]
-        wide = [(k, 0.3, 0.7 * load / k) for k in soft[:4]]
-        return wide + [(k, 0.1, share * load / k) for k in soft[2:] for share in (0.7, 1.4)]
+        damped: list[Theta] = [(k, 0.3, 0.7 * load / k) for k in soft[:4]]
+        return [*damped, *((k, 0.1, share * load / k) for k in soft[2:] for share in (0.7, 1.4))]
 
     def gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return super().gear(context, location, theta)._replace(cubic=theta[2] ** -2)
