@@ -93,7 +93,10 @@ def model_of_gap(
             rows = rows_of(full, modelled, floor)
         kept, near = refined_terms(full, search, library, resonances=least > 0.0)
         if steps and (loads := _other_loads(full, search)) is not None:
-            candidates = library.candidates(TermMaker(loads, full.strict))
+            # A share of what a found body alone asks for would be a part of that body.
+            told = {term.key for term in candidates}
+            again = library.candidates(TermMaker(loads, full.strict))
+            candidates = [term for term in again if term.key in told]
     last, full = _settled(full, search, kept, near, library)
     return Found(last, full, predicted(full, last.model), likely)
 

@@ -115,10 +115,6 @@ class SlackSpring(OneSided, JointSpring):
     patches = True
 
     @property
-    def richer(self) -> tuple[Effect, ...]:
-        return ()
-
-    @property
     def forms(self) -> tuple[Effect, ...]:
         return ()
 
@@ -153,6 +149,9 @@ class HardeningSpring(JointSpring):
     @property
     def richer(self) -> tuple[Effect, ...]:
         return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [()]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
