@@ -151,8 +151,10 @@ class Sweep:
 
     def contact_phases(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """Samples by set of feet in contact: pairs of the feet's and the samples' indices."""
-        sets, member = np.unique(self.contacts, axis=0, return_inverse=True)
-        return [(np.flatnonzero(row), np.flatnonzero(member.ravel() == i)) for i, row in enumerate(sets)]
+        # One number a sample: numpy takes ten times as long to tell rows apart.
+        numbers = self.contacts @ (1 << np.arange(self.contacts.shape[1])[::-1])
+        _, first, member = np.unique(numbers, return_index=True, return_inverse=True)
+        return [(np.flatnonzero(self.contacts[k]), np.flatnonzero(member == i)) for i, k in enumerate(first)]
 
     @cached_property
     def torque_samples(self) -> NDArray[np.intp]:
