@@ -1,12 +1,10 @@
-"""What a campaign hands to the report: curves of a validation trial, masses, the plans of all iterations."""
+"""What an identification hands to the report: curves of a validation trial, masses."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,31 +13,21 @@ from excite.doctor.examine import examine
 from excite.documents.document import read_document
 from excite.documents.truth import Truth
 from excite.errors import LogError
-from excite.excitation.conditioning import Conditioning
 from excite.identification.adaptation import with_terms_of
 from excite.identification.problem import build_problem
 from excite.identification.result import Identification
 from excite.logs.log import Log
 from excite.report.data import (
-    ConditioningComparison,
     ForceComparison,
     MassComparison,
     ReportData,
     save_report_data,
 )
-from excite.robot.catalogue import data_folder
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 
 # Deviations of a normal distribution within which 95 of 100 values lie.
 _NORMAL_95 = 1.96
-
-
-def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
-    """Where a robot of one's own is described, relative to a results folder; nothing for a bundled robot."""
-    if robot.source.resolve().is_relative_to(data_folder("robots").resolve()):
-        return {}
-    return {"robot_file": os.path.relpath(robot.source.resolve(), Path(folder).resolve())}
 
 
 def save_findings(
@@ -138,46 +126,3 @@ def true_masses(robot: Robot, path: Path) -> Array:
         if segment.link not in masses:
             raise LogError(f"has no {segment.link!r}", source=path, field="masses", remedy=remedy)
     return np.array([masses[segment.link] for segment in robot.segments])
-
-
-def conditioning_comparison(
-    before: Conditioning, after: Conditioning, before_label: str, after_label: str
-) -> ConditioningComparison:
-    """Condition numbers of two sets of motions, side by side."""
-    return ConditioningComparison(
-        segments=tuple(segment.segment for segment in after.segments),
-        before=np.array([segment.condition for segment in before.segments]),
-        after=np.array([segment.condition for segment in after.segments]),
-        full_before=before.full,
-        full_after=after.full,
-        before_label=before_label,
-        after_label=after_label,
-    )
-
-
-def merged_plan(robot: Robot, documents: Sequence[dict[str, Any]], together: Conditioning) -> dict[str, Any]:
-    """One ``excite.plan/1`` document for all iterations, paths relative to the campaign's folder."""
-    rejected: dict[str, int] = {}
-    stages: dict[str, float] = {}
-    selected, validation = [], []
-    for number, document in enumerate(documents, start=1):
-        folder = f"iteration_{number}/"
-        for reason, count in document["candidates"]["rejected"].items():
-            rejected[reason] = rejected.get(reason, 0) + count
-        for stage in document["stages"]:
-            stages[stage["stage"]] = stages.get(stage["stage"], 0.0) + stage["seconds"]
-        selected += [{**item, "motion": folder + item["motion"]} for item in document["selected"]]
-        validation += [folder + item for item in document.get("validation", [])]
-    return {
-        "schema": documents[0]["schema"],
-        "robot": robot.name,
-        "candidates": {
-            "generated": sum(document["candidates"]["generated"] for document in documents),
-            "accepted": sum(document["candidates"]["accepted"] for document in documents),
-            "rejected": dict(sorted(rejected.items())),
-        },
-        "selected": selected,
-        "validation": validation,
-        "conditioning": dict(together.to_json()),
-        "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in stages.items()],
-    }
