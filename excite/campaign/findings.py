@@ -5,29 +5,38 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.doctor.examine import examine
 from excite.documents.document import read_document
 from excite.documents.truth import Truth
 from excite.errors import LogError
 from excite.identification.adaptation import with_terms_of
-from excite.identification.problem import build_problem
+from excite.identification.preparation import prepare_trial
+from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.result import Identification
-from excite.logs.log import Log
+from excite.identification.rollout import HORIZON_S, departures
+from excite.logs.columns import BASE_POSE
+from excite.logs.log import Log, LogHeader, Trial
 from excite.report.data import (
     ForceComparison,
     MassComparison,
+    PathComparison,
     ReportData,
     save_report_data,
 )
 from excite.robot.robot import Robot
+from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings
 
 # Deviations of a normal distribution within which 95 of 100 values lie.
 _NORMAL_95 = 1.96
+# Rate at which models are run along a trial [Hz].
+_PATH_HZ = 200.0
 
 
 def save_findings(
@@ -37,7 +46,7 @@ def save_findings(
     folder: Path,
     settings: ProblemSettings | None = None,
 ) -> Path:
-    """Write ``report_data.npz`` of an identification: forces of a validation trial, masses.
+    """Write ``report_data.npz`` of an identification: forces of a validation trial, masses, the trial in motion.
 
     Args:
         robot: the robot.
@@ -49,9 +58,11 @@ def save_findings(
     Returns:
         The file.
     """
+    shown = _shown(robot, identification, log, settings)
     data = ReportData(
-        forces=force_comparison(robot, identification, log, settings),
+        forces=None if shown is None else _forces(identification, shown),
         masses=mass_comparison(robot, identification, None),
+        path=None if shown is None else _path(identification, shown),
     )
     return save_report_data(data, Path(folder) / "report_data.npz")
 
@@ -64,6 +75,23 @@ def force_comparison(
     Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
     a second would draw corners.
     """
+    shown = _shown(robot, identification, log, settings)
+    return None if shown is None else _forces(identification, shown)
+
+
+class _Shown(NamedTuple):
+    """The trial that is shown, the log's header, and settings and rows at the log's own rate."""
+
+    trial: Trial
+    header: LogHeader
+    settings: ProblemSettings
+    problem: IdentificationProblem
+
+
+def _shown(
+    robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None
+) -> _Shown | None:
+    """The validation trial that moves most."""
     if not log.role("validation"):
         return None
     settings = settings or ProblemSettings()
@@ -74,10 +102,14 @@ def force_comparison(
     settings = with_terms_of(identification.identified, log, settings)
     coarse = build_problem(robot, log, settings, role="validation")
     spread = [float(np.std(coarse.y[coarse.trial == i])) for i in range(len(coarse.trial_names))]
-    shown = int(np.argmax(spread))
-    alone = replace(log, trials=(trials[shown],))
+    trial = trials[int(np.argmax(spread))]
     fine = replace(settings, rate_hz=log.header.rate_hz)
-    problem = build_problem(robot, alone, fine, role="validation")
+    problem = build_problem(robot, replace(log, trials=(trial,)), fine, role="validation")
+    return _Shown(trial, log.header, fine, problem)
+
+
+def _forces(identification: Identification, shown: _Shown) -> ForceComparison:
+    problem = shown.problem
     time = np.unique(problem.time)
     # A joint that stands throughout the trial, or whose torque was not believed, has no rows in it.
     there = [channel for channel in range(len(problem.channel_names)) if (problem.channel == channel).any()]
@@ -100,6 +132,35 @@ def force_comparison(
         nominal=curves(problem.Y @ problem.prior),
         identified=curves(problem.Y @ identification.identified.all),
     )
+
+
+def _path(identification: Identification, shown: _Shown) -> PathComparison | None:
+    """The same trial as it moved, and as both models move it; None where they cannot be told to."""
+    problem, robot, filters = shown.problem, shown.problem.robot, shown.problem.filters
+    joints = tuple(shown.header.joints)
+    if filters is None or not set(joints) <= set(robot.joint_names):
+        return None
+    trial = prepare_trial(shown.trial, shown.settings, filters).trial
+    k = trial_kinematics(robot, shown.header, trial, shown.settings, filters)
+    every = slice(None, None, max(1, int(k.rate_hz / _PATH_HZ)))
+    time, record = k.time[every], Moved(k.q[every], k.v[every], k.a[every])
+    paths = []
+    for parameters in (problem.prior, identification.identified.all):
+        departed = departures(problem, parameters, time, record)
+        if departed is None:
+            return None
+        moved = np.array([pin.integrate(robot.model, *pair) for pair in zip(record.q, departed, strict=True)])
+        paths.append(_logged(robot, joints, moved))
+    names = (*BASE_POSE, *joints) if robot.floating else joints
+    return PathComparison(
+        trial.name, names, time, _logged(robot, joints, record.q), *paths, horizon_s=HORIZON_S
+    )
+
+
+def _logged(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
+    """Columns of the base's pose, if it is free, and of the logged joints."""
+    columns = [robot.n_base_q + robot.joint_index(joint) for joint in joints]
+    return q[:, [*range(robot.n_base_q), *columns]]
 
 
 def mass_comparison(robot: Robot, identification: Identification, truth: Path | None) -> MassComparison:
