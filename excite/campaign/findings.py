@@ -144,16 +144,21 @@ def _path(identification: Identification, shown: _Shown) -> PathComparison | Non
     k = trial_kinematics(robot, shown.header, trial, shown.settings, filters)
     every = slice(None, None, max(1, int(k.rate_hz / _PATH_HZ)))
     time, record = k.time[every], Moved(k.q[every], k.v[every], k.a[every])
-    paths = []
+    moved = []
     for parameters in (problem.prior, identification.identified.all):
         departed = departures(problem, parameters, time, record)
         if departed is None:
             return None
-        moved = np.array([pin.integrate(robot.model, *pair) for pair in zip(record.q, departed, strict=True)])
-        paths.append(_logged(robot, joints, moved))
-    names = (*BASE_POSE, *joints) if robot.floating else joints
+        q = np.array([pin.integrate(robot.model, *pair) for pair in zip(record.q, departed, strict=True)])
+        moved.append(_logged(robot, joints, q))
     return PathComparison(
-        trial.name, names, time, _logged(robot, joints, record.q), *paths, horizon_s=HORIZON_S
+        trial=trial.name,
+        joints=(*BASE_POSE, *joints) if robot.floating else joints,
+        time=time,
+        measured=_logged(robot, joints, record.q),
+        nominal=moved[0],
+        identified=moved[1],
+        horizon_s=HORIZON_S,
     )
 
 

@@ -92,9 +92,10 @@ def _model(problem: IdentificationProblem, parameters: Array) -> pin.Model | Non
     """The robot with other bodies and rotors; None where a body has no mass."""
     robot = problem.robot
     model, values = robot.model.copy(), dict(zip(problem.parameter_names, parameters.tolist(), strict=True))
-    model.armature = np.zeros(model.nv)
-    for joint in robot.joint_names:
-        model.armature[_place(robot, joint)] = values.get(f"armature.{joint}", 0.0)
+    rotors = np.zeros(model.nv)
+    for name in robot.joint_names:
+        rotors[_place(robot, name)] = values.get(f"armature.{name}", 0.0)
+    model.armature = rotors
     for joint in range(1, model.njoints):
         body = parameters[10 * (joint - 1) : 10 * joint]
         if np.array_equal(body, model.inertias[joint].toDynamicParameters()):
