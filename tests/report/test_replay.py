@@ -198,12 +198,11 @@ def test_the_nearest_pair_is_the_one_of_all_distances():
     robot = load_robot("ur10")
     geometry = collision_model(robot)
     data, ours, theirs = robot.model.createData(), geometry.createData(), geometry.createData()
-    rng, limits = np.random.default_rng(0), robot.limits
-    postures = rng.uniform(limits.position_lower, limits.position_upper, (60, robot.n_joints))
-    spheres = Spheres(robot, geometry, ours, postures)
-    for k, q in enumerate(postures):
+    spheres, rng = Spheres(geometry, ours), np.random.default_rng(0)
+    for _ in range(60):
+        q = rng.uniform(robot.limits.position_lower, robot.limits.position_upper)
         for found in (ours, theirs):
             pin.updateGeometryPlacements(robot.model, data, geometry, found, q)
-        pair, all_pairs = spheres.nearest(k), int(pin.computeDistances(geometry, theirs))
+        pair, all_pairs = spheres.nearest(), int(pin.computeDistances(geometry, theirs))
         least = theirs.distanceResults[all_pairs].min_distance
         assert ours.distanceResults[pair].min_distance == pytest.approx(least, abs=1e-9)

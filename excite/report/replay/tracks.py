@@ -219,12 +219,12 @@ def _nearest(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], A
     values, where = np.empty(n), np.empty(n, dtype=np.int64)
     joints, points = np.empty((n, 2), dtype=np.int64), np.empty((n, 6))
     objects, pairs = geometry.geometryObjects, geometry.collisionPairs
-    spheres = Spheres(robot, geometry, found, motion.q[::_EVERY])
+    spheres = Spheres(geometry, found)
     carriers = [one.parentJoint for one in objects]
     ends = [(pair.first, pair.second) for pair in pairs]
     for k in range(0, n, _EVERY):
         pin.updateGeometryPlacements(robot.model, data, geometry, found, motion.q[k])
-        pair = spheres.nearest(k // _EVERY)
+        pair = spheres.nearest()
         result = found.distanceResults[pair]
         both = [carriers[end] for end in ends[pair]]
         near = [result.getNearestPoint1(), result.getNearestPoint2()]
