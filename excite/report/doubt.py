@@ -14,12 +14,9 @@ def doubt(found: Document, judged: int) -> str:
         if finding["severity"] in _SPOILS and not finding["repaired"]:
             return f"{finding['text']}; not to be relied on before that is cleared up"
     gaps = sum(finding["kind"] == "validation_gap" for finding in found["findings"])
-    fits = [
-        (found["validation"][name]["rmse"], fit["rmse"])
-        for name, fit in found["fit"].items()
-        if name in found["validation"]
-    ]
-    times = [seen / fitted for seen, fitted in fits if seen is not None and fitted]
+    both = found["fit"].keys() & found["validation"].keys()
+    fits = [(found["validation"][name]["rmse"], found["fit"][name]["rmse"]) for name in both]
+    times = [judging / fitted for judging, fitted in fits if judging is not None and fitted]
     if 2 * gaps < judged or not times:
         return ""
     return (

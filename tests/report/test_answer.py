@@ -78,11 +78,8 @@ def test_an_identification_that_is_spoilt_is_not_good_enough_however_it_predicts
         name: {"rmse": 0.1, "cc": 1.0, "reference_rmse": 0.5, "reference_cc": 0.9} for name in ("one", "two")
     }
     found = {**SMALL["identification"], "robot": "ur10", "validation": fits, "log_file": "../log"}
-    gap = {
-        "kind": "validation_gap",
-        "text": "one: larger",
-        "figures": {"validation_rmse": 0.9, "fit_rmse": 0.1},
-    }
+    found["fit"] = {name: {**fit, "rmse": 0.02} for name, fit in fits.items()}
+    gap = {"kind": "validation_gap", "text": "one: larger"}
     spoilt = {"kind": "other_machine", "text": "the trials are of two robots", "severity": "spoils"}
     text, mark = answer(tmp_path, identification={**found, "findings": [gap]})
     assert "1 of them leave up to 5" in text and mark == "no" and "excite diagnose" in text
