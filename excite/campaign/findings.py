@@ -1,45 +1,42 @@
-"""What a campaign hands to the report: curves of a validation trial, masses, the plans of all iterations."""
+"""What an identification hands to the report: curves of a validation trial, masses."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.doctor.examine import examine
 from excite.documents.document import read_document
 from excite.documents.truth import Truth
 from excite.errors import LogError
-from excite.excitation.conditioning import Conditioning
 from excite.identification.adaptation import with_terms_of
-from excite.identification.problem import build_problem
+from excite.identification.preparation import prepare_trial
+from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.result import Identification
-from excite.logs.log import Log
+from excite.identification.rollout import HORIZON_S, departures
+from excite.logs.columns import BASE_POSE
+from excite.logs.log import Log, LogHeader, Trial
 from excite.report.data import (
-    ConditioningComparison,
     ForceComparison,
     MassComparison,
+    PathComparison,
     ReportData,
     save_report_data,
 )
-from excite.robot.catalogue import data_folder
 from excite.robot.robot import Robot
+from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings
 
 # Deviations of a normal distribution within which 95 of 100 values lie.
 _NORMAL_95 = 1.96
-
-
-def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
-    """Where a robot of one's own is described, relative to a results folder; nothing for a bundled robot."""
-    if robot.source.resolve().is_relative_to(data_folder("robots").resolve()):
-        return {}
-    return {"robot_file": os.path.relpath(robot.source.resolve(), Path(folder).resolve())}
+# Rate at which models are run along a trial [Hz].
+_PATH_HZ = 200.0
 
 
 def save_findings(
@@ -49,7 +46,7 @@ def save_findings(
     folder: Path,
     settings: ProblemSettings | None = None,
 ) -> Path:
-    """Write ``report_data.npz`` of an identification: forces of a validation trial, masses.
+    """Write ``report_data.npz`` of an identification: forces of a validation trial, masses, the trial in motion.
 
     Args:
         robot: the robot.
@@ -61,9 +58,11 @@ def save_findings(
     Returns:
         The file.
     """
+    shown = _shown(robot, identification, log, settings)
     data = ReportData(
-        forces=force_comparison(robot, identification, log, settings),
+        forces=None if shown is None else _forces(identification, shown),
         masses=mass_comparison(robot, identification, None),
+        path=None if shown is None else _path(identification, shown),
     )
     return save_report_data(data, Path(folder) / "report_data.npz")
 
@@ -76,6 +75,23 @@ def force_comparison(
     Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
     a second would draw corners.
     """
+    shown = _shown(robot, identification, log, settings)
+    return None if shown is None else _forces(identification, shown)
+
+
+class _Shown(NamedTuple):
+    """The trial that is shown, the log's header, and settings and rows at the log's own rate."""
+
+    trial: Trial
+    header: LogHeader
+    settings: ProblemSettings
+    problem: IdentificationProblem
+
+
+def _shown(
+    robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None
+) -> _Shown | None:
+    """The validation trial that moves most."""
     if not log.role("validation"):
         return None
     settings = settings or ProblemSettings()
@@ -86,10 +102,14 @@ def force_comparison(
     settings = with_terms_of(identification.identified, log, settings)
     coarse = build_problem(robot, log, settings, role="validation")
     spread = [float(np.std(coarse.y[coarse.trial == i])) for i in range(len(coarse.trial_names))]
-    shown = int(np.argmax(spread))
-    alone = replace(log, trials=(trials[shown],))
+    trial = trials[int(np.argmax(spread))]
     fine = replace(settings, rate_hz=log.header.rate_hz)
-    problem = build_problem(robot, alone, fine, role="validation")
+    problem = build_problem(robot, replace(log, trials=(trial,)), fine, role="validation")
+    return _Shown(trial, log.header, fine, problem)
+
+
+def _forces(identification: Identification, shown: _Shown) -> ForceComparison:
+    problem = shown.problem
     time = np.unique(problem.time)
     # A joint that stands throughout the trial, or whose torque was not believed, has no rows in it.
     there = [channel for channel in range(len(problem.channel_names)) if (problem.channel == channel).any()]
@@ -112,6 +132,40 @@ def force_comparison(
         nominal=curves(problem.Y @ problem.prior),
         identified=curves(problem.Y @ identification.identified.all),
     )
+
+
+def _path(identification: Identification, shown: _Shown) -> PathComparison | None:
+    """The same trial as it moved, and as both models move it; None where they cannot be told to."""
+    problem, robot, filters = shown.problem, shown.problem.robot, shown.problem.filters
+    joints = tuple(shown.header.joints)
+    if filters is None or not set(joints) <= set(robot.joint_names):
+        return None
+    trial = prepare_trial(shown.trial, shown.settings, filters).trial
+    k = trial_kinematics(robot, shown.header, trial, shown.settings, filters)
+    every = slice(None, None, max(1, int(k.rate_hz / _PATH_HZ)))
+    time, record = k.time[every], Moved(k.q[every], k.v[every], k.a[every])
+    moved = []
+    for parameters in (problem.prior, identification.identified.all):
+        departed = departures(problem, parameters, time, record)
+        if departed is None:
+            return None
+        q = np.array([pin.integrate(robot.model, *pair) for pair in zip(record.q, departed, strict=True)])
+        moved.append(_logged(robot, joints, q))
+    return PathComparison(
+        trial=trial.name,
+        joints=(*BASE_POSE, *joints) if robot.floating else joints,
+        time=time,
+        measured=_logged(robot, joints, record.q),
+        nominal=moved[0],
+        identified=moved[1],
+        horizon_s=HORIZON_S,
+    )
+
+
+def _logged(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
+    """Columns of the base's pose, if it is free, and of the logged joints."""
+    columns = [robot.n_base_q + robot.joint_index(joint) for joint in joints]
+    return q[:, [*range(robot.n_base_q), *columns]]
 
 
 def mass_comparison(robot: Robot, identification: Identification, truth: Path | None) -> MassComparison:
@@ -138,46 +192,3 @@ def true_masses(robot: Robot, path: Path) -> Array:
         if segment.link not in masses:
             raise LogError(f"has no {segment.link!r}", source=path, field="masses", remedy=remedy)
     return np.array([masses[segment.link] for segment in robot.segments])
-
-
-def conditioning_comparison(
-    before: Conditioning, after: Conditioning, before_label: str, after_label: str
-) -> ConditioningComparison:
-    """Condition numbers of two sets of motions, side by side."""
-    return ConditioningComparison(
-        segments=tuple(segment.segment for segment in after.segments),
-        before=np.array([segment.condition for segment in before.segments]),
-        after=np.array([segment.condition for segment in after.segments]),
-        full_before=before.full,
-        full_after=after.full,
-        before_label=before_label,
-        after_label=after_label,
-    )
-
-
-def merged_plan(robot: Robot, documents: Sequence[dict[str, Any]], together: Conditioning) -> dict[str, Any]:
-    """One ``excite.plan/1`` document for all iterations, paths relative to the campaign's folder."""
-    rejected: dict[str, int] = {}
-    stages: dict[str, float] = {}
-    selected, validation = [], []
-    for number, document in enumerate(documents, start=1):
-        folder = f"iteration_{number}/"
-        for reason, count in document["candidates"]["rejected"].items():
-            rejected[reason] = rejected.get(reason, 0) + count
-        for stage in document["stages"]:
-            stages[stage["stage"]] = stages.get(stage["stage"], 0.0) + stage["seconds"]
-        selected += [{**item, "motion": folder + item["motion"]} for item in document["selected"]]
-        validation += [folder + item for item in document.get("validation", [])]
-    return {
-        "schema": documents[0]["schema"],
-        "robot": robot.name,
-        "candidates": {
-            "generated": sum(document["candidates"]["generated"] for document in documents),
-            "accepted": sum(document["candidates"]["accepted"] for document in documents),
-            "rejected": dict(sorted(rejected.items())),
-        },
-        "selected": selected,
-        "validation": validation,
-        "conditioning": dict(together.to_json()),
-        "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in stages.items()],
-    }

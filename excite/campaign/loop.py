@@ -11,15 +11,10 @@ import numpy as np
 
 from excite.campaign.expected.forecast import Forecast
 from excite.campaign.experiment import simulate
-from excite.campaign.findings import (
-    conditioning_comparison,
-    force_comparison,
-    mass_comparison,
-    merged_plan,
-    robot_file,
-)
+from excite.campaign.findings import force_comparison, mass_comparison
 from excite.campaign.journal import Journal, PlannedMotions, prefix
 from excite.campaign.plan import plan
+from excite.campaign.plan_document import conditioning_comparison, merged_plan, robot_file
 from excite.campaign.result import Campaign, Iteration
 from excite.campaign.settings import CampaignSettings
 from excite.campaign.targets import Miss, joints_to_aim_at, misses

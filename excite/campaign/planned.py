@@ -12,8 +12,8 @@ from excite.atomic import all_or_nothing
 from excite.campaign.candidates.refusal import REFUSALS_FILE, Refusals
 from excite.campaign.expected.forecast import TARGET_RSD, Forecast
 from excite.campaign.expected.outlook import Outlook, outlook, predictable
-from excite.campaign.findings import conditioning_comparison, robot_file
 from excite.campaign.on_disk import OnDisk
+from excite.campaign.plan_document import conditioning_comparison, robot_file
 from excite.campaign.pool import Pool
 from excite.campaign.rehearsal import UNKNOWN_LOAD
 from excite.excitation.conditioning import Conditioning, MotionFactor

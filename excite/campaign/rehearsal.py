@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.simulation.execution import DivergedError
+from excite.simulation.machine import Machine
 from excite.simulation.replay import FALL_END_TILT_RAD, watched_run
 from excite.simulation.true_parameters import AddedPart, with_part
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
@@ -88,19 +90,28 @@ def may_slip_m(robot: Robot) -> float:
 def _stands(shared: tuple[Robot, float], task: Motion | Path) -> bool:
     robot, load = shared
     motion = read_value(task) if isinstance(task, Path) else task
-    loaded, on_soles = loaded_robot(robot, load=load), all(foot.flat for foot in robot.feet)
+    on_soles = all(foot.flat for foot in robot.feet)
     # Soles that slip turn and stop; legs on points that slip lose the ground that the motion counts on.
     may_slip = np.inf if on_soles else may_slip_m(robot)
     for step in (_QUICK_STEP, *_STEPS) if on_soles else _STEPS:
-        world = replace(loaded.world, timestep=step, feet_may_creep=on_soles)
-        stepped = replace(loaded, world=world)
+        machine = _machine(robot, load, step, on_soles)
         try:
-            run = watched_run(stepped, motion, may_slip_m=may_slip, forces=False).replay
+            run = watched_run(
+                machine.virtual, motion, may_slip_m=may_slip, forces=False, machine=machine
+            ).replay
         except DivergedError:
             continue
         if step != _QUICK_STEP or (run.on_its_feet and run.max_tilt_rad < _FAR):
             return run.on_its_feet and run.max_slip_m <= may_slip
     return False
+
+
+@lru_cache(maxsize=4)
+def _machine(robot: Robot, load: float, step: float, may_creep: bool) -> Machine:
+    """The loaded robot with steps of the physics [s], compiled."""
+    loaded = loaded_robot(robot, load=load)
+    world = replace(loaded.world, timestep=step, feet_may_creep=may_creep)
+    return Machine(replace(loaded, world=world), watch=True)
 
 
 def loaded_robot(

@@ -135,9 +135,10 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
     index = np.clip(np.searchsorted(motion.time, time, side="right") - 1, 0, motion.n_samples - 2)
     h = (motion.time[index + 1] - motion.time[index])[:, None]
     s = np.clip((time - motion.time[index])[:, None] / h, 0.0, 1.0)
-    step = _increments(motion, robot)[index]
-    v0, v1, a0, a1 = motion.v[index], motion.v[index + 1], motion.a[index], motion.a[index + 1]
-    c1, c2, c3, c4, c5 = _quintic(h, step, v0, v1, a0, a1)
+    # Polynomials of the intervals that are met, once each however many times lie in them.
+    first = int(index.min(initial=motion.n_samples - 2))
+    met = slice(first, int(index.max(initial=first)) + 1)
+    c1, c2, c3, c4, c5 = (part[index - first] for part in _polynomials(motion, robot, met))
     d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
     v = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
     a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
@@ -201,10 +202,13 @@ def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:
     return np.column_stack(flags) if flags else np.zeros((motion.n_samples, 0), dtype=bool)
 
 
-def _increments(motion: Motion, robot: Robot) -> Array:
-    """Tangent-space step of each interval, ``(n-1, nv)``."""
-    if not motion.floating:
-        return np.diff(motion.q, axis=0)
-    return np.array(
-        [pin.difference(robot.model, a, b) for a, b in zip(motion.q[:-1], motion.q[1:], strict=True)]
-    )
+def _polynomials(motion: Motion, robot: Robot, met: slice) -> list[Array]:
+    """Coefficients of s … s⁵ on some of a motion's intervals, five of ``(n, nv)``."""
+    starts, ends = met, slice(met.start + 1, met.stop + 1)
+    q0, q1 = motion.q[starts], motion.q[ends]
+    if motion.floating:
+        step = np.array([pin.difference(robot.model, a, b) for a, b in zip(q0, q1, strict=True)])
+    else:
+        step = q1 - q0
+    h = (motion.time[ends] - motion.time[starts])[:, None]
+    return _quintic(h, step, motion.v[starts], motion.v[ends], motion.a[starts], motion.a[ends])

@@ -15,6 +15,9 @@ from excite.errors import ExciteError
 from excite.lifetime import die_with_parent
 from excite.parallel.shared import SharedFile, load_shared
 
+# How often a worker's objects are looked through for some that nothing refers to but themselves [s]: 0.1 s each time.
+_COLLECTED_S = 60.0
+
 # Models keep room for their calculations: threads of one process take turns.
 _TURN = threading.Lock()
 
@@ -76,6 +79,9 @@ def begin(parent: int) -> None:
     from joblib.externals.loky import process_executor
 
     process_executor._USE_PSUTIL = False
+    # Without psutil it has all of a worker's objects looked through after a task as often as this [s]: once a second
+    # was a tenth of what a plan of the G1 took. Python itself does so as objects grow in number.
+    process_executor._MEMORY_LEAK_CHECK_DELAY = _COLLECTED_S
 
 
 def ready() -> int:

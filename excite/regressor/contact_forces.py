@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, distinct_rows
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Foot, Robot
 
@@ -45,11 +45,11 @@ def contact_elimination(robot: Robot, q: Array, closed: NDArray[np.bool_]) -> Ar
         return rows
     ones = np.ones(robot.n_joints)
     weight = 1.0 / per_joint(robot.description.sensors.noise_torque, robot.joint_names, ones)
-    patterns, member = np.unique(closed, axis=0, return_inverse=True)
+    patterns, member = distinct_rows(closed)
     for k, pattern in enumerate(patterns):
         feet = [foot for foot, on in zip(robot.feet, pattern, strict=True) if on]
         if feet:
-            at = np.flatnonzero(member.ravel() == k)
+            at = np.flatnonzero(member == k)
             rows[at] = _eliminate(contact_maps(robot, q[at], feet), weight)
     return rows
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from excite.identification.judgement.poor import POOR_RSD
+from excite.report.doubt import doubt
 from excite.report.folder import Document, Findings
 from excite.report.html import number
 
@@ -141,14 +142,14 @@ def _of_identification(found: Document, findings: Findings) -> Conclusion:
         )
     rsd = [row["rsd_percent"] for row in base]
     vague = sum(value is None or value > POOR_RSD for value in rsd)
-    single = (
-        f", though {vague} of {len(rsd)} parameters by themselves are not known to within {POOR_RSD:.0f} %"
-        if vague
-        else ""
-    )
-    return Conclusion(
-        f"{known}; {predicted}: good enough to predict motions like these{single}.", True, *_take(findings)
-    )
+    single = f"{vague} of {len(rsd)} parameters by themselves are not known to within {POOR_RSD:.0f} %"
+    said = f"{known}; {predicted}"
+    why = doubt(found, len(judged))
+    if why:
+        command = ("diagnose", _log(found, findings), "--out", "diagnosis")
+        return Conclusion(f"{said}, but {why}.", False, command, "see what the model lacks")
+    single = f", though {single}" if vague else ""
+    return Conclusion(f"{said}: good enough to predict motions like these{single}.", True, *_take(findings))
 
 
 def _take(findings: Findings) -> tuple[tuple[object, ...], str]:

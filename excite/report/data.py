@@ -99,7 +99,8 @@ class PathComparison:
         time: ``(n,)`` [s].
         measured: positions, ``(n, n_joints)`` [rad or m].
         nominal: of the nominal simulator, likewise.
-        identified: of the simulator with the effects, likewise.
+        identified: of the simulator with the effects, likewise; of an identification, of the identified model.
+        horizon_s: how long a model ran before it started anew from the record [s]; None where the document says it.
     """
 
     trial: str
@@ -108,6 +109,7 @@ class PathComparison:
     measured: Array
     nominal: Array
     identified: Array
+    horizon_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +134,7 @@ _PARTS: dict[str, type] = {
 _FIELDS = {
     **dict.fromkeys(("trial", "before_label", "after_label"), "a text"),
     **dict.fromkeys(("channels", "units", "names", "segments", "joints"), "texts"),
-    **dict.fromkeys(("full_before", "full_after"), "a number"),
+    **dict.fromkeys(("full_before", "full_after", "horizon_s"), "a number"),
     "changed": "flags",
 }
 _EXPECTED = {

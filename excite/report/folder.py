@@ -163,12 +163,13 @@ def read_folder(folder: Path) -> Findings:
             source=folder,
             remedy=f"give a folder that {_WRITERS} wrote with --out",
         )
-    robot = None if alone else _robot(folder, documents, left_out)
+    record = _record(folder, documents, left_out)
+    robot = None if alone else _robot(folder, documents, record, left_out)
     return Findings(
         folder=folder,
         data=data,
         robot=robot,
-        record=_record(folder, documents, left_out),
+        record=record,
         motions=_motions(folder, documents["plan"], robot, left_out),
         files=tuple(files),
         made=made,
@@ -189,8 +190,10 @@ def _origin(path: Path, document: Document) -> Origin:
     return Origin(**made, written=written.strftime("%Y-%m-%d %H:%M UTC"))
 
 
-def _robot(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Robot | None:
-    """The robot that the documents name; a robot of one's own is named by its file."""
+def _robot(
+    folder: Path, documents: dict[str, Document | None], record: Record | None, left_out: list[str]
+) -> Robot | None:
+    """The robot that the documents name, or that of their record; a robot of one's own is named by its file."""
     reason = "no file here names it"
     for document in filter(None, documents.values()):
         for key in ("robot_file", "robot"):
@@ -204,6 +207,8 @@ def _robot(folder: Path, documents: dict[str, Document | None], left_out: list[s
                 reason = str(error)
             except OSError as error:
                 reason = f"{name[:60]}: cannot be read ({error.strerror})"
+    if record is not None:
+        return record.robot
     left_out.append(f"pictures of the robot: {reason}")
     return None
 

@@ -37,16 +37,23 @@ class Clock:
 def clock_of(virtual: VirtualRobot, motion: Motion, settle_s: float) -> Clock:
     """The clock of a run of a motion, which settles for ``settle_s`` [s] first."""
     period = 1.0 / virtual.robot.description.sensors.rate_hz
-    wanted = (
-        virtual.world.timestep
-        if virtual.world.feet_may_creep
-        else min(virtual.world.timestep, steady_step(virtual))
-    )
-    per_sample = max(1, int(np.ceil(period / wanted - 1e-9)))
-    step = period / per_sample
+    per_sample = _steps_a_sample(virtual, period)
     samples = int(np.floor(motion.duration / period + 1e-9)) + 1
     settle = round(settle_s / period) * per_sample
-    return Clock(step, per_sample, settle, samples)
+    return Clock(period / per_sample, per_sample, settle, samples)
+
+
+def step_of(virtual: VirtualRobot) -> float:
+    """Step of the physics in any run of a virtual robot [s]."""
+    period = 1.0 / virtual.robot.description.sensors.rate_hz
+    return period / _steps_a_sample(virtual, period)
+
+
+def _steps_a_sample(virtual: VirtualRobot, period: float) -> int:
+    wanted = virtual.world.timestep
+    if not virtual.world.feet_may_creep:
+        wanted = min(wanted, steady_step(virtual))
+    return max(1, int(np.ceil(period / wanted - 1e-9)))
 
 
 def steady_step(virtual: VirtualRobot) -> float:

@@ -16,7 +16,7 @@ from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Robot
 from excite.simulation.clock import Clock, clock_of
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
-from excite.simulation.mjcf import build_spec
+from excite.simulation.machine import Machine, beginning
 from excite.simulation.plant import Plant
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot
@@ -43,6 +43,7 @@ def execute(
     session_s: float = 0.0,
     memory: dict[Any, Any] | None = None,
     forces: bool = True,
+    machine: Machine | None = None,
 ) -> Recording:
     """Run one motion from rest.
 
@@ -60,6 +61,7 @@ def execute(
         session_s: when the run starts within its session [s].
         memory: what injected physics keeps from run to run of a session, filled here.
         forces: whether contact wrenches and what sensors read of them are recorded: they take a quarter of the time.
+        machine: the robot, compiled already; compiled for this run alone, if None.
 
     Returns:
         The recording, shorter than the motion if it was stopped.
@@ -75,25 +77,26 @@ def execute(
             f"moves other joints than {robot.name}", source=motion.name, remedy="plan it for this robot"
         )
     clock = clock_of(virtual, motion, settle_s)
-    world = replace(virtual.world, timestep=clock.step)
-    spec = build_spec(robot, virtual.truth.phi, virtual.drives, world)
-    for change in virtual.changes:
-        change(spec)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    plant = Plant(
-        model, data, robot, virtual.drives, session_s, {} if memory is None else memory, settle_s=settle_s
-    )
-    data.qpos[plant.qpos] = _start(robot, motion)
+    machine = Machine(virtual) if machine is None else machine
+    start = _start(robot, motion)
     positions, velocities = _commands(robot, motion, clock)
     kp, kd = virtual.drives.kp, virtual.drives.kd
     controls = positions + velocities * np.divide(kd, kp, out=np.zeros_like(kp), where=kp > 0.0)
-    track = _Track(plant, clock, forces=forces)
-    data.ctrl[:] = controls[0]
+    begun = beginning(start, controls[0], np.array(clock.settle))
+    # What laws keep is no part of the state.
+    known = None if virtual.laws else machine.settled(begun)
+    data = mujoco.MjData(machine.model) if known is None else known
+    memory = {} if memory is None else memory
+    plant = Plant(machine.model, data, robot, virtual.drives, session_s, memory, settle_s=settle_s)
+    track = _Track(machine, plant, clock, forces=forces)
     plant.run(virtual.laws)
     with without_log_file():
-        for _ in range(clock.settle):
-            plant.advance()
+        if known is None:
+            data.qpos[plant.qpos] = start
+            data.ctrl[:] = controls[0]
+            for _ in range(clock.settle):
+                plant.advance()
+            machine.remember(begun, data)
         for step in range((clock.samples - 1) * clock.per_sample + 1):
             data.ctrl[:] = controls[step]
             if step % clock.per_sample:
@@ -125,12 +128,12 @@ def _commands(robot: Robot, motion: Motion, clock: Clock) -> tuple[Array, Array]
 class _Track:
     """Collects the samples of a run."""
 
-    def __init__(self, plant: Plant, clock: Clock, *, forces: bool):
+    def __init__(self, machine: Machine, plant: Plant, clock: Clock, *, forces: bool):
         import mujoco
 
         self.friction_type = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
         self.plant, self.model, self.robot, self.count = plant, plant.model, plant.robot, 0
-        self.forces = forces
+        self.touching, self.forces = machine.touching, forces
         robot, model = self.robot, self.model
         n, joints = clock.samples, robot.n_joints
         self.qpos, self.qvel, self.qacc = (
@@ -145,45 +148,34 @@ class _Track:
         self.foot_of_body = np.full(model.nbody, -1)
         for number, foot in enumerate(robot.feet):
             self.foot_of_body[foot.joint] = number
-        # All pairs are of shapes that are only watched: they exert no force.
-        self.watched = model.pair_margin.copy()
-        # As deep in each other as their bounding spheres are wide: MuJoCo passes over such pairs.
-        bounds = model.geom_rbound[model.pair_geom1] + model.geom_rbound[model.pair_geom2]
-        self.unwatched = self.watched - bounds
-        model.pair_margin[:] = self.unwatched
         self.joint_of_dof = np.zeros(model.nv, dtype=np.int64)
         self.joint_of_dof[plant.joint_dof] = np.arange(joints)
 
     def sample(self) -> None:
-        """Take one step and record the state before it, the forces during it and which shapes overlap."""
+        """Take one step and record the state before it, the forces during it and which shapes overlap.
+
+        Nobody hears of shapes that meet between two samples.
+        """
         row, plant, data = self.count, self.plant, self.plant.data
         self.qpos[row], self.qvel[row] = data.qpos[plant.qpos], data.qvel[plant.dof]
-        # Nobody hears of shapes that meet in between: looking for them there would take a quarter of the time.
-        self.model.pair_margin[:] = self.watched
+        plant.touching = self.touches[row] = self.touching(data.qpos)
         plant.advance()
-        self.model.pair_margin[:] = self.unwatched
         self.qacc[row] = (data.qvel[plant.dof] - self.qvel[row]) / self.model.opt.timestep
         self.actuator[row] = data.actuator_force if plant.command is None else plant.command
         self.damped[row] = plant.command is None
         friction = data.efc_type == self.friction_type
         self.coulomb[row, self.joint_of_dof[data.efc_id[friction]]] = data.efc_force[friction]
-        self._contact(data, row)
+        if self.forces:
+            self._contact(data, row)
         self.count += 1
 
     def _contact(self, data: mujoco.MjData, row: int) -> None:
         """Note which soles the ground pushes, where, and how hard."""
         contact = data.contact
-        # Only soles on the ground exert forces.
-        address = contact.efc_address
-        pushed = address >= 0
-        self.plant.touching = self.touches[row] = len(address) - int(np.count_nonzero(pushed))
-        if self.forces:
-            soles = np.flatnonzero(pushed)
-            if len(soles):
-                forces = data.efc_force[address[soles, None] + np.arange(3)]
-                self.pushes.append(
-                    (row, contact.geom2[soles], contact.frame[soles], contact.pos[soles], forces)
-                )
+        soles = np.flatnonzero(contact.efc_address >= 0)
+        if len(soles):
+            forces = data.efc_force[contact.efc_address[soles, None] + np.arange(3)]
+            self.pushes.append((row, contact.geom2[soles], contact.frame[soles], contact.pos[soles], forces))
 
     def _contact_wrenches(self) -> Array:
         """Wrench of the ground on each foot about the world's origin, ``(n, n_feet, 6)``."""

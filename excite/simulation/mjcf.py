@@ -15,7 +15,7 @@ from excite.simulation.coordinates import body_name
 from excite.simulation.drives import Drives
 from excite.simulation.inertial import PrincipalInertia, principal_inertia
 from excite.simulation.mjcf_closures import add_closures
-from excite.simulation.mjcf_shapes import GROUND, add_shapes, wxyz
+from excite.simulation.mjcf_shapes import GROUND, wxyz
 
 if TYPE_CHECKING:
     import mujoco
@@ -34,8 +34,6 @@ class World:
         solref: time constant [s] and damping ratio of the contacts' reference dynamics.
         solimp: impedance of the contacts at zero and full depth, and the depth between them [m].
         sole_friction: factor on every sole's friction coefficient.
-        watch_touches: whether contacts between the robot's collision shapes, and of them with the ground, are
-            found; they exert no force, so that shapes that overlap from the start do no harm.
     """
 
     timestep: float = 5e-4
@@ -43,7 +41,6 @@ class World:
     solref: tuple[float, float] = (0.01, 1.0)
     solimp: tuple[float, float, float] = (0.95, 0.99, 0.001)
     sole_friction: float = 1.0
-    watch_touches: bool = False
 
 
 def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco.MjSpec:
@@ -101,8 +98,6 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
         _add_sole(bodies[foot.joint], foot, world)
     if robot.floating and not robot.feet:
         _hang(spec, bodies[1], robot)
-    if world.watch_touches:
-        add_shapes(spec, bodies, robot)
     return spec
 
 

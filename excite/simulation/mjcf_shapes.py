@@ -1,4 +1,4 @@
-"""Collision shapes of a robot in a MuJoCo model: seen when they meet, without force."""
+"""Collision shapes of a robot in a MuJoCo model that is asked which of them meet."""
 
 from __future__ import annotations
 
@@ -11,18 +11,24 @@ from excite.arrays import Array
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model, collision_shapes
 from excite.robot.shapes.shape import Shape
+from excite.simulation.coordinates import body_name
 
 if TYPE_CHECKING:
     import mujoco
 
 GROUND = "ground"
+# What MuJoCo calls the body that nothing moves.
+WORLD = "world"
 
 
-def add_shapes(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], robot: Robot) -> None:
-    """Collision shapes, and the pairs of them that must not meet."""
+def watch_shapes(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Add collision shapes, and make their pairs that must not meet, also with the ground, the only ones that do."""
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
     shapes = collision_shapes(robot)
     for shape in shapes:
-        _add_shape(spec, bodies[shape.joint], shape)
+        carrier = body_name(robot.segments[shape.joint - 1].link) if shape.joint else WORLD
+        _add_shape(spec, spec.body(carrier), shape)
     for pair in collision_model(robot).collisionPairs:
         _watch(spec, shapes[pair.first].name, shapes[pair.second].name)
     soles = {foot.joint for foot in robot.feet}
@@ -32,8 +38,8 @@ def add_shapes(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], robot: Robot) 
 
 
 def _watch(spec: mujoco.MjSpec, first: str, second: str) -> None:
-    """Find contacts of two shapes as soon as they overlap, with no force down to a metre's depth."""
-    spec.add_pair(geomname1=first, geomname2=second, margin=-1.0, gap=1.0)
+    """Find contacts of two shapes as soon as they overlap."""
+    spec.add_pair(geomname1=first, geomname2=second)
 
 
 def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:

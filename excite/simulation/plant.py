@@ -49,7 +49,7 @@ class Plant:
         torque: ``(nv,)`` torques of the next step beside those of actuators [N·m].
         force: ``(n_bodies, 6)`` forces and moments on bodies at their centres of mass, world frame.
         command: torque that the drives are told to give, where it is not what they give; else None.
-        touching: how many shapes that are only watched overlapped when the last sample was taken.
+        touching: how many pairs of shapes that must not meet overlapped when the last sample was taken.
     """
 
     model: Any

@@ -20,6 +20,7 @@ from excite.simulation.endings import (
     vertical_axis,
 )
 from excite.simulation.execution import Stop, execute
+from excite.simulation.machine import Machine
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 
@@ -120,6 +121,7 @@ def watched_run(
     *,
     may_slip_m: float | None = None,
     forces: bool = True,
+    machine: Machine | None = None,
 ) -> WatchedRun:
     """Run a motion, note what touches what, stop when the robot falls; errors as in :func:`replay`.
 
@@ -129,14 +131,15 @@ def watched_run(
         session_s: when the run starts within its session [s].
         may_slip_m: stop as well as soon as a standing robot touches itself or slips by more than this [m].
         forces: whether the recording has contact wrenches and what sensors read.
+        machine: the robot compiled so that touches are watched; compiled for this run alone, if None.
     """
     robot = virtual.robot
     planned = _planned(robot, motion)
-    watched = replace(virtual, world=replace(virtual.world, watch_touches=True))
+    machine = Machine(virtual, watch=True) if machine is None else machine
     stop: Stop | None = None
     if robot.floating and robot.feet:
         stop = Fall(planned) if may_slip_m is None else FirstFault(robot, planned, may_slip_m)
-    run = execute(watched, motion, stop=stop, session_s=session_s, forces=forces)
+    run = execute(virtual, motion, stop=stop, session_s=session_s, forces=forces, machine=machine)
     return WatchedRun(run, _judge(virtual, planned, run))
 
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from excite.campaign.experiment import simulate
-from excite.campaign.findings import force_comparison
+from excite.campaign.findings import force_comparison, save_findings
 from excite.campaign.result import Campaign
 from excite.identification.identify import identify
+from excite.identification.rollout import HORIZON_S
 from excite.logs.log import Trial
 from excite.motion.collection import load_motions
 from excite.report.data import load_report_data
+from excite.report.record import Record
+from excite.report.sections.moving import Moving
 from excite.robot.bringing import load_robot
 from tests.identification.practice_log import arm_log
 
@@ -68,3 +72,24 @@ def test_curves_are_those_of_what_was_identified() -> None:
     ):
         rmse = np.sqrt(np.mean((measured - identified) ** 2))
         assert rmse < 2.0 * found.validation[channel].rmse + 1e-6, channel
+
+
+def test_a_trial_in_motion_shows_where_both_models_take_the_robot(tmp_path: Path) -> None:
+    robot = load_robot("ur10")
+    log = arm_log(robot, 3, trials=3, duration=8.0)
+    identification = identify(robot, log, "wls")
+    data = load_report_data(save_findings(robot, identification, log, tmp_path))
+    path = data.path
+    assert (
+        path is not None and path.joints == robot.joint_names and path.trial == log.role("validation")[0].name
+    )
+    recorded = np.column_stack([np.interp(path.time, log.trials[-1].time, q) for q in log.trials[-1].q.T])
+    np.testing.assert_allclose(path.measured, recorded, atol=5e-3)
+    supplied, identified = (np.abs(at - path.measured).max() for at in (path.nominal, path.identified))
+    assert identified < 0.2 * supplied
+
+    findings = SimpleNamespace(record=Record(robot, log), data=data, diagnosis=None)
+    page = Moving().build(findings)  # type: ignore[arg-type]
+    assert "the identified model" in page and f"every {HORIZON_S:g} s" in page
+    joint = robot.joint_names[int(np.argmax(np.abs(path.identified - path.measured).max(axis=0)))]
+    assert f"the identified one by up to {identified:.2g} rad ({joint})" in page

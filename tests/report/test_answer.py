@@ -73,6 +73,23 @@ def test_an_identification_is_judged_by_what_it_was_not_fitted_to(tmp_path: Path
     assert "nobody knows how good they are" in text and mark == ""
 
 
+def test_an_identification_that_is_spoilt_is_not_good_enough_however_it_predicts(tmp_path: Path) -> None:
+    fits = {
+        name: {"rmse": 0.1, "cc": 1.0, "reference_rmse": 0.5, "reference_cc": 0.9} for name in ("one", "two")
+    }
+    found = {**SMALL["identification"], "robot": "ur10", "validation": fits, "log_file": "../log"}
+    found["fit"] = {name: {**fit, "rmse": 0.02} for name, fit in fits.items()}
+    gap = {"kind": "validation_gap", "text": "one: larger"}
+    spoilt = {"kind": "other_machine", "text": "the trials are of two robots", "severity": "spoils"}
+    text, mark = answer(tmp_path, identification={**found, "findings": [gap]})
+    assert "1 of them leave up to 5" in text and mark == "no" and "excite diagnose" in text
+    text, mark = answer(tmp_path, identification={**found, "findings": [spoilt]})
+    assert "the trials are of two robots; not to be relied on" in text and mark == "no"
+    mended = {**spoilt, "repaired": True}
+    text, mark = answer(tmp_path, identification={**found, "findings": [mended]})
+    assert "good enough" in text and mark == "yes"
+
+
 def test_it_says_which_command_made_it_and_when(tmp_path: Path) -> None:
     with made_by("excite check ur10 'my arm'", "1.2.3", 7):
         write_json(SMALL["check"], tmp_path / "check.json")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from excite.campaign.findings import robot_file
+from excite.campaign.plan_document import robot_file
 from excite.errors import NothingSafeError
 from excite.json_document import write_json
 from excite.motion.generators.candidate import Candidate

@@ -15,6 +15,7 @@ from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.robot import Robot
+from excite.threads import one_blas_thread
 
 # As in excite.excitation.weakness: feet stay on the ground to the tolerance of a solver only.
 _UNEXCITED = 1e-6
@@ -104,6 +105,7 @@ def predictable(robot: Robot) -> bool:
     return sensors.joint_torque is not None and stated
 
 
+@one_blas_thread
 def outlook(robot: Robot, motions: Sequence[Motion]) -> Outlook:
     """Judge motions before anything is measured.
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import rfft
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -100,10 +101,7 @@ class EquationNoise:
             folds = [-rate * fold for fold in range(int(np.ceil(sampling / rate)))]
             for source in sources:
                 seen = [
-                    np.fft.rfft(
-                        np.einsum("tcs,tck,s->tsk", gain, x, source.std, optimize=True), n_fft, axis=0
-                    )
-                    for gain in source.gains
+                    rfft(np.swapaxes(gain * source.std, 1, 2) @ x, n_fft, axis=0) for gain in source.gains
                 ]
                 for fold in folds:
                     ways = _ways(frequency + fold, len(seen), filters, sampling, source.positions)
@@ -117,7 +115,9 @@ class EquationNoise:
                         for way, part in zip(ways, seen, strict=True)
                     )
                     z = (z * scale[kept, None, None]).reshape(-1, width)
-                    meat += z.real.T @ z.real + z.imag.T @ z.imag
+                    for part in (np.ascontiguousarray(z.real), np.ascontiguousarray(z.imag)):
+                        # Of an array and itself, numpy computes one half.
+                        meat += part.T @ part
         return meat
 
 

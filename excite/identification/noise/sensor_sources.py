@@ -76,11 +76,12 @@ def _elimination(robot: Robot, motion: Motion) -> Array:
 def _wrench_source(robot: Robot, motion: Motion) -> NoiseSource:
     n = motion.n_samples
     gain, std = np.zeros((n, 6, 6 * len(robot.sensors))), np.zeros(6 * len(robot.sensors))
+    # What each axis of a sensor reads alone, one after the other in each sample's configuration.
+    units, q = np.tile(np.eye(6), (n, 1)), np.repeat(motion.q, 6, axis=0)
     for place, sensor in enumerate(robot.sensors):
-        std[6 * place : 6 * place + 6] = np.repeat([sensor.noise_force, sensor.noise_moment], 3)
-        for axis in range(6):
-            unit = np.tile(np.eye(6)[axis], (n, 1))
-            gain[:, :, 6 * place + axis] = base_wrench(robot, motion.q, {sensor.name: unit})
+        own = slice(6 * place, 6 * place + 6)
+        std[own] = np.repeat([sensor.noise_force, sensor.noise_moment], 3)
+        gain[:, :, own] = base_wrench(robot, q, {sensor.name: units}).reshape(n, 6, 6).swapaxes(1, 2)
     return NoiseSource(std, (gain,), positions=False)
 
 

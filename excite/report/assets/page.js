@@ -81,7 +81,7 @@ const excite = {
         scales: { x: { time: false } },
         axes: [
           { ...axis, size: 30, values: (_, splits) => label(splits) },
-          { ...axis, size: 52, values: (_, splits) => label(splits) },
+          { ...axis, size: (_, texts) => Math.max(52, 16 + 7 * Math.max(0, ...(texts || []).map((text) => text.length))), values: (_, splits) => label(splits) },
         ],
         cursor: { sync: group ? { key: group, setSeries: false } : undefined, drag: { x: true, y: false } },
         legend: { live: true },

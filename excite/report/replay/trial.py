@@ -47,7 +47,9 @@ class TrialFrames:
         if self.ghost is not None:
             label, q = self.ghost
             content["ghost"] = {"label": label, "q": packed(q)}
-            signal |= {"other": packed(q[:, first:]), "otherLabel": label}
+            if (q[:, first:] != self.q[:, first:]).any():
+                # Where the base alone departs, joints have nothing to compare.
+                signal |= {"other": packed(q[:, first:]), "otherLabel": label}
         return content
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from excite.arrays import Array
 from excite.errors import ExciteError
 from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
@@ -15,12 +18,14 @@ from excite.report.record import Record
 from excite.report.replay.scene import scene
 from excite.report.replay.trial import trial_frames
 from excite.report.sections.section import Section
+from excite.robot.robot import Robot
+from excite.rows.drive_terms import slides
 
 _COMMANDED = "commanded"
 
 
 class Moving(Section):
-    """The trial that judges; with a diagnosis its simulator before and after the effects."""
+    """The trial that judges; with an identification both models, with a diagnosis its simulator before and after."""
 
     identifier = "moving"
     title = "The trial in motion"
@@ -36,13 +41,17 @@ class Moving(Section):
             path = None
         trial = record.trial(path.trial if path else "")
         try:
-            tracks = (
-                _simulated(record, path, bool(found.get("effects"))) if path else _recorded(record, trial)
-            )
+            models = {} if path is None else _models(path, found)
+            path = path if models else None
+            tracks = _simulated(record, path, models) if path else _recorded(record, trial)
         except ExciteError:
             return ""
         still = paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
-        lead = _lead(trial.name, path is not None, (found.get("simulation") or {}).get("horizon_s"), tracks)
+        if path is not None and path.horizon_s is not None:
+            lead = _of_identification(record.robot, path, path.horizon_s)
+        else:
+            horizon_s = (found.get("simulation") or {}).get("horizon_s")
+            lead = _lead(trial.name, path is not None, horizon_s, tracks)
         shown = replay("moving-replay", scene(record.robot), tracks, still)
         return section(self.identifier, self.title, lead, shown)
 
@@ -59,11 +68,42 @@ def _lead(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str
     return f"Trial {trial}: the robot as it was measured."
 
 
-def _simulated(record: Record, path: PathComparison, closed: bool) -> dict[str, Any]:
-    """Measured, with the simulator as a ghost: as it was, and with the effects."""
+def _of_identification(robot: Robot, path: PathComparison, horizon_s: float) -> str:
+    strays = [_strays(robot, path, positions) for positions in (path.nominal, path.identified)]
+    return (
+        f"Trial {path.trial}: the robot as it was measured, and transparent where a model goes under the measured "
+        f"forces, when it starts anew from the record every {horizon_s:g} s. By then the model as supplied strays by "
+        f"{strays[0]}, the identified one by {strays[1]}. Where nothing was computed the two coincide."
+    )
+
+
+def _strays(robot: Robot, path: PathComparison, positions: Array) -> str:
+    """How far a model strays at most, and where: of a free base the base, else the joint."""
+    apart = np.abs(positions - path.measured)
+    if set(BASE_POSE) <= set(path.joints):
+        place = [path.joints.index(name) for name in BASE_POSE[:3]]
+        return f"up to {1e3 * np.linalg.norm(apart[:, place], axis=1).max():.2g} mm (base)"
+    most = int(np.argmax(apart.max(axis=0)))
+    joint, much = path.joints[most], float(apart[:, most].max())
+    if slides(robot.model, robot.n_base_v + robot.joint_index(joint)):
+        return f"up to {1e3 * much:.2g} mm ({joint})"
+    return f"up to {much:.2g} rad ({joint})" if much < np.pi else f"more than half a turn ({joint})"
+
+
+def _models(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, Array]:
+    """Where models take the robot, by what they are: those of an identification, or simulators of a diagnosis."""
+    if path.horizon_s is not None:
+        models = {"the identified model": path.identified, "the model as supplied": path.nominal}
+        # A joint that spins, since its model lacks friction and a rotor, is nothing to look at.
+        return {name: at for name, at in models.items() if np.abs(at - path.measured).max() < np.pi}
     models = {"the simulator as it was": path.nominal}
-    if closed:
+    if diagnosis.get("effects"):
         models["the simulator with the effects"] = path.identified
+    return models
+
+
+def _simulated(record: Record, path: PathComparison, models: dict[str, Array]) -> dict[str, Any]:
+    """Measured, with each model as a ghost."""
     base = _base(record, path)
     return {
         f"{path.trial} · {name}": trial_frames(

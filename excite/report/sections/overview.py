@@ -46,6 +46,12 @@ def _conditioning(findings: Findings) -> Iterator[str]:
     planned = (findings.plan or {}).get("conditioning")
     if change is not None:
         label = f"condition number of the base columns: {change.before_label} → {change.after_label}"
+        if change.full_after > change.full_before:
+            # Motions are chosen for single segments: the whole may come out a little worse.
+            better = int((change.after < change.before).sum())
+            label += (
+                f"; they are chosen by segment, and {better} of {len(change.after)} segments are better so"
+            )
         yield tile(f"{number(change.full_before)} → {number(change.full_after)}", label)
     elif planned is not None:
         yield tile(number(condition(planned["full"])), "condition number of the base columns")

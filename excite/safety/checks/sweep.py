@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, distinct_rows
 from excite.errors import InputError
 from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Robot
@@ -151,8 +151,8 @@ class Sweep:
 
     def contact_phases(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
         """Samples by set of feet in contact: pairs of the feet's and the samples' indices."""
-        sets, member = np.unique(self.contacts, axis=0, return_inverse=True)
-        return [(np.flatnonzero(row), np.flatnonzero(member.ravel() == i)) for i, row in enumerate(sets)]
+        sets, member = distinct_rows(self.contacts)
+        return [(np.flatnonzero(row), np.flatnonzero(member == i)) for i, row in enumerate(sets)]
 
     @cached_property
     def torque_samples(self) -> NDArray[np.intp]:

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, distinct_rows
 from excite.motion.generators.candidate import Candidate
 from excite.robot.robot import Robot
 from excite.safety.repairs.path import MotionPath
@@ -83,9 +83,9 @@ def _by_corners(
 ) -> None:
     robot, knots = path.robot, path.knots
     data = robot.model.createData()
-    patterns, member = np.unique(carried, axis=0, return_inverse=True)
+    patterns, member = distinct_rows(carried)
     shares = [corner_shares(robot, soles, pattern) for pattern in patterns]
-    for i, pattern in enumerate(member.ravel()):
+    for i, pattern in enumerate(member):
         wrenches = np.einsum("jkl,al->jak", shares[pattern], wrench[i])
         pin.forwardKinematics(robot.model, data, knots.q[i])
         for k in np.flatnonzero(carried[i]):

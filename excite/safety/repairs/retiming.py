@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
+from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -68,9 +73,10 @@ def _standing_still(draft: Draft, path: MotionPath, rows: Rows) -> Rejection:
 
 def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
     """The largest ``ṡ`` at each of the knots ``(n,)`` under rows and a bound, or None if there is none."""
-    import toppra
-    from toppra.algorithm import TOPPRA
-    from toppra.constraint import LinearConstraint
+    with _without_pyplot():
+        import toppra
+        from toppra.algorithm import TOPPRA
+        from toppra.constraint import LinearConstraint
 
     class RowConstraint(LinearConstraint):
         """The rows as toppra takes them: a u + b x + c = w, F w ≤ g."""
@@ -94,6 +100,30 @@ def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
     if rate is None or not np.isfinite(rate).all():
         return None
     return np.asarray(rate)
+
+
+class _Pyplot(ModuleType):
+    """Stands for matplotlib's pyplot where that is imported in case something is drawn."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(import_module("matplotlib.pyplot"), name)
+
+
+@contextmanager
+def _without_pyplot() -> Iterator[None]:
+    """Import what draws when it is asked to, without what it would draw with: that takes a third of a second."""
+    if "matplotlib" in sys.modules:
+        yield
+        return
+    package, plots = ModuleType("matplotlib"), _Pyplot("matplotlib.pyplot")
+    package.pyplot = plots  # type: ignore[attr-defined]
+    sys.modules |= {"matplotlib": package, "matplotlib.pyplot": plots}
+    try:
+        yield
+    finally:
+        del sys.modules["matplotlib"], sys.modules["matplotlib.pyplot"]
 
 
 def smoothed_law(s: Array, rate: Array) -> TimeLaw:

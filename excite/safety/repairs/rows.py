@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from excite.arrays import Array
+from excite.arrays import Array, distinct_rows
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.candidate import Candidate
 from excite.robot.holding import usable_torque
@@ -166,12 +166,12 @@ class PathLimits:
         for phase in [phase for phase in self.candidate.phases if len(phase.feet) < len(self._robot.feet)]:
             carried[(s >= phase.start) & (s <= phase.end)] = [f.name in phase.feet for f in self._robot.feet]
         weight = self._robot.mass * float(np.linalg.norm(self._robot.model.gravity.linear))
-        patterns, member = np.unique(carried, axis=0, return_inverse=True)
+        patterns, member = distinct_rows(carried)
         supports = [self._support(row) for row in patterns]
         n_edges = max(len(support.normals) for support in supports)
         rows = np.zeros((len(s), 3, n_edges + 9))
         for k, support in enumerate(supports):
-            at = member.ravel() == k
+            at = member == k
             w = wrench[at] / weight
             margin = self._zmp_margins(s[at], patterns[k], support)
             rows[at, :, : len(support.normals)] = zmp_rows(w, support, margin[:, None])
