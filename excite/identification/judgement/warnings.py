@@ -72,7 +72,10 @@ def _of_mass(mass: TotalMassReport) -> list[Finding]:
     if share < -1.0:
         cause = "the wrenches look like those that the robot exerts, not those on the robot"
     if mass.of_torques:
-        by, cause = "torques", "check their sign, unit and gear" if share < -1.0 else "check their unit and gear"
+        by, cause = (
+            "torques",
+            "check their sign, unit and gear" if share < -1.0 else "check their unit and gear",
+        )
     text = f"the {by} say {mass.measured:.2f} kg, {name} {known:.2f} kg ({100 * share:+.1f} %): {cause}"
     return [Finding("force_scale", text, {"measured_kg": mass.measured, "known_kg": known})]
 
