@@ -179,6 +179,15 @@ def test_a_hand_begins_where_its_fingers_part(tmp_path: Path) -> None:
     assert written(hand_on_an_arm(), tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
 
 
+def test_a_heavy_palm_leaves_fingers_fingers(tmp_path: Path) -> None:
+    """Of two hands of one kind a published pair moved the fingers of one, whose palm the file has as 0.7 kg."""
+    text = hand_on_an_arm()
+    light = f'<link name="part_3"><inertial><mass value="{0.2}"/>'
+    assert light in text
+    heavy = text.replace(light, light.replace("0.2", "0.7"))
+    assert written(heavy, tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
+
+
 def test_an_arm_that_cannot_hold_itself_stretched_out_rests_where_it_can(tmp_path: Path) -> None:
     text = hand_on_an_arm().replace('effort="60"', 'effort="2"')
     robot = written(text, tmp_path)
