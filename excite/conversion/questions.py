@@ -99,6 +99,9 @@ def ask_for_base(found: Guesses, recording: Recording, machine: Machine, mapping
             _ask_for_contacts(found, machine)
         return
     line = "log: {base: held}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}"
+    feet = () if machine.robot is None else machine.robot.feet
+    if found.of("imu") and feet:
+        line += f'; of a robot that stands, columns: {{contact.{feet[0].name}: "NAME", …}}, 1 where a foot carries'
     if any(column.channel == "imu" for stream in recording.streams for column in stream.columns):
         link = machine.base_link
         line += f"; of a robot that hangs, log: {{base: suspended, base_link: {link}, imu: {{link: {link}}}}}"

@@ -114,6 +114,12 @@ def test_a_pose_alone_says_not_whether_a_robot_stands(toy, tmp_path):
     assert excite.convert([file], toy, tmp_path / "log", hung).log.header.base == "suspended"
 
 
+def test_an_imu_without_contacts_is_asked_for_them(toy, tmp_path):
+    file = _file(tmp_path / "a.csv", _stood(), ("", "", *_PLAIN[2:4], ""))
+    with pytest.raises(UnclearError, match=r"base: held.*contact\.FL: \"NAME\".*1 where a foot carries"):
+        excite.convert([file], toy, tmp_path / "log", _WHOLE)
+
+
 def test_a_map_that_names_no_foot_is_told_those_that_there_are(toy, tmp_path):
     file = _file(tmp_path / "a.csv", _stood(), _PLAIN)
     stated = Map(columns={"contact.front": "contact_FL"})

@@ -146,7 +146,7 @@ def _numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
     if isinstance(first, str):
         # Names of joints, or a word in each row.
         texts = [cell if cell is not None else [""] * width if width else "" for cell in cells]
-        if not width and (stamps := seconds(texts)) is not None:
+        if not width and (stamps := seconds([str(text) for text in texts])) is not None:
             arrays[name] = stamps
         elif not width or all(isinstance(text, list) and len(text) == width for text in texts):
             arrays[name] = np.array(texts, dtype=str)
