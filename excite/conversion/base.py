@@ -33,7 +33,10 @@ def base_fields(
     """Fields of ``log.yaml`` for a base whose pose or inertial readings were logged; empty for none."""
     imu = _imu(machine) if "imu.gx" in present else None
     fields: dict[str, Any] = {} if imu is None or "imu" in stated else {"imu": imu}
-    if "base.px" not in present:
+    feet = [] if machine.robot is None else foot_headers(machine.robot)
+    feet = [foot for foot in feet if f"contact.{foot.name}" in present]
+    posed = "base.px" in present
+    if not posed and not (feet and "imu.gx" in present):
         return fields
     fields |= {"base": "suspended", "base_link": machine.base_link}
     because = "a base pose was logged, and no contact wrench"
@@ -42,14 +45,28 @@ def base_fields(
         fields |= {"base": "floating", "wrench": _FRAME, "sensors": sensors}
         because = "a base pose and contact wrenches were logged"
         found.facts.append(("wrench", _FRAME, "what ankle sensors and plates say after their drivers"))
-    feet = [] if machine.robot is None else foot_headers(machine.robot)
-    feet = [foot for foot in feet if f"contact.{foot.name}" in present]
     if feet and not sensors and "feet" not in stated:
         fields |= {"base": "floating", "feet": [foot.model_dump() for foot in feet]}
-        because = "a base pose and contact flags were logged"
+        because = f"{'a base pose' if posed else 'readings of an IMU'} and contact flags were logged"
     if "base" not in stated:
         found.facts.append(("base", fields["base"], because))
     return fields
+
+
+def feet_of(found: Guesses, machine: Machine, mapping: Map) -> list[tuple[str, str]]:
+    """Name and link of the feet that flags of contact may be of; asks where a map names one that the robot lacks."""
+    stated = mapping.log.get("feet") or ()
+    feet = [(str(f["name"]), str(f.get("link", ""))) for f in stated if isinstance(f, dict) and "name" in f]
+    if not feet and machine.robot is not None:
+        feet = [(foot.name, foot.link) for foot in foot_headers(machine.robot)]
+    names = [name for name, _ in feet]
+    strange = [item.target for item in found.of("contact") if item.target.partition(".")[2] not in names]
+    if strange and names:
+        line = f'columns: {{contact.{names[0]}: "NAME", …}}'
+        found.ask(
+            f"{', '.join(strange)} is of no foot of {machine.name}, whose feet are {', '.join(names)}", line
+        )
+    return feet
 
 
 def _add(found: Guesses, pairs: Sequence[tuple[str, Column]]) -> None:

@@ -215,7 +215,10 @@ def _examined(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
     """What the doctor says; a log that it cannot look at is written all the same."""
     try:
         robot = nominal_robot(log)
-        return examine(robot, log), scale_notes(robot, log)
+        chart = examine(robot, log)
+        # Positions in another unit would look like torques in one.
+        turned = any(f.kind in ("degrees", "revolutions") and f.repaired for f in chart.findings)
+        return chart, scale_notes(robot, chart.log if turned else log)
     except InputError as error:
         return None, [f"{_UNSEEN}: {error}"]
     except ValidationError:

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.base import add_base
+from excite.conversion.base import add_base, feet_of
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.axes import axes_as_positions
+from excite.conversion.columns.base_signals import add_base_signals
 from excite.conversion.columns.choice import choose
 from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, tick
 from excite.conversion.columns.commands import settle_commands
@@ -62,6 +63,10 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     _stated_columns(found, recording, mapping, joints)
     clocks = _clocks(found, recording, clues, mapping)
     taken = {item.source for item in found.mapped} | set(clocks)
+    if machine.floating:
+        unknown = [name for name in clues if name not in taken]
+        add_base_signals(found, recording, unknown, feet_of(found, machine, mapping))
+        taken |= {item.source for item in found.mapped}
     left = {name: said for name, said in clues.items() if name not in taken}
     known = {item.channel for item in found.mapped}
     groups = [family for family in families(recording, left, joints) if family.target not in known]

@@ -36,7 +36,7 @@ class Machine:
         base_link: the root link.
         gravity: ``(3,)`` in the world frame [m/s²].
         text: of the URDF, or of a robot.yaml where a URDF does not say all of it.
-        robot: the robot with its limits, None for a bare URDF.
+        robot: the robot with its limits, None for a bare URDF whose base is fixed.
     """
 
     name: str
@@ -126,6 +126,7 @@ def _of_urdf(path: Path) -> Machine:
 
     at = [joint.idx_q for joint in moved]
     effort = limits(model.effortLimit, np.inf)
+    standing = _standing(path, model)
     return Machine(
         name=model.name or path.stem,
         joints=names,
@@ -133,23 +134,24 @@ def _of_urdf(path: Path) -> Machine:
         upper=np.where(ends, limits(model.upperPositionLimit, np.inf, at), np.inf),
         torque=np.where(effort > 0.0, effort, np.inf),
         slides=np.array([_slides(model, place) for place in order]),
-        floating=_stands(path, model),
+        floating=standing is not None,
         base_link=next((link for link in links if link not in children), ""),
         gravity=(0.0, 0.0, -9.81),
         text=read_text(path, limit=MAX_XML_BYTES),
-        robot=None,
+        robot=standing,
     )
 
 
-def _stands(path: Path, model: pin.Model) -> bool:
-    """Whether a bare URDF's base is free, as the first description has it of a model that has limbs."""
+def _standing(path: Path, model: pin.Model) -> Robot | None:
+    """The robot of a bare URDF whose base is free, as the first description has it of a model that has limbs."""
     limbs = ((len(model.subtrees[child]) >= _LEG for child in children) for children in model.children)
     if all(sum(several) < 2 for several in limbs):
-        return False
+        return None
     try:
-        return load_robot(path).floating
+        robot = load_robot(path)
     except RobotError:
-        return False
+        return None
+    return robot if robot.floating and robot.mechanism is None else None
 
 
 def _slides(model: object, place: int) -> bool:

@@ -90,14 +90,35 @@ def note_order_of_legs(
 
 
 def ask_for_base(found: Guesses, recording: Recording, machine: Machine, mapping: Map) -> None:
-    """How a base that is free was carried, where no pose of it tells."""
-    if not machine.floating or "base" in mapping.log or found.of("base"):
+    """How a base that is free was carried, where neither contacts nor the robot's description tell."""
+    carried = found.of("contact") or found.of("wrench")
+    if not machine.floating or "base" in mapping.log or (carried and (found.of("base") or found.of("imu"))):
+        return
+    if found.of("base"):
+        if (found.of("tau") or found.of("i")) and mapping.log.get("torque") != "none":
+            _ask_for_contacts(found, machine)
         return
     line = "log: {base: held}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}"
+    feet = () if machine.robot is None else machine.robot.feet
+    if found.of("imu") and feet:
+        line += f'; of a robot that stands, columns: {{contact.{feet[0].name}: "NAME", …}}, 1 where a foot carries'
     if any(column.channel == "imu" for stream in recording.streams for column in stream.columns):
         link = machine.base_link
         line += f"; of a robot that hangs, log: {{base: suspended, base_link: {link}, imu: {{link: {link}}}}}"
     found.ask(f"the base of {machine.name} is free, and no pose of it was recorded", line)
+
+
+def _ask_for_contacts(found: Guesses, machine: Machine) -> None:
+    """A pose alone does not say whether a robot stands on its feet, whose forces are then in its torques, or hangs."""
+    robot = machine.robot
+    if robot is None or robot.description.base != "floating" or not robot.feet:
+        return
+    feet = [foot.name for foot in robot.feet]
+    found.ask(
+        f"a pose of the base of {machine.name} was recorded, and not which of its feet {', '.join(feet)} carry",
+        f'columns: {{contact.{feet[0]}: "NAME", …}}   # 1 while it stands; of a robot that hangs, '
+        "log: {base: suspended}",
+    )
 
 
 def ask_for_positions(found: Guesses, recording: Recording, machine: Machine) -> None:

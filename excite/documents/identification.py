@@ -115,6 +115,9 @@ class TotalMass(Block):
     measured: Maybe = Field(description="what the measured forces say [kg]")
     measured_std: MaybePositive = Field(description="its standard deviation [kg]")
     weighed: Maybe = Field(description="what the scale said [kg]")
+    of_torques: bool = Field(
+        default=False, description="whether joints' torques measure it, in place of wrenches"
+    )
 
 
 Fits = Annotated[dict[Name, ChannelFit], Field(max_length=MOST_CHANNELS)]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from copy import copy
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+from xml.parsers.expat import errors as expat_errors
 
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
@@ -19,6 +21,10 @@ MAX_XML_BYTES = 64 * 1024 * 1024
 MAX_ELEMENTS = 200_000
 MAX_DEPTH = 200
 MAX_ATTRIBUTES = 200
+_UNBOUND_PREFIX = expat_errors.codes[expat_errors.XML_ERROR_UNBOUND_PREFIX]
+# Comments and instructions, which hold no element, or the beginning of the outermost one.
+_BEGINNINGS = re.compile(rb"<!--.*?-->|<[?!].*?>|<([A-Za-z_][\w.:-]*)", re.DOTALL)
+_PREFIXED = re.compile(rb"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]")
 
 
 class _OutOfBounds(Exception):
@@ -74,12 +80,15 @@ def parse_xml(
     content: bytes, path: Path, error: type[InputError] = InputError, max_depth: int = MAX_DEPTH
 ) -> ElementTree.Element:
     """The outermost element of XML that was read from ``path``; errors as for :func:`read_xml`."""
-    parser = DefusedXMLParser(target=_BoundedBuilder(max_depth))
+    # Some editors and programs of embedded makers end a text with the zero byte of its string.
+    content = content.rstrip(b"\0")
     try:
-        # Some editors and programs of embedded makers end a text with the zero byte of its string.
-        parser.feed(content.rstrip(b"\0"))
-        root: ElementTree.Element = parser.close()
-        return root
+        try:
+            return _parsed(content, max_depth)
+        except ElementTree.ParseError as reason:
+            if reason.code != _UNBOUND_PREFIX:
+                raise
+            return _parsed(_with_prefixes(content), max_depth)
     except DefusedXmlException as reason:
         raise error(
             f"declares XML entities ({type(reason).__name__})",
@@ -94,6 +103,32 @@ def parse_xml(
         raise error(
             f"is not valid XML ({line[:160]})", source=path, remedy="mend the syntax there"
         ) from reason
+
+
+def elements_of(text: bytes | str) -> ElementTree.Element:
+    """The outermost element of a text that was read or written here before; prefixes need no declaration."""
+    return parse_xml(text.encode() if isinstance(text, str) else text, Path("text"))
+
+
+def _parsed(content: bytes, max_depth: int) -> ElementTree.Element:
+    parser = DefusedXMLParser(target=_BoundedBuilder(max_depth))
+    parser.feed(content)
+    root: ElementTree.Element = parser.close()
+    return root
+
+
+def _with_prefixes(content: bytes) -> bytes:
+    """The text with every prefix that stands in it declared: ROS' and Drake's readers of models ask for no declaration.
+
+    Drake's own models have ``drake:acceleration`` and ``drake:collision_filter_group`` without one.
+    """
+    first = next((match for match in _BEGINNINGS.finditer(content) if match[1]), None)
+    if first is None:
+        return content
+    declared = set(re.findall(rb"xmlns:([\w.-]+)\s*=", content))
+    prefixes = sorted(set(_PREFIXED.findall(content)) - declared - {b"xmlns", b"xml"})
+    said = b"".join(b' xmlns:%s="undeclared:%s"' % (prefix, prefix) for prefix in prefixes)
+    return content[: first.end(1)] + said + content[first.end(1) :]
 
 
 def all_alike(elements: Sequence[ElementTree.Element]) -> bool:

@@ -404,6 +404,21 @@ def test_files_that_are_not_opened_are_refused_with_what_to_do(name, reason, arm
 
 
 @pytest.mark.parametrize(
+    ("name", "begins", "remedy"),
+    [
+        ("flight.ulg", b"ULog\x01\x12\x35\x01", "ulog2csv"),
+        ("session.rrd", b"RRF2\x00", "Parquet"),
+        ("lcmlog-2020-05-01.00", b"\xed\xa1\xda\x01\x00", "lcm.EventLog"),
+        ("steps-train.tfrecord-00000-of-00004", b"\x10\x00", "numpy.savez"),
+    ],
+)
+def test_files_of_other_tools_are_known_by_what_they_begin_with(name, begins, remedy, arm, tmp_path):
+    (tmp_path / name).write_bytes(begins + bytes(range(200)))
+    with pytest.raises(LogError, match=remedy):
+        excite.convert([tmp_path / name], arm, tmp_path / "log")
+
+
+@pytest.mark.parametrize(
     ("count", "turn", "rate"), [(4096, 2.0 * np.pi, 0.229), (1024, np.radians(300.0), 0.111)]
 )
 def test_counts_of_servos(count, turn, rate, data, arm, tmp_path):

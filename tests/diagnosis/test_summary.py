@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from excite.diagnosis.answer.budget import Budget, ChannelBudget
-from excite.diagnosis.answer.candidate import Candidate, Estimate
+from excite.diagnosis.answer.candidate import Candidate, Estimate, sized
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.answer.result import Diagnosis
 from excite.finding import Finding
@@ -81,3 +81,10 @@ def test_a_budget_in_which_nothing_is_named_says_how_near_to_the_noise_the_gap_i
     said = Budget(channels, ()).sentence()
     assert "b: 0.03 N·m, noise 0.02 N·m" in said
     assert "%" not in said
+
+
+def test_a_ripple_is_as_high_as_both_its_parts():
+    """One of 4.9 N·m, whose phase left 0.03 to the cosine, was said to be one of -0.026 ± 0.02 N·m."""
+    parts = {"cosine": Estimate(-0.03, 0.02, "N·m"), "sine": Estimate(4.86, 0.04, "N·m")}
+    ripple = Candidate("torque_ripple", "a", parts, 640.0, 0.1, 0.9, ("a",))
+    assert sized(ripple) == "torque ripple at a (4.86 ± 0.04 N·m)"

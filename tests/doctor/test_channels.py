@@ -49,6 +49,7 @@ def order(*pairs: tuple[int, int]) -> list[int]:
 
 FAULTS = {
     "degrees": (lambda t: replace(t, q=np.degrees(t.q)), "degrees", JOINTS),
+    "revolutions": (lambda t: replace(t, q=t.q / (2.0 * np.pi)), "revolutions", JOINTS),
     "two joints exchanged": (
         lambda t: replace(t, q=t.q[:, order((1, 3))], tau=t.tau[:, order((1, 3))]),
         "order",

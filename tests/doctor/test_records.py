@@ -122,3 +122,24 @@ def test_faults_of_drawn_cases_are_found_and_counted(kind: str, sound: Trial, tm
         held = int(np.sum(np.all(np.diff(np.hstack([trial.q, trial.tau]), axis=0) == 0.0, axis=1)))
         gone = sound.n_samples - trial.n_samples
         assert [fault.figures["rows"] for fault in chart.findings] == [held or gone]
+
+
+def stuck(trial: Trial, level: float) -> Trial:
+    """The first joint held at one height by dry friction as it turns back, which it leaves at speed."""
+    q = trial.q.copy()
+    q[:, 0] = STEP * np.round(np.minimum(q[:, 0], level) / STEP)
+    return replace(trial, q=q)
+
+
+def test_a_joint_that_sticks_where_it_turns_back_is_not_clipped(sound, tmp_path):
+    """Two motions that turn at different heights; a sensor's range ends at one."""
+
+    def kinds(levels: tuple[float, float]) -> set[str]:
+        trials = [replace(stuck(sound, level), name=name) for name, level in zip("ab", levels, strict=True)]
+        log = load_log(save_log(two_joint_log(tuple(trials)), tmp_path / f"log{levels[1]:.3f}"))
+        assert any(trial.cleaning.clipped for trial in log.trials)
+        return {finding.kind for finding in examine(nominal_robot(log), log).findings}
+
+    high, low = np.quantile(sound.q[:, 0], [0.9, 0.8])
+    assert "clipped" in kinds((high, high))
+    assert "clipped" not in kinds((high, low))

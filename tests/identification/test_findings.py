@@ -71,8 +71,8 @@ def test_least_squares_does_not_contradict_itself(ur10):
 def test_forces_that_disagree_with_the_known_mass_are_named(ur10):
     result = identify(ur10, arm_log(ur10, 0, trials=2), "wls", problem_settings=SETTINGS)
 
-    def said(measured: float, weighed: float | None) -> str:
-        mass = TotalMassReport(35.0, 35.0, measured, 0.05, weighed)
+    def said(measured: float, weighed: float | None, std: float = 0.05, *, torques: bool = False) -> str:
+        mass = TotalMassReport(35.0, 35.0, measured, std, weighed, torques)
         found = find_warnings(
             result.identified, result.statistics, replace(result.judgement, total_mass=mass)
         )
@@ -82,6 +82,10 @@ def test_forces_that_disagree_with_the_known_mass_are_named(ur10):
     assert "gain" in said(35.0 / 2.0, None)
     assert "the scale" in said(35.0, 36.0)
     assert said(38.0, None) == said(35.1, 35.0) == ""
+    # A quadruped of 40 kg that swayed on its feet was told to weigh -48 ± 11 kg, and to look at wrenches that it lacks.
+    assert said(-41.8, None, 9.4) == said(-41.8, None, 9.4, torques=True) == ""
+    assert "wrench" not in said(-34.0, None, torques=True)
+    assert "sign" in said(-34.0, None, torques=True)
     assert result.to_json()["findings"][0].keys() == {
         *("kind", "text", "figures", "places", "severity", "sure", "repaired", "remedy", "trials")
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -176,6 +177,15 @@ def test_a_joint_that_follows_one_that_is_not_there_is_held(tmp_path: Path) -> N
 
 def test_a_hand_begins_where_its_fingers_part(tmp_path: Path) -> None:
     assert written(hand_on_an_arm(), tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
+
+
+def test_a_heavy_palm_leaves_fingers_fingers(tmp_path: Path) -> None:
+    """Of two hands of one kind a published pair moved the fingers of one, whose palm the file has as 0.7 kg."""
+    text = hand_on_an_arm()
+    light = f'<link name="part_3"><inertial><mass value="{0.2}"/>'
+    assert light in text
+    heavy = text.replace(light, light.replace("0.2", "0.7"))
+    assert written(heavy, tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
 
 
 def test_an_arm_that_cannot_hold_itself_stretched_out_rests_where_it_can(tmp_path: Path) -> None:
@@ -425,3 +435,22 @@ def test_a_wrist_that_turns_the_gripper_is_free(joint: str, held: list[str], tmp
     (tmp_path / "arm.urdf").write_text(text)
     robot = load_robot(write_scaffold(tmp_path / "arm.urdf", tmp_path / "described").description)
     assert list(robot.description.locked_joints) == held
+
+
+def test_a_key_frame_that_nobody_can_stand_in_is_not_where_legs_are_sought(tmp_path: Path) -> None:
+    """That of a published Mini Cheetah folds its front legs up: it was held in a stand, for two feet span no area."""
+    spec = mujoco.MjSpec.from_string(quadruped())
+    spec.body("trunk").add_freejoint()
+    joints = [joint.name for body in spec.bodies for joint in body.joints if joint.name]
+    folded = {
+        "front_left_pitch": -1.4,
+        "front_right_pitch": -1.4,
+        "hind_left_pitch": 0.9,
+        "hind_right_pitch": 0.9,
+    }
+    qpos = [0.0, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0, *(folded.get(name, 0.0) for name in joints)]
+    spec.add_key(name="home", qpos=qpos)
+    spec.compile()
+    robot = written(spec.to_xml(), tmp_path, "mine.xml")
+    assert robot.description.base == "floating"
+    assert len(robot.feet) == 4

@@ -371,3 +371,21 @@ def test_what_stands_twice_and_says_the_same_counts_once(tmp_path: Path) -> None
     q = np.array([0.4, -0.7])
     torques = [pin.computeGeneralizedGravity(one, one.createData(), q) for one in (found, expected)]
     np.testing.assert_array_equal(torques[0], torques[1])
+
+
+def test_prefixes_that_nothing_declares(tmp_path):
+    """Drake's models state accelerations and groups of collisions so; readers of ROS pass over them."""
+    text = ARM.replace("<limit ", '<limit drake:acceleration="2.5" ').replace(
+        "</robot>",
+        '<drake:collision_filter_group name="all"><drake:member link="x"/></drake:collision_filter_group></robot>',
+    )
+    (tmp_path / "drake.urdf").write_text(text.replace("<robot ", "<!-- <robot> made by hand -->\n<robot ", 1))
+    (tmp_path / "plain.urdf").write_text(ARM)
+    found, expected = (
+        pin.buildModelFromXML(read_urdf(tmp_path / name)) for name in ("drake.urdf", "plain.urdf")
+    )
+    assert list(found.names) == list(expected.names)
+    np.testing.assert_array_equal(found.effortLimit, expected.effortLimit)
+    (tmp_path / "broken.urdf").write_text(text.replace("</robot>", ""))
+    with pytest.raises(RobotError, match="not valid XML"):
+        read_urdf(tmp_path / "broken.urdf")

@@ -42,6 +42,8 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             why = f"{family.columns[0]} … hold the same values"
             found.facts.append((family.target, f"{other.columns[0]} …", why))
             continue
+        if _told_by_a_word(found, chosen, family, other):
+            continue
         found.ask(
             f"{family.target} may be {other.columns[0]} … or {family.columns[0]} …",
             f'columns: {{{family.target}: "{_pattern(other)}"}}',
@@ -64,6 +66,35 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
     return chosen
+
+
+def _told_by_a_word(found: Guesses, chosen: dict[str, Family], one: Family, other: Family) -> bool:
+    """Whether one of two rivals is none by its name; the other one is chosen then.
+
+    ``q_current`` beside a position is an electric current; ``joint_actual_position`` stands beside the tool's
+    ``actual_position``, and ``joint_torque`` beside ``motor_torque``.
+    """
+    if _ends_as_current(one) != _ends_as_current(other):
+        left, taken = (one, other) if _ends_as_current(one) else (other, one)
+        chosen.setdefault("i", replace(left, target="i", quantity="i"))
+        why = f"{left.columns[0]} … are electric currents"
+    elif _of_joints(one) != _of_joints(other):
+        left, taken = (other, one) if _of_joints(one) else (one, other)
+        why = f"{left.columns[0]} … are not said to be of joints"
+    else:
+        return False
+    chosen[taken.target] = taken
+    found.facts.append((taken.target, f"{taken.columns[0]} …", why))
+    return True
+
+
+def _ends_as_current(family: Family) -> bool:
+    """Whether ``current`` is the noun, as in q_current, an electric one; in current_position it says when."""
+    return family.quantity == "q" and family.stem.split("_")[-1] == "current"
+
+
+def _of_joints(family: Family) -> bool:
+    return bool({"joint", "joints", "jnt", "axis", "axes"} & set(family.stem.split("_")))
 
 
 def _is_aside(family: Family, recording: Recording) -> bool:

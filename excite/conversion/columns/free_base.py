@@ -17,7 +17,7 @@ _POSE, _TWIST = 7, 6
 _UNIT = 1e-2
 # A robot that stands or walks is turned about one axis, up: the cosine of half that angle is the larger by far.
 _LIKELY = 2.0
-_AXES = {"wxyz": ("qw", "qx", "qy", "qz"), "xyzw": ("qx", "qy", "qz", "qw")}
+POSE_AXES = {"wxyz": ("qw", "qx", "qy", "qz"), "xyzw": ("qx", "qy", "qz", "qw")}
 
 
 def without_base(
@@ -33,16 +33,16 @@ def without_base(
         return list(groups)
     values = {c.name: c.values for stream in recording.streams for c in stream.columns}
     quaternion = np.column_stack([values[name] for name in posed.columns[3:_POSE]])
-    if not np.allclose(np.linalg.norm(quaternion, axis=1), 1.0, atol=_UNIT):
+    if not unit_quaternions(quaternion):
         return list(groups)
-    order = _order(quaternion)
+    order = quaternion_order(quaternion)
     if order is None:
         found.ask(
             f"{posed.columns[0]} … begins with a pose, and which end of its quaternion is w cannot be told",
             f'columns: {{base.qw: "{posed.columns[3]}", base.qx: "{posed.columns[4]}", …}}',
         )
         return list(groups)
-    axes = ("px", "py", "pz", *_AXES[order])
+    axes = ("px", "py", "pz", *POSE_AXES[order])
     because = f"seven columns more than joints, four of them a quaternion, {order}"
     if not found.of("base"):
         found.mapped += [
@@ -52,8 +52,15 @@ def without_base(
     return [_rest(family, joints) for family in groups]
 
 
-def _order(quaternion: Array) -> str | None:
-    first, last = (float(np.median(np.abs(quaternion[:, k]))) for k in (0, 3))
+def unit_quaternions(values: Array) -> bool:
+    """Whether four columns hold a quaternion in every row that has numbers; ``(n, 4)``."""
+    norms = np.linalg.norm(values, axis=1)
+    return bool(np.isfinite(norms).any() and np.allclose(norms[np.isfinite(norms)], 1.0, atol=_UNIT))
+
+
+def quaternion_order(quaternion: Array) -> str | None:
+    """``wxyz`` or ``xyzw`` by which end is larger, as of a robot that is turned about one axis; None for neither."""
+    first, last = (float(np.nanmedian(np.abs(quaternion[:, k]))) for k in (0, 3))
     if first > _LIKELY * last:
         return "wxyz"
     return "xyzw" if last > _LIKELY * first else None

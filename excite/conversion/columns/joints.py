@@ -128,7 +128,7 @@ def by_likeness(columns: list[str], labels: dict[str, str], joints: Sequence[str
 
 def _likeness(label: str, joint: str) -> float:
     """How alike a label and a joint's name are, 0 … 1, words in any order."""
-    ours, theirs = (_normal(text) for text in (label, joint))
+    ours, theirs = (name_words(text) for text in (label, joint))
     if not ours or not theirs:
         return 0.0
     whole = difflib.SequenceMatcher(None, "".join(ours), "".join(theirs)).ratio()
@@ -136,7 +136,8 @@ def _likeness(label: str, joint: str) -> float:
     return max(whole, shared)
 
 
-def _normal(text: str) -> list[str]:
+def name_words(text: str) -> list[str]:
+    """Words of a joint's or foot's name, short ones written out; empty ones such as ``joint`` left out."""
     text = re.sub(r"([a-z])([A-Z])", r"\1 \2", text)
     words = [word.lower() for word in re.split(r"[^A-Za-z0-9]+|(?<=[A-Za-z])(?=\d)", text) if word]
     return [_SHORT.get(word, word) for word in words if word not in {"joint", "motor", "link", "jnt"}]

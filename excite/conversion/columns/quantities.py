@@ -10,7 +10,7 @@ import numpy as np
 from excite.conversion.columns.clock import row_seconds
 from excite.conversion.columns.mixed_units import alike, stated_unit
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
-from excite.conversion.columns.scaled import named_unit, scaled, values_of, without_unit
+from excite.conversion.columns.scaled import named_unit, of_imu, scaled, values_of, without_unit
 from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit, zero_of
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
@@ -36,9 +36,10 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     """The channels with their factors; what cannot be told is added to ``found.questions``."""
     columns = {c.name: c for stream in recording.streams for c in stream.columns}
     done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
+    done += of_imu(found.of("imu"), columns, mapping)
     maybe_shares = bool(recording.said.get("maybe_shares"))
     angles = positions(found, columns, machine, mapping, _slopes(found, recording), maybe_shares=maybe_shares)
-    for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "imu", "contact"):
+    for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "contact"):
         everything = found.of(channel)
         if not everything or _left_out(found, channel, everything, columns, mapping):
             continue
@@ -111,7 +112,7 @@ def _ask_for_sign(
 ) -> None:
     """Torques or currents of several joints that are never negative are magnitudes, which no equation holds for."""
     # Flags of contact are 0 and 1.
-    if channel == "contact" or len(items) < _JOINTS_OF_ONE_SIGN or channel in mapping.columns:
+    if channel in ("base", "contact") or len(items) < _JOINTS_OF_ONE_SIGN or channel in mapping.columns:
         return
     if _of_one_sign(items, columns):
         found.ask(

@@ -8,10 +8,15 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.unit_words import UNITS
+from excite.conversion.columns.units import TO_SI
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Mapped
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Column
+
+# An accelerometer at rest reads gravity: 9.81 m/s², 1 g or 1000 mg. A robot that stands departs from it by less.
+_GRAVITY = 9.80665
+_NEAR = 1.25
 
 
 def scaled(item: Mapped, mapping: Map, factor: float, zero: float, because: str) -> Mapped:
@@ -48,3 +53,30 @@ def without_unit(channel: str, items: list[Mapped], columns: dict[str, Column]) 
         if len(known) and (known == np.round(known)).all():
             return "no unit stated; whole numbers, so counts of a drive or mA: torque constants are per one of them"
     return "no unit stated"
+
+
+def of_imu(items: list[Mapped], columns: dict[str, Column], mapping: Map) -> list[Mapped]:
+    """Readings of an IMU: in the unit that names state, else rad/s and what makes gravity of accelerations."""
+    read = [item for item in items if item.target in ("imu.ax", "imu.ay", "imu.az")]
+    weighed = _gravity_unit(values_of(read, columns)) if len(read) == 3 else (1.0, "no unit stated")
+    done = []
+    for item in items:
+        named = str(mapping.units.get(item.channel, "")) or named_unit([item], columns)
+        factor, why = weighed if item in read else (1.0, "no unit stated")
+        if named in TO_SI:
+            factor, why = TO_SI[named], "unit as named"
+        done.append(scaled(item, mapping, factor, 0.0, f"{item.because}; {why}"))
+    return done
+
+
+def _gravity_unit(accelerations: Array) -> tuple[float, str]:
+    """The factor to m/s² of an accelerometer, and why: what it reads where a robot stands is gravity.
+
+    Args:
+        accelerations: ``(n, 3)`` as they stand in the file.
+    """
+    level = float(np.nanmedian(np.linalg.norm(accelerations, axis=1)))
+    for unit, factor in (("g", _GRAVITY), ("mg", 1e-3 * _GRAVITY)):
+        if _GRAVITY / _NEAR < level * factor < _GRAVITY * _NEAR:
+            return factor, f"{unit}: it reads {level:.4g} where the robot hardly moves"
+    return 1.0, "m/s²: no other unit makes gravity of it"

@@ -9,14 +9,14 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "enable enabled on done success err error errors ext external extern hat temp temps temperature "
             "status mode tcp cartesian flange eef id seq residual deviation tracking model ee tip wrench ft "
             "imu gyro tool gripper contact disturbance load_est crc kp kd ki stiffness damping "
-            # The rate of a torque: a log has no channel for it.
-            "dtau"
+            # What was made of many samples, and ends of ranges; the rate of a torque has no channel in a log.
+            "min max std stddev var rms minimum maximum dtau"
         ).split()
     ),
     "time": tuple(
         (
             "time timestamp timestamps ipoc t stamp tstamp clock tick ticks zeit times ts sec secs seconds "
-            "millis msec usec nsec tm elapsed uptime"
+            "millis msec usec nsec tm elapsed uptime utime"
         ).split()
     ),
     "a": tuple(

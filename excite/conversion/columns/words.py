@@ -48,7 +48,7 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     """What a column's name says of it, beside the names of the robot's joints and the unit that the file states."""
     text, bracketed = _without_unit(name)
     exact, rest = _without_joint(text, joints)
-    tokens = _tokens(rest)
+    tokens = name_tokens(rest)
     numbers = [int(token) for token in tokens if token.isdigit()]
     words = [token for token in tokens if not token.isdigit()]
     found = UNITS.get(unit.strip().lower()) or bracketed
@@ -95,7 +95,7 @@ def _without_joint(name: str, joints: Sequence[str]) -> tuple[str, str]:
     return "", name
 
 
-def _tokens(text: str) -> list[str]:
+def name_tokens(text: str) -> list[str]:
     """Words and numbers of a name, lower case; a change of case or from letters to digits parts them."""
     found = []
     for word in re.split(r"[^A-Za-z0-9µ°]+", text):

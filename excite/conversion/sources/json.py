@@ -13,6 +13,7 @@ from excite.conversion.shapes.array_streams import longest, stream_of_arrays
 from excite.conversion.shapes.episodes import FEWEST_ROWS
 from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import Source, damaged
+from excite.conversion.sources.stamps import seconds
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
 
@@ -88,8 +89,19 @@ def _trials(content: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 def _parsed(text: str, path: Path) -> Any:
     if path.suffix.lower() in {".jsonl", ".ndjson"}:
-        return [json.loads(line) for line in text.splitlines() if line.strip()]
-    return json.loads(text)
+        return _lines(text)
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        # One object a line under the other name, too.
+        lines = text.lstrip().splitlines()
+        if len(lines) < 2 or not lines[0].rstrip().endswith("}"):
+            raise
+        return _lines(text)
+
+
+def _lines(text: str) -> list[Any]:
+    return [json.loads(line) for line in text.splitlines() if line.strip()]
 
 
 def collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int) -> None:
@@ -134,7 +146,9 @@ def _numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
     if isinstance(first, str):
         # Names of joints, or a word in each row.
         texts = [cell if cell is not None else [""] * width if width else "" for cell in cells]
-        if not width or all(isinstance(text, list) and len(text) == width for text in texts):
+        if not width and (stamps := seconds([str(text) for text in texts])) is not None:
+            arrays[name] = stamps
+        elif not width or all(isinstance(text, list) and len(text) == width for text in texts):
             arrays[name] = np.array(texts, dtype=str)
         return
     try:

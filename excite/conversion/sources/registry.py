@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from excite.conversion.sources.source import MAX_SOURCE_BYTES
 from excite.errors import LogError
 from excite.reading.child import in_child
-from excite.reading.file import check_file
+from excite.reading.file import check_file, first_bytes
 from excite.reading.packed import is_packed, plain_name, unpacked
 from excite.registry import Registry
 
@@ -67,6 +67,15 @@ _REFUSED = {
     ),
     ".tdms": ("is a measurement file of LabVIEW", "export its channels as CSV or .mat"),
 }
+# Files of other tools by what they begin with, whatever they are called.
+_BEGINNINGS = {
+    b"ULog\x01\x12\x35": ("is a log of PX4", "turn it into tables with ulog2csv of pyulog"),
+    b"RRF": ("is a recording of rerun", "read it with rerun's dataframe API and save the table as Parquet"),
+    b"\xed\xa1\xda\x01": (
+        "is a log of LCM, whose messages no file but their .lcm definitions explains",
+        "decode it with lcm.EventLog and those definitions, and save q, qd, tau and utime with numpy.savez",
+    ),
+}
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 30.0, 2e6
 
@@ -87,10 +96,16 @@ def read_source(path: Path) -> tuple[Recording, ...]:
     name = recognised(path)
     if name is not None:
         return _in_own_process(name, path) if SOURCES[name].own_process else _read(name, path)
-    if (why := _REFUSED.get(path.suffix.lower())) is not None:
+    if (why := _REFUSED.get(path.suffix.lower().split("-")[0]) or _by_beginning(path)) is not None:
         raise LogError(why[0], source=path, remedy=why[1])
     known = "; ".join(SOURCES[name].summary for name in SOURCES)
     raise LogError("is of no format that is known", source=path, remedy=f"give one of: {known}")
+
+
+def _by_beginning(path: Path) -> tuple[str, str] | None:
+    """What a file is by its first bytes, and what to do with it; None for nothing that is known."""
+    first = b"" if path.is_dir() else first_bytes(path, 16)
+    return next((why for start, why in _BEGINNINGS.items() if first.startswith(start)), None)
 
 
 def _read_packed(path: Path) -> tuple[Recording, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,9 +77,20 @@ def measured(item: Estimate) -> str:
 
 
 def sized(item: Candidate) -> str:
-    """Effect, place and its first parameter as they are written in a sentence."""
-    values = ", ".join(measured(e) for e in list(item.parameters.values())[:1])
+    """Effect, place and its size, the first parameter or a wave's height, as they are written in a sentence."""
+    first = [_height(item.parameters)] if {"cosine", "sine"} <= set(item.parameters) else []
+    values = ", ".join(measured(e) for e in (first or list(item.parameters.values()))[:1])
     return in_words(item.effect, item.location) + (f" ({values})" if values else "")
+
+
+def _height(parameters: Mapping[str, Estimate]) -> Estimate:
+    """Height of a wave by its two parts: where the phase lies, either may be near zero."""
+    parts = [parameters[name] for name in ("cosine", "sine")]
+    height = math.hypot(*(part.value for part in parts))
+    spread = None
+    if height > 0.0 and all(part.std is not None for part in parts):
+        spread = math.hypot(*(part.value * (part.std or 0.0) for part in parts)) / height
+    return Estimate(height, spread, parts[0].unit)
 
 
 def in_words(effect: str | None, location: str | None) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.doctor.mistakes.base_frame import BaseFrame
 from excite.doctor.mistakes.clock import Clock
-from excite.doctor.mistakes.degrees import Degrees
+from excite.doctor.mistakes.degrees import Degrees, Revolutions
 from excite.doctor.mistakes.direction import Direction
 from excite.doctor.mistakes.gravity import Gravity
 from excite.doctor.mistakes.mistake import Mistake
@@ -23,6 +23,7 @@ OF_TORQUES: tuple[Mistake[TorqueSamples], ...] = (
     TorqueOrder(),
     TorqueScale(),
     Degrees(),
+    Revolutions(),
     PositionSign(),
     Direction(),
     Order(),
@@ -39,6 +40,7 @@ OF_WRENCHES: tuple[Mistake[WrenchSamples], ...] = (
     WrenchUnit(),
     BaseFrame(),
     Degrees(),
+    Revolutions(),
     PositionSign(),
     PositionOrder(),
     # One alone shows in how a robot stands.

@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from defusedxml.ElementTree import fromstring
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
@@ -24,7 +23,7 @@ from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.reading.file import read_bytes
-from excite.reading.xml_document import MAX_XML_BYTES
+from excite.reading.xml_document import MAX_XML_BYTES, elements_of
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
@@ -125,7 +124,7 @@ def _mujoco(robot: Robot, content: bytes, parameters: Array, notes: list[str]) -
     except InputError as error:
         notes.append(f"not checked with MuJoCo: {error.what}")
         return None
-    names = robot_names(robot, {}, held_joints(robot, fromstring(content)))
+    names = robot_names(robot, {}, held_joints(robot, elements_of(content)))
     return mujoco_error(robot, model, names, parameters)
 
 

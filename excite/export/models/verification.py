@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from defusedxml.ElementTree import fromstring
 
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
+from excite.reading.xml_document import elements_of
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Robot
 from excite.robot.urdf.model import urdf_model
@@ -85,7 +85,7 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
     Raises:
         InputError: the file's joints are not the robot's.
     """
-    held = held_joints(robot, fromstring(text))
+    held = held_joints(robot, elements_of(text))
     raw = urdf_model(_links_apart(text), Path("written model"), floating=robot.floating)
     neutral = pin.neutral(raw)
     ids = [raw.getJointId(name) for name in held]
@@ -110,7 +110,7 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
 
 def _links_apart(text: bytes) -> ElementTree.Element:
     """The robot with links that no joint is called like: pinocchio reduces no model in which names stand twice."""
-    root: ElementTree.Element = fromstring(text)
+    root: ElementTree.Element = elements_of(text)
     for element in root.iter():
         if element.tag == "link" and element.get("name"):
             element.set("name", f"{element.get('name')} (link)")
@@ -180,7 +180,7 @@ def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
     """
     import mujoco
 
-    root = fromstring(text)
+    root = elements_of(text)
     for link in root.findall("link"):
         for kind in ("visual", "collision"):
             for element in link.findall(kind):

@@ -7,7 +7,6 @@ from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
-from defusedxml.ElementTree import fromstring
 
 from excite.arrays import Array
 from excite.export.models.urdf import edited_urdf
@@ -16,6 +15,7 @@ from excite.export.simulators.friction import with_friction
 from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
 from excite.export.simulators.relative import move_attribute
 from excite.export.simulators.subject import Subject
+from excite.reading.xml_document import elements_of
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 
@@ -57,7 +57,7 @@ class LoadedUrdf(LoadedModel):
 
     def __init__(self, robot: Robot, text: bytes) -> None:
         self._robot, self._text = robot, text
-        joints = {joint.get("name"): joint for joint in fromstring(text).findall("joint")}
+        joints = {joint.get("name"): joint for joint in elements_of(text).findall("joint")}
         super().__init__(
             {
                 term: np.array([_dynamics(joints[name], attribute) for name in robot.joint_names])

@@ -15,6 +15,7 @@ from excite.identification.noise.correlated import NoiseModel
 from excite.identification.physical.known_bounds import BoundsReport, KnownBounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
+from excite.logs.columns import WRENCH_AXES
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class TotalMassReport:
         measured: what the measured forces say.
         measured_std: its standard deviation.
         weighed: what the scale said.
+        of_torques: whether joints' torques measure it, in place of wrenches.
     """
 
     identified: float
@@ -34,6 +36,7 @@ class TotalMassReport:
     measured: float | None
     measured_std: float | None
     weighed: float | None
+    of_torques: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,4 +124,5 @@ def mass_report(
         measured=measured.value if measured.identifiable else None,
         measured_std=measured.std if measured.identifiable else None,
         weighed=settings.total_mass,
+        of_torques=not set(rows.problem.channel_names) <= set(WRENCH_AXES),
     )

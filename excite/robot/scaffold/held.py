@@ -21,7 +21,7 @@ _LIMB = re.compile(r"wrist|forearm|elbow|shoulder", re.IGNORECASE)
 MASSLESS = "nothing with mass moves with it"
 # Directions at right angles have a smaller cosine, however few digits their angles were typed with.
 _ACROSS = 0.01
-# Hands have three fingers or more, and a twentieth of the mass that the heaviest joint of a robot moves.
+# Hands have three fingers or more, which weigh a twentieth of what the heaviest joint of a robot moves.
 _FINGERS, _HAND = 3, 0.05
 
 
@@ -134,7 +134,9 @@ def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) 
         # A wrist or a forearm has all fingers beyond it, too; they part where no one joint leads to all others.
         part = not any(len(rest) == len(joints_beyond) - 1 for rest in further.values())
         tips = sum(not rest for rest in further.values())
-        if part and tips >= _FINGERS and masses[name] < _HAND * whole:
+        # Not the palm's own mass: of two hands of one kind a published pair has one palm of 0.7 kg.
+        first = joints_beyond - set().union(*further.values())
+        if part and tips >= _FINGERS and sum(masses[one] for one in first) < _HAND * whole:
             found |= joints_beyond
     return found
 

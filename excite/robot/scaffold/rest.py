@@ -54,9 +54,12 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     search = PairSearch(figure.robot)
     review = review_pairs(figure.robot, rng, 100, search, wanted)
     allowed = frozenset((*review.ignored, *said.ignored, *((b, a) for a, b in said.ignored)))
-    postures = Postures(figure, search, wanted, rng)
-    legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
-    standing = postures.standing(legs, allowed) if legs and not figure.guessed else None
+    postures, legs, standing = _stood(figure, search, wanted, said, allowed, rng)
+    if (legs or said.floating) and np.any(wanted) and _unsteady(figure, postures, legs, standing):
+        # A model's own posture may be none that it stands in: MuJoCo's key frames of some lie, fold legs, or leap.
+        other = _stood(figure, search, np.zeros_like(wanted), said, allowed, rng)
+        if not _unsteady(figure, *other):
+            postures, legs, standing = other
     base: Base = "floating" if legs else "fixed"
     feet: tuple[FootGuess, ...] = ()
     notes: list[Assumed] = []
@@ -92,6 +95,20 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         # Of one that is held it stands there why.
         notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
     return Rest(base, q, tuple(legs) if base == "floating" else (), feet, ignored, source, tuple(notes))
+
+
+def _stood(
+    figure: Figure,
+    search: PairSearch,
+    wanted: Array,
+    said: Said,
+    allowed: frozenset[tuple[str, str]],
+    rng: np.random.Generator,
+) -> tuple[Postures, list[int], Standing | None]:
+    """The search from a posture ``(n_joints,)``, the legs that it has in it, and how it stands on them."""
+    postures = Postures(figure, search, wanted, rng)
+    legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
+    return postures, legs, postures.standing(legs, allowed) if legs and not figure.guessed else None
 
 
 def _unsteady(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:

@@ -1,0 +1,200 @@
+"""Columns of a base that moves, by their names: its pose, the readings of its IMU, and which feet carry."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.conversion.columns.free_base import POSE_AXES, quaternion_order, unit_quaternions
+from excite.conversion.columns.joints import by_likeness, name_words
+from excite.conversion.columns.vocabulary import MEASURED
+from excite.conversion.columns.words import name_tokens
+from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.recording import Column, Recording
+
+_BASE = frozenset("base root trunk torso pelvis body floating freeflyer odom odometry".split())
+_IMU = frozenset("imu ins ahrs".split())
+# What else stands in such names and says nothing: middleware's levels, frames (_w: of the world, _b: of the body).
+_FILLERS = MEASURED | frozenset(
+    "link frame pose state data world w b link0 robot mocap vicon optitrack wxyz xyzw message msg linear fb "
+    "transform tf kin value lin".split()
+)
+_KINDS: dict[str, frozenset[str]] = {
+    "position": frozenset("pos position positions translation xyz location trans p".split()),
+    "quaternion": frozenset(
+        "quat quats quaternion quaternions orientation orient rot rotation ori attitude att q".split()
+    ),
+    "gyro": frozenset("gyro gyroscope gyr omega angvel angular ang vel velocity g rate".split()),
+    "accelerometer": frozenset("acc accel accelerometer acceleration accelerations a".split()),
+}
+# Words that say by themselves which of the IMU's readings it is, and do not stand for a derivative of a pose.
+_ALONE = {"gyro": frozenset("gyro gyroscope gyr".split()), "accelerometer": frozenset(("accelerometer",))}
+_TURNING = frozenset("gyro gyroscope gyr omega angvel angular ang".split())
+_AXES = {"position": "xyz", "quaternion": "wxyz", "gyro": "xyz", "accelerometer": "xyz"}
+# base_px, base_qw, imu_gx, imu_ax.
+_SHORT = {"p": "position", "q": "quaternion", "g": "gyro", "a": "accelerometer"}
+_CONTACT = frozenset("contact contacts touch stance incontact touching grounded touchdown".split())
+_OF_FOOT = frozenset("foot feet leg flag flags sensor in on is state phase".split()) | MEASURED
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """What one name says: the kind, whose, and the axis by letter or number."""
+
+    kind: str
+    words: frozenset[str]
+    rest: str
+    axis: str
+
+
+def add_base_signals(
+    found: Guesses, recording: Recording, names: Sequence[str], feet: Sequence[tuple[str, str]]
+) -> None:
+    """Add the channels ``base.*``, ``imu.*`` and ``contact.*`` whose columns are called so.
+
+    A group is taken where it is whole: three axes, four numbers that are a quaternion in every row, or a flag of 0 or
+    1 for every foot. A commanded pose, an estimate of a hand, or a velocity of the base is none of these.
+
+    Args:
+        found: what is known; channels that it has are left as they are.
+        recording: the columns.
+        names: columns that nothing is known of yet.
+        feet: name and link of the robot's feet; none where they are not known.
+    """
+    there = set(names)
+    for stream in recording.streams:
+        columns = [c for c in stream.columns if c.name in there and not c.channel]
+        groups = _groups(columns)
+        if not found.of("base"):
+            _add_pose(found, groups)
+        if not found.of("imu"):
+            _add_imu(found, groups)
+        if feet and not found.of("contact"):
+            _add_contacts(found, columns, feet)
+
+
+def _add_pose(found: Guesses, groups: dict[tuple[str, str], list[Column]]) -> None:
+    for (kind, rest), columns in groups.items():
+        places = groups.get(("position", rest)) or next(
+            (group for (other, _), group in groups.items() if other == "position"), None
+        )
+        if kind != "quaternion" or places is None:
+            continue
+        turns = np.column_stack([column.values for column in columns])
+        if not unit_quaternions(turns):
+            continue
+        order = "wxyz"
+        if not _lettered(columns):
+            told = "wxyz" if "wxyz" in rest else "xyzw" if "xyzw" in rest else quaternion_order(turns)
+            if told is None:
+                line = f'columns: {{base.qw: "{columns[0].name}", base.qx: "{columns[1].name}", …}}'
+                found.ask(f"which end of {columns[0].name} … is w cannot be told", line)
+                return
+            order = told
+        pairs = zip(("px", "py", "pz", *POSE_AXES[order]), (*places, *columns), strict=True)
+        found.mapped += [Mapped(f"base.{axis}", c.name, 1.0, f"its name, {order}") for axis, c in pairs]
+        return
+
+
+def _add_imu(found: Guesses, groups: dict[tuple[str, str], list[Column]]) -> None:
+    gyro, read = (
+        next((g for (k, _), g in groups.items() if k == kind), None) for kind in ("gyro", "accelerometer")
+    )
+    if gyro is None or read is None:
+        return
+    axes = zip(("gx", "gy", "gz", "ax", "ay", "az"), (*gyro, *read), strict=True)
+    found.mapped += [Mapped(f"imu.{axis}", c.name, 1.0, "its name") for axis, c in axes]
+
+
+def _add_contacts(found: Guesses, columns: Sequence[Column], feet: Sequence[tuple[str, str]]) -> None:
+    flags = {}
+    for column in columns:
+        words = name_tokens(column.name)
+        if _CONTACT & set(words) and bool(
+            np.isin(column.values[np.isfinite(column.values)], (0.0, 1.0)).all()
+        ):
+            flags[column.name] = [word for word in words if word not in _CONTACT | _OF_FOOT]
+    if len(flags) != len(feet):
+        return
+    numbers = [int(words[0]) for words in flags.values() if len(words) == 1 and words[0].isdigit()]
+    if len(numbers) == len(flags) == len(set(numbers)):
+        ordered = [name for _, name in sorted(zip(numbers, flags, strict=True))]
+        foot_of = dict(zip([name for name, _ in feet], ordered, strict=True))
+        because = "its name; foot by its number, in the robot's order of feet"
+    else:
+        foot_of, because = _by_words(flags, feet), "its name; foot by the foot's name"
+    found.mapped += [Mapped(f"contact.{foot}", name, 1.0, because) for foot, name in foot_of.items()]
+
+
+def _by_words(flags: dict[str, list[str]], feet: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Columns by foot: where a label's words stand in one foot's name or link alone, else by likeness; {} else."""
+    labels = {name: set(name_words(" ".join(words))) for name, words in flags.items()}
+    named = {foot: set(name_words(f"{foot} {link}")) for foot, link in feet}
+    found: dict[str, str] = {}
+    for name, words in labels.items():
+        fits = [foot for foot, said in named.items() if words and words <= said]
+        if len(fits) == 1:
+            found[fits[0]] = name
+    if len(found) == len(feet):
+        return found
+    like = by_likeness(
+        list(flags), {n: "_".join(words) for n, words in flags.items()}, [foot for foot, _ in feet]
+    )
+    return like.columns if len(like.columns) == len(feet) else {}
+
+
+def _groups(columns: Sequence[Column]) -> dict[tuple[str, str], list[Column]]:
+    """Whole groups of axes by kind and by the rest of their names, axes in order."""
+    parts: dict[tuple[str, str], dict[str, Column]] = {}
+    for column in columns:
+        for said in _signals(column.name):
+            parts.setdefault((said.kind, said.rest), {}).setdefault(said.axis, column)
+    whole = {}
+    for (kind, rest), axes in parts.items():
+        letters = _AXES[kind]
+        for order in (letters, [str(k) for k in range(len(letters))]):
+            if set(axes) == set(order):
+                whole[kind, rest] = [axes[axis] for axis in order]
+    return whole
+
+
+def _lettered(columns: Sequence[Column]) -> bool:
+    return name_tokens(columns[0].name)[-1].endswith("w")
+
+
+def _signals(name: str) -> Iterator[_Signal]:
+    """What a name may say, for each kind that it fits."""
+    words = name_tokens(name)
+    if len(words) < 2:
+        return
+    *rest, last = words
+    if short := re.fullmatch(r"([pqga])([xyzw])", last):
+        rest, last = [*rest, _SHORT[short[1]]], short[2]
+        kinds = {_SHORT[short[1]]: frozenset((_SHORT[short[1]],))}
+    else:
+        kinds = _KINDS
+    if last not in ("x", "y", "z", "w") and not last.isdigit():
+        return
+    said = frozenset(rest)
+    for kind, own in kinds.items():
+        if said - own - _FILLERS - _BASE - _IMU:
+            continue
+        whose = said & (_IMU if kind in _ALONE else _BASE)
+        if kind in _ALONE:
+            fits = bool(said & own) and bool(whose or (kinds is _KINDS and said & _ALONE[kind]))
+            fits &= kind != "gyro" or bool(said & _TURNING)
+        elif kind == "position":
+            # base_x, base_pos_x; a quaternion's axes are not these.
+            fits = (
+                bool(whose)
+                and (bool(said & own) or last in ("x", "y", "z"))
+                and not said & _KINDS["quaternion"]
+            )
+        else:
+            fits = bool(whose) and bool(said & own)
+        if fits:
+            of_whom = " ".join(sorted(said - own - MEASURED)) if kind in ("position", "quaternion") else ""
+            yield _Signal(kind, said, of_whom, last)

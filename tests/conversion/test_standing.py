@@ -1,0 +1,132 @@
+"""Recordings of a robot that stands on its feet: pose, IMU and flags of contact in columns of a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import excite
+from excite.conversion.guesses import UnclearError
+from excite.conversion.mapping import Map
+from tests.conversion.test_habits import table
+from tests.quadruped import LEGS, write_quadruped
+
+_G = 9.80665
+_JOINTS = [f"{leg}_{joint}" for leg in LEGS for joint in ("roll", "pitch", "knee")]
+# How programs call position, quaternion, gyroscope, accelerometer and a foot's flag.
+_PLAIN = (
+    "base_pos_{}",
+    "base_quat_{}",
+    "imu_gyro_{}",
+    "imu_accel_{}",
+    "contact_{}",
+)
+_ISAAC = ("root_pos_w[{n}]", "root_quat_w[{n}]", "gyro_{}", "accelerometer_{}", "foot_contact_{n}")
+_ODOM = (
+    "odom.pose.position.{}",
+    "odom.pose.orientation.{}",
+    "imu.angular_velocity.{}",
+    "imu.linear_acceleration.{}",
+    "{}_in_contact",
+)
+_SHORT = ("trunk_p{}", "trunk_q{}", "imu_g{}", "imu_a{}", "stance_{}")
+
+
+def _stood() -> dict[str, np.ndarray]:
+    """A trunk that sways over its feet, of which the first is lifted once."""
+    time = 0.004 * np.arange(900)
+    turn = Rotation.from_euler(
+        "xyz", np.column_stack([0.1 * np.sin(3.0 * time), 0.08 * np.sin(2.0 * time), 0.0 * time])
+    )
+    lifted = (time > 1.0) & (time < 2.0)
+    rate = np.gradient(turn.as_rotvec(), time, axis=0)
+    return {
+        "time": time,
+        "q": 0.3 * np.sin(np.outer(time, 1.0 + 0.1 * np.arange(12))) + np.tile([0.0, 0.7, -1.4], 4),
+        "tau": 8.0 * np.sin(np.outer(time, 1.3 + 0.07 * np.arange(12))),
+        "place": np.column_stack([0.02 * np.sin(time), 0.01 * np.cos(time), 0.3 + 0.01 * np.sin(2.0 * time)]),
+        "turn": turn.as_quat(),
+        "gyro": rate,
+        "accel": turn.inv().apply([0.0, 0.0, _G]),
+        "flags": np.column_stack([np.where(lifted & (k == 0), 0.0, 1.0) for k in range(4)]),
+    }
+
+
+def _file(path: Path, data: dict[str, np.ndarray], names: tuple[str, ...], gravity: float = 1.0) -> Path:
+    place, turn, gyro, accel, flag = names
+    columns = {"t": data["time"]} | {f"pos_{j}": data["q"][:, k] for k, j in enumerate(_JOINTS)}
+    columns |= {f"eff_{j}": data["tau"][:, k] for k, j in enumerate(_JOINTS)}
+    # A commanded pose and the base's speed are there too, as in many logs, and are neither.
+    columns |= {f"des_base_pos_{axis}": data["place"][:, k] + 0.1 for k, axis in enumerate("xyz")}
+    columns |= {f"base_lin_vel_{axis}": data["gyro"][:, k] for k, axis in enumerate("xyz")}
+    columns |= {place.format(axis, n=k): data["place"][:, k] for k, axis in enumerate("xyz") if place}
+    order = [3, 0, 1, 2]
+    columns |= {turn.format(axis, n=k): data["turn"][:, order[k]] for k, axis in enumerate("wxyz") if turn}
+    columns |= {gyro.format(axis, n=k): data["gyro"][:, k] for k, axis in enumerate("xyz") if gyro}
+    columns |= {
+        accel.format(axis, n=k): data["accel"][:, k] / gravity for k, axis in enumerate("xyz") if accel
+    }
+    columns |= {flag.format(leg, n=k): data["flags"][:, k] for k, leg in enumerate(LEGS) if flag}
+    return table(path, columns)
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory) -> Path:
+    return write_quadruped(tmp_path_factory.mktemp("toy"))
+
+
+@pytest.mark.parametrize("names", [_PLAIN, _ISAAC, _ODOM, _SHORT], ids=["plain", "isaac", "odom", "short"])
+def test_pose_imu_and_contacts_are_known_by_their_names(names, toy, tmp_path):
+    data = _stood()
+    found = excite.convert([_file(tmp_path / "a.csv", data, names)], toy, tmp_path / "log", _WHOLE)
+    header, trial = found.log.header, found.log.trials[0]
+    assert header.base == "floating"
+    assert [foot.name for foot in header.feet] == list(LEGS)
+    np.testing.assert_allclose(trial.base[:, :3], data["place"], atol=1e-6)
+    np.testing.assert_allclose(trial.base[:, 3:], data["turn"], atol=1e-5)
+    np.testing.assert_allclose(trial.imu, np.column_stack([data["gyro"], data["accel"]]), atol=1e-4)
+    np.testing.assert_array_equal(np.column_stack([trial.contacts[leg] for leg in LEGS]), data["flags"])
+
+
+@pytest.mark.parametrize("gravity", [_G, _G / 1000.0])
+def test_an_accelerometer_in_parts_of_gravity(gravity, toy, tmp_path):
+    data = _stood()
+    found = excite.convert([_file(tmp_path / "a.csv", data, _PLAIN, gravity)], toy, tmp_path / "log", _WHOLE)
+    np.testing.assert_allclose(found.log.trials[0].imu[:, 3:], data["accel"], rtol=1e-4, atol=1e-3)
+
+
+def test_an_imu_and_contacts_do_without_a_pose(toy, tmp_path):
+    file = _file(tmp_path / "a.csv", _stood(), ("", "", *_PLAIN[2:]))
+    found = excite.convert([file], toy, tmp_path / "log", _WHOLE)
+    assert found.log.header.base == "floating"
+    assert found.log.trials[0].base is None
+
+
+def test_a_pose_alone_says_not_whether_a_robot_stands(toy, tmp_path):
+    """Taken for one that hangs, a standing quadruped of 127 kg was said to weigh 1416 kg."""
+    file = _file(tmp_path / "a.csv", _stood(), (*_PLAIN[:4], ""))
+    with pytest.raises(UnclearError, match=r"which of its feet FL, FR, RL, RR carry .*contact\.FL: \"NAME\""):
+        excite.convert([file], toy, tmp_path / "log", _WHOLE)
+    hung = Map.model_validate({**_WHOLE.model_dump(by_alias=True), "log": {"base": "suspended"}})
+    assert excite.convert([file], toy, tmp_path / "log", hung).log.header.base == "suspended"
+
+
+def test_an_imu_without_contacts_is_asked_for_them(toy, tmp_path):
+    file = _file(tmp_path / "a.csv", _stood(), ("", "", *_PLAIN[2:4], ""))
+    with pytest.raises(UnclearError, match=r"base: held.*contact\.FL: \"NAME\".*1 where a foot carries"):
+        excite.convert([file], toy, tmp_path / "log", _WHOLE)
+
+
+def test_a_map_that_names_no_foot_is_told_those_that_there_are(toy, tmp_path):
+    file = _file(tmp_path / "a.csv", _stood(), _PLAIN)
+    stated = Map(columns={"contact.front": "contact_FL"})
+    with pytest.raises(
+        UnclearError, match=r"contact\.front is of no foot of toy, whose feet are FL, FR, RL, RR"
+    ):
+        excite.convert([file], toy, tmp_path / "log", stated)
+
+
+_WHOLE = Map.model_validate({"trials": {"split": "none", "validation": ["none"]}})
