@@ -210,12 +210,11 @@ def _resonances(search: Search, refiner: Refiner) -> list[Term]:
     worst = [j for j in np.argsort(-left)[:_RESONANT] if left[j] > _STANDS]
     best: dict[tuple[str, str], tuple[float, Term]] = {}
     keys = {term.key for term in model.terms}
-    # Gears were given the load of a robot without what moves it otherwise: a tilt, another body.
-    moved = any(term.effect.moves for term in model.terms)
+    # Gears were given the load of the first fit: one without a tilt or another body, of bodies that the gap has bent.
     for like in model.design.terms:
         if like.own not in worst or len(like.theta) < 2 or like.key in keys:
             continue
-        term = (refiner.maker.again(like) or like) if moved else like
+        term = refiner.maker.again(like) or like
         gain = beside.gain(term)[0]
         if term.key not in best or gain > best[term.key][0]:
             best[term.key] = (gain, term)
