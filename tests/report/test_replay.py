@@ -12,6 +12,7 @@ import pytest
 from excite.logs.columns import BASE_POSE
 from excite.motion.collection import load_motions
 from excite.report.replay.bodies import CELLS, bodies, merged
+from excite.report.replay.nearest import Spheres
 from excite.report.replay.packed import packed, packed_indices, unpacked
 from excite.report.replay.scene import joint_tree, scene
 from excite.report.replay.solids import solid_triangles
@@ -19,6 +20,7 @@ from excite.report.replay.tracks import FRAMES_HZ, Tracks, tracks
 from excite.report.replay.trial import trial_frames
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
 from tests.report.kinematics import poses
 
@@ -190,3 +192,17 @@ def test_a_ghost_has_a_base_of_its_own_where_that_was_simulated():
     np.testing.assert_allclose(q[:, :9], np.tile(measured[0], (len(q), 1)), atol=1e-6)
     np.testing.assert_allclose(ghost[:, 2], 0.8 - 0.5 * shown, atol=6e-3)
     np.testing.assert_allclose(2.0 * np.arcsin(ghost[:, 4]), 0.3 * shown, atol=4e-3)
+
+
+def test_the_nearest_pair_is_the_one_of_all_distances():
+    robot = load_robot("ur10")
+    geometry = collision_model(robot)
+    data, ours, theirs = robot.model.createData(), geometry.createData(), geometry.createData()
+    spheres, rng = Spheres(geometry, ours), np.random.default_rng(0)
+    for _ in range(60):
+        q = rng.uniform(robot.limits.position_lower, robot.limits.position_upper)
+        for found in (ours, theirs):
+            pin.updateGeometryPlacements(robot.model, data, geometry, found, q)
+        pair, all_pairs = spheres.nearest(), int(pin.computeDistances(geometry, theirs))
+        least = theirs.distanceResults[all_pairs].min_distance
+        assert ours.distanceResults[pair].min_distance == pytest.approx(least, abs=1e-9)

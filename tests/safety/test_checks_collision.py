@@ -161,16 +161,3 @@ def test_a_distance_does_not_depend_on_what_was_asked_before(humanoid: Robot) ->
     first = [there.at(float(time), pairs) for time in times]
     second = [back.at(float(time), pairs) for time in times[::-1]][::-1]
     np.testing.assert_array_equal(first, second)
-
-
-def test_the_nearest_pair_of_an_instant_is_that_of_all_distances(humanoid: Robot) -> None:
-    motion = squat(humanoid)
-    distances = Distances(Sweep(humanoid, motion))
-    times = distances.sweep.fine.time[::40]
-    data = humanoid.model.createData()
-    for time, near in zip(times, distances.nearest(times), strict=True):
-        q = interpolate(motion, humanoid, np.array([time])).q[0]
-        assert near.distance == pytest.approx(all_distances(humanoid, q).min(), abs=2e-6)
-        pin.forwardKinematics(humanoid.model, data, q)
-        ends = [data.oMi[j].act(end) for j, end in zip(near.joints, np.split(near.ends, 2), strict=True)]
-        assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(near.distance, abs=1e-5)

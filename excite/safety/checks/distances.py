@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -54,22 +52,6 @@ def _bodies(robot: Robot) -> _Bodies:
     rates = approach_rates(robot.model, geometry)
     reach = radii[first] + radii[second] + _TOLERANCE
     return _Bodies(rates, centres, first, second, reach, geometry_data(geometry))
-
-
-class Near(NamedTuple):
-    """Two bodies that are nearer to each other than any other two.
-
-    Attributes:
-        pair: which of the collision model's.
-        distance: between them, negative in penetration [m].
-        joints: that carry them.
-        ends: of the line between them, each in its joint's frame, ``(6,)`` [m].
-    """
-
-    pair: int
-    distance: float
-    joints: tuple[int, int]
-    ends: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,27 +148,6 @@ class Distances:
         points = np.einsum("nkij,kj->nki", rotation, bodies.centres) + position
         apart = points[:, bodies.first] - points[:, bodies.second]
         return np.asarray(np.sqrt(np.einsum("npi,npi->np", apart, apart)) - bodies.reach)
-
-    def nearest(self, times: Array) -> Iterator[Near]:
-        """The nearest pair at each of some times, which rise; of pairs that bounds show to be farther none is asked."""
-        bounds, ways = self.at_least(times), self.ways(times)
-        carriers = [item.parentJoint for item in self.geometry.geometryObjects]
-        for k, time in enumerate(times.tolist()):
-            if k > 0:
-                np.maximum(bounds[k], bounds[k - 1] - ways[k - 1], out=bounds[k])
-            data, row = self._placed(time), bounds[k]
-            nearest, least = -1, np.inf
-            for pair in np.argsort(row).tolist():
-                if row[pair] >= least:
-                    break
-                row[pair] = distance = pair_distance(self.geometry, data, pair)
-                if distance < least:
-                    nearest, least = pair, distance
-            result, bodies = data.distanceResults[nearest], self.geometry.collisionPairs[nearest]
-            joints = carriers[bodies.first], carriers[bodies.second]
-            ends = zip(joints, (result.getNearestPoint1(), result.getNearestPoint2()), strict=True)
-            placed = self._data[0].oMi
-            yield Near(nearest, least, joints, np.concatenate([placed[j].actInv(end) for j, end in ends]))
 
     def _placed(self, time: float) -> pin.GeometryData:
         """The bodies where they are at a time."""
