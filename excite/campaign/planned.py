@@ -16,6 +16,9 @@ from excite.campaign.on_disk import OnDisk
 from excite.campaign.plan_document import conditioning_comparison, robot_file
 from excite.campaign.pool import Pool
 from excite.campaign.rehearsal import UNKNOWN_LOAD
+from excite.documents.document import read_document
+from excite.documents.plan import Plan as PlanDocument
+from excite.errors import InputError
 from excite.excitation.conditioning import Conditioning, MotionFactor
 from excite.excitation.selection import Selection
 from excite.json_document import write_json
@@ -196,13 +199,31 @@ class Plan(Tabled):
         )
 
     def save(self, folder: Path) -> Path:
-        """Write chosen and validation motions to ``motions/``, the report's arrays and ``plan.json``: all or none."""
+        """Write chosen and validation motions to ``motions/``, the report's arrays and ``plan.json``: all or none.
+
+        Motions that a plan before this one wrote into the folder are removed; other files there stay.
+        """
         folder = Path(folder)
+        before = _written_before(folder / "plan.json")
         with all_or_nothing():
             for motion in (*self.motions, *self.validation_motions):
                 save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
             save_report_data(self.report_data(), folder / "report_data.npz")
             write_json({**self.to_json(), **robot_file(self.robot, folder)}, folder / "plan.json")
+        # Motions of a plan before this one are of another robot, or were chosen beside others.
+        for name in before - {motion.name for motion in (*self.motions, *self.validation_motions)}:
+            (folder / "motions" / f"{name}.parquet").unlink(missing_ok=True)
         # Of a plan before this one, in which nothing was safe.
         (folder / REFUSALS_FILE).unlink(missing_ok=True)
         return folder
+
+
+def _written_before(file: Path) -> set[str]:
+    """Names of the motions that a plan says it wrote; none where there is no plan, or none that can be read."""
+    if not file.is_file():
+        return set()
+    try:
+        plan = read_document(file, PlanDocument)
+    except InputError:
+        return set()
+    return {Path(name).stem for name in (*(item.motion for item in plan.selected), *plan.validation)}

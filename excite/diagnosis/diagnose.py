@@ -102,7 +102,8 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
     raise InputError(
         f"a log with base {loaded.header.base} and no sensors is not diagnosed",
         field="sensors",
-        remedy="log the contact wrenches, or the torques of a fixed base",
+        remedy="excite identify names links that differ; for drives and the rest record it held in a stand "
+        "(base: held), or log the contact wrenches",
     )
 
 

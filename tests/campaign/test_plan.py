@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -62,6 +63,22 @@ def test_saved_motions_are_safe_and_come_back_equal(ur10: Robot, small_plan: Pla
     for motion, saved in zip(small_plan.motions, motions, strict=True):
         np.testing.assert_array_equal(motion.q, saved.q)
     assert check(ur10, motions[:2]).safe
+
+
+def test_a_plan_takes_the_place_of_the_one_before_it(small_plan: Plan, tmp_path: Path) -> None:
+    folder = small_plan.save(tmp_path)
+    file = folder / "plan.json"
+    ours = sorted(path.name for path in (folder / "motions").iterdir())
+    # A plan of another robot that had one motion more, and a file that is nobody's.
+    document = json.loads(file.read_text())
+    document["selected"].append({**document["selected"][0], "motion": "motions/sway_007.parquet"})
+    file.write_text(json.dumps(document))
+    (folder / "motions" / "sway_007.parquet").write_bytes(b"old")
+    (folder / "motions" / "mine.parquet").write_bytes(b"mine")
+    small_plan.save(folder)
+    assert sorted(path.name for path in (folder / "motions").iterdir()) == sorted([*ours, "mine.parquet"])
+    file.write_text("{")
+    small_plan.save(folder)
 
 
 def test_targets_are_aimed_at(ur10: Robot) -> None:

@@ -130,3 +130,13 @@ def test_a_map_that_names_no_foot_is_told_those_that_there_are(toy, tmp_path):
 
 
 _WHOLE = Map.model_validate({"trials": {"split": "none", "validation": ["none"]}})
+
+
+def test_the_map_beside_the_log_repeats_it(toy, tmp_path):
+    file = _file(tmp_path / "a.csv", _stood(), _PLAIN, _G)
+    first = excite.convert([file], toy, tmp_path / "log")
+    again = excite.convert([file], toy, tmp_path / "again", first.folder / "map.yaml")
+    assert again.log.header.base == "floating"
+    for name in ("base", "imu", "q", "tau"):
+        one, other = (getattr(found.log.trials[0], name) for found in (first, again))
+        np.testing.assert_array_equal(one, other)

@@ -62,7 +62,8 @@ def of_imu(items: list[Mapped], columns: dict[str, Column], mapping: Map) -> lis
     done = []
     for item in items:
         named = str(mapping.units.get(item.channel, "")) or named_unit([item], columns)
-        factor, why = weighed if item in read else (1.0, "no unit stated")
+        scale_stated = bool({item.channel, item.target} & set(mapping.scale))
+        factor, why = weighed if item in read and not scale_stated else (1.0, "no unit stated")
         if named in TO_SI:
             factor, why = TO_SI[named], "unit as named"
         done.append(scaled(item, mapping, factor, 0.0, f"{item.because}; {why}"))

@@ -26,7 +26,11 @@ class CsvReader(RecordingReader):
         lines = read_lines(path)
         labels = [label.strip() for label in lines[0].split(",")] if lines else []
         if "time" not in labels:
-            raise LogError("has no column time", source=path, remedy="name the columns in the first line")
+            raise LogError(
+                "has no column time",
+                source=path,
+                remedy="name the columns in the first line; of Motive or Nexus export C3D, which holds the plates too",
+            )
         check_labels(labels, path)
         rows = []
         for place, line in enumerate(lines[1:], start=2):
