@@ -2,13 +2,75 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.bodies.base_tilt import BaseTilt
 from excite.diagnosis.equations.horizontal import level_axes
+from excite.logs.files import save_log
+from excite.logs.log import Log, LogHeader, Trial
+
+RATE_HZ = 200
+TILT = 0.06
+CRANE = """<robot name="crane">
+  <link name="base"/>
+  <link name="post"><inertial><mass value="3"/>
+    <inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="boom"><inertial><origin xyz="0.3 0 0"/><mass value="2"/>
+    <inertia ixx="0.005" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="post"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
+  <joint name="lift" type="revolute"><parent link="post"/><child link="boom"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
+</robot>
+"""
+
+
+def tilted(name: str, role: str, seed: int) -> Trial:
+    """A crane that leans, and at its post a torque many times what the tilt asks for there."""
+    model = pin.buildModelFromXML(CRANE)
+    model.gravity.linear = 9.81 * np.array([np.sin(TILT), 0.0, -np.cos(TILT)])
+    data, rng = model.createData(), np.random.default_rng(seed)
+    t = np.arange(12 * RATE_HZ) / RATE_HZ
+    q, v, a = (np.zeros((len(t), 2)) for _ in range(3))
+    for j in range(2):
+        for k, hertz in enumerate((0.2, 0.5, 0.9)):
+            w, size = 2.0 * np.pi * hertz * (1.0 + 0.15 * j), (0.8, 0.3)[j] / (k + 1)
+            phase = w * t + rng.uniform(0.0, 2.0 * np.pi)
+            q[:, j] += size * np.sin(phase)
+            v[:, j] += size * w * np.cos(phase)
+            a[:, j] -= size * w**2 * np.sin(phase)
+    tau = np.array([pin.rnea(model, data, *rows) for rows in zip(q, v, a, strict=True)])
+    tau += 0.3 * v + 0.5 * np.sign(v) + 0.02 * rng.normal(size=q.shape)
+    tau[:, 0] += 4.0 * np.cos(9.0 * q[:, 0]) * np.abs(v[:, 1])
+    return Trial(name=name, role=role, time=t, q=q, tau=tau)
+
+
+def test_a_tilt_is_found_beside_more_than_it_asks_for_at_the_first_joint(tmp_path: Path) -> None:
+    """What else is there bends the first link's moments, which a tilt alone could not have."""
+    trials = (
+        tilted("a", "identification", 1),
+        tilted("b", "identification", 2),
+        tilted("c", "validation", 3),
+    )
+    header = {
+        "schema": "excite.log/1",
+        "robot": "crane.urdf",
+        "base": "fixed",
+        "rate_hz": RATE_HZ,
+        "joints": ["turn", "lift"],
+        "torque": "motor_side",
+        "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"],
+        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
+    }
+    log = Log(LogHeader.model_validate(header), trials, robot_text=CRANE)
+    found = {item.effect: item for item in diagnose(save_log(log, tmp_path / "crane")).effects}
+    assert found["base_tilt"].parameters["angle"].value == pytest.approx(TILT, rel=0.05)
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (3.0, -2.0, -9.0), (9.81, 0.0, 0.0), (0.0, 0.0, 0.0)])
