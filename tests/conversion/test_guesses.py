@@ -19,11 +19,6 @@ from tests.conversion.written import JOINTS
 from tests.reproduction.recordings import example_robot_data
 
 
-@pytest.fixture
-def arm(tmp_path: Path) -> Path:
-    return written.arm_urdf(tmp_path / "arm.urdf")
-
-
 def table(file: Path, columns: dict[str, np.ndarray]) -> Path:
     rows = np.column_stack(list(columns.values()))
     file.write_text("\n".join([",".join(columns), *(",".join(f"{x:.10g}" for x in row) for row in rows)]))

@@ -17,19 +17,7 @@ from excite.conversion.guesses import UnclearError
 from excite.conversion.mapping import Map, read_map
 from excite.errors import LogError
 from tests.conversion import written
-from tests.conversion.written import JOINTS
-
-WHOLE = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}})
-
-
-@pytest.fixture
-def arm(tmp_path) -> Path:
-    return written.arm_urdf(tmp_path / "arm.urdf")
-
-
-@pytest.fixture
-def data() -> dict[str, np.ndarray]:
-    return written.motion()
+from tests.conversion.written import JOINTS, WHOLE
 
 
 def table(file: Path, columns: dict[str, object], separator: str = ",") -> Path:

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.mapping import Map
 from tests.conversion import messages, written
-from tests.conversion.written import JOINTS
+from tests.conversion.written import JOINTS, WHOLE
 
-WHOLE = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}})
 DATA = written.motion(200)
 
 

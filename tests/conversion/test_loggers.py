@@ -7,22 +7,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import excite
 from tests.conversion import written
 from tests.conversion.test_habits import check, table
-from tests.conversion.test_other_makers import WHOLE
-
-
-@pytest.fixture
-def arm(tmp_path) -> Path:
-    return written.arm_urdf(tmp_path / "arm.urdf")
-
-
-@pytest.fixture
-def data() -> dict[str, np.ndarray]:
-    return written.motion()
+from tests.conversion.written import WHOLE
 
 
 def _lines(file: Path, rows: list[dict[str, object]]) -> Path:

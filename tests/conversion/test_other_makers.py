@@ -2,28 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 
 import excite
-from excite.conversion.mapping import Map
-from tests.conversion import written
 from tests.conversion.test_habits import check
-from tests.conversion.written import JOINTS
-
-WHOLE = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}})
-
-
-@pytest.fixture
-def arm(tmp_path) -> Path:
-    return written.arm_urdf(tmp_path / "arm.urdf")
-
-
-@pytest.fixture
-def data() -> dict[str, np.ndarray]:
-    return written.motion()
+from tests.conversion.written import JOINTS, WHOLE
 
 
 def test_a_dump_of_a_controller_with_german_heads_and_decimal_commas(data, arm, tmp_path):

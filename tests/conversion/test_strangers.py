@@ -18,19 +18,7 @@ from excite.export.models.verification import pinocchio_error
 from excite.logs.robot import nominal_robot
 from tests.conversion import written
 from tests.conversion.test_habits import check, columns_of, table
-from tests.conversion.written import JOINTS
-
-WHOLE = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}})
-
-
-@pytest.fixture
-def arm(tmp_path) -> Path:
-    return written.arm_urdf(tmp_path / "arm.urdf")
-
-
-@pytest.fixture
-def data() -> dict[str, np.ndarray]:
-    return written.motion()
+from tests.conversion.written import JOINTS, WHOLE
 
 
 def leg(path: Path, sides: tuple[str, ...] = ("FR", "RL")) -> Path:

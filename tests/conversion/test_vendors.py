@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.mapping import Map
 from excite.robot.catalogue import data_folder
 from tests.conversion import written
 from tests.conversion.test_messages import swing
-from tests.conversion.written import JOINTS
+from tests.conversion.written import JOINTS, WHOLE
 
-WHOLE = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}})
 UR_POSE = np.array([0.0, -1.2, 1.5, -1.5, -1.5, 0.0])
 PANDA_POSE = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.5])
 

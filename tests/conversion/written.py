@@ -10,6 +10,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
+from excite.conversion.mapping import Map
+
+# A recording is one trial, all of it to identify from.
+WHOLE = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}})
 JOINTS = ("shoulder", "elbow", "wrist")
 RATE = 100.0
 
