@@ -62,10 +62,7 @@ class Hypothesis:
     @property
     def physical(self) -> bool:
         """Whether its fit says something that can be: no rotor weighs less than nothing."""
-        inside = all(
-            p.low <= b + s and b - s <= p.high
-            for p, b, s in zip(self.effect.linear, self.fit.extra, self.fit.extra_std, strict=True)
-        )
+        inside = self.effect.in_bounds(self.fit.extra, self.fit.extra_std)
         return inside and self.effect.physical(Context(self.baseline), self.location, self.fit)
 
     @property

@@ -131,10 +131,11 @@ def _other_loads(full: Baseline, search: Search) -> Context | None:
 
     Not with gears: of a load that a soft gear has made of itself a torque gain at its joint explains that gear.
     """
-    now, terms = predicted(full, search.model), search.design.terms
-    gears = [k for k in now.torques if terms[k].known]
-    moved = any(moves and k not in gears for k, moves in now.moves.items())
-    return now.without(*gears) if moved else None
+    model, terms = search.model, search.design.terms
+    gears = [k for k in model.chosen if terms[k].known]
+    if not any(terms[k].effect.moves for k in model.chosen if k not in gears):
+        return None
+    return predicted(full, model).without(*gears)
 
 
 def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_at
 from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design
@@ -23,7 +22,8 @@ from excite.diagnosis.equations.baseline import Baseline
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.
 _FIRST, _LAST, _MOST = 1.5, 1.01, 40
-# Values after which a search that has gained nothing ends: gears that are not there only grow stiffer.
+# Values after which a search that has gained nothing ends: gears that are not there only grow stiffer. Of three arms
+# with a little of everything no name was another with 40.
 _HOPELESS = 8
 # Nats by which a form with more parameters has to lead, odds of 20 to 1, and one more for each of them.
 RICHER = 3.0
@@ -61,7 +61,7 @@ class Refiner:
             for start in form.starts(best.theta)[:3]:
                 begun = self._made(form, term, start)
                 # A form that begins where it cannot be ends there as well.
-                if begun is None or not self._can_be(begun, beside.gain(begun)[1]):
+                if begun is None or not begun.admissible(self.maker.context, beside.gain(begun)[1]):
                     continue
                 item, more = self._searched(beside, begun)
                 if beside.between(best, item) > RICHER + (item.n_parameters - best.n_parameters):
@@ -79,9 +79,9 @@ class Refiner:
         for form in term.effect.richer:
             starts = form.own_starts(self.maker.context, term.location)
             begun = [t for t in (self._made(form, term, start) for start in starts) if t is not None]
-            best = max(begun, key=lambda t: beside.gain(t)[0], default=None)
-            if best is not None and beside.gain(best)[0] > 0.0:
-                found.append(self._searched(beside, best)[0])
+            gains = [beside.gain(term)[0] for term in begun]
+            if max(gains, default=0.0) > 0.0:
+                found.append(self._searched(beside, begun[int(np.argmax(gains))])[0])
         return found
 
     def _searched(self, beside: Beside, term: Term) -> tuple[Term, float]:
@@ -105,7 +105,7 @@ class Refiner:
                     if item is None:
                         continue
                     new, x = beside.gain(item)
-                    if new > gain + 1e-3 and self._can_be(item, x):
+                    if new > gain + 1e-3 and item.admissible(self.maker.context, x):
                         best, gain, moved = item, new, True
                         break
             if gain <= 0.0 and tried >= _HOPELESS:
@@ -116,11 +116,6 @@ class Refiner:
     def _made(self, effect: Effect, like: Term, theta: Theta) -> Term | None:
         whole = len(like.kept) == len(like.effect.linear) or effect is not like.effect
         return self.maker.make(effect, like.location, theta, None if whole else like.kept)
-
-    def _can_be(self, term: Term, x: Array) -> bool:
-        if term.known:
-            return True
-        return term.effect.admissible(self.maker.context, term.location, term.theta, term.beta(x))
 
 
 def _rounded(theta: Theta) -> tuple[str, ...]:

@@ -192,7 +192,13 @@ class Effect(ABC):
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Whether the parameters are physical, and far enough from what another effect's name says better."""
-        return all(p.low <= b <= p.high for p, b in zip(self.linear, beta, strict=True))
+        return self.in_bounds(beta, np.zeros(len(beta)))
+
+    def in_bounds(self, beta: Array, spread: Array) -> bool:
+        """Whether linear parameters are within their bounds, each by no more than its spread outside."""
+        return all(
+            p.low <= b + s and b - s <= p.high for p, b, s in zip(self.linear, beta, spread, strict=True)
+        )
 
     def physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether a fit says something that can be, within what the record tells of it."""

@@ -56,12 +56,16 @@ class Term:
         """Whether fitted parameters ``(size,)`` are of something that can be, as its name says it."""
         if self.known:
             return True
-        beta, effect = self.beta(x), self.effect
-        if not effect.possible(context, self.location, beta):
+        beta = self.beta(x)
+        if not self.effect.possible(context, self.location, beta):
             return False
         if self.started:
-            return all(p.low <= b <= p.high for p, b in zip(effect.linear, beta, strict=True))
-        return effect.admissible(context, self.location, self.theta, beta)
+            return self.effect.in_bounds(beta, np.zeros(len(beta)))
+        return self.admissible(context, x)
+
+    def admissible(self, context: Context, x: Array) -> bool:
+        """Whether its name says fitted parameters ``(size,)`` best."""
+        return self.known or self.effect.admissible(context, self.location, self.theta, self.beta(x))
 
     @property
     def size(self) -> int:

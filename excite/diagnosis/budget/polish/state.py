@@ -76,9 +76,7 @@ class State:
     def can_be(self, k: int) -> bool:
         """Whether a fitted term is physical."""
         term = self.terms[k]
-        return term.known or term.effect.admissible(
-            term.context, term.location, term.theta, term.beta(self.model.parameters(k))
-        )
+        return term.admissible(term.context, self.model.parameters(k))
 
     def remade(self, prediction: Prediction, joint: int | None = None) -> State:
         """Terms made of predictions, at the same parameters or at those that say the same, whatever fits better.
