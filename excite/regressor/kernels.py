@@ -82,8 +82,8 @@ def inverse_dynamics(
         InputError: wrong shape.
     """
     tree = read_tree(model)
-    phi = _parameters(tree, phi)
-    q, v, a = _trajectory(tree, q, v, a)
+    phi = checked_parameters(tree, phi)
+    q, v, a = checked_trajectory(tree, q, v, a)
     out = np.empty((len(q), tree.nv))
     forces = np.empty((tree.n_segments + 1, 6))
     loops.torques(tree.structure, tree.gravity, q, v, a, phi, _state(tree), forces, out)
@@ -110,7 +110,7 @@ def base_link_regressor(
         InputError: wrong shape.
     """
     tree = read_tree(model)
-    q, v, a = _trajectory(tree, q, v, a)
+    q, v, a = checked_trajectory(tree, q, v, a)
     out = _output(out, (len(q), 6, 10 * tree.n_segments))
     loops.base_rows(tree.structure, tree.gravity, q, v, a, _state(tree), out)
     return out
@@ -135,7 +135,7 @@ def joint_torque_regressor(
         InputError: wrong shape.
     """
     tree = read_tree(model)
-    q, v, a = _trajectory(tree, q, v, a)
+    q, v, a = checked_trajectory(tree, q, v, a)
     out = _output(out, (len(q), tree.nv, 10 * tree.n_segments))
     scratch = _state(tree), np.empty((6, 10)), np.empty((tree.n_segments + 1, 6))
     loops.torque_rows(tree.structure, tree.gravity, q, v, a, *scratch, out)
@@ -147,7 +147,8 @@ def _state(tree: KinematicTree) -> Array:
     return np.empty((tree.n_segments + 1, motion_loops.STATE_SIZE))
 
 
-def _trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> Moved:
+def checked_trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> Moved:
+    """A trajectory as the compiled loops take it, of a length and of widths that fit the robot."""
     q, v, a = _checked(q, tree.nq, "q"), _checked(v, tree.nv, "v"), _checked(a, tree.nv, "a")
     if not len(q) == len(v) == len(a):
         raise InputError(
@@ -163,7 +164,8 @@ def _checked(values: Array, width: int, name: str) -> Array:
     return values
 
 
-def _parameters(tree: KinematicTree, phi: Array | None) -> Array:
+def checked_parameters(tree: KinematicTree, phi: Array | None) -> Array:
+    """Inertial parameters as the compiled loops take them, the model's own where none are given."""
     if phi is None:
         return tree.phi
     phi = np.ascontiguousarray(phi, dtype=float)

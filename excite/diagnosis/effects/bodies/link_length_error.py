@@ -8,8 +8,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.doctor.doubt import Doubt
-
-_STEP = 1e-4
+from excite.regressor.placement_gradient import placement_gradient
 
 
 class LinkLengthError(Effect):
@@ -33,18 +32,8 @@ class LinkLengthError(Effect):
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
         q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
-        joint = samples.robot.model.getJointId(location)
-        columns = []
-        for axis in range(3):
-            both = []
-            for sign in (1.0, -1.0):
-                model = samples.robot.model.copy()
-                placement = model.jointPlacements[joint].copy()
-                placement.translation = placement.translation + sign * _STEP * np.eye(3)[axis]
-                model.jointPlacements[joint] = placement
-                both.append(context.torques(q, v, a, model))
-            columns.append((both[0] - both[1]) / (2.0 * _STEP))
-        stacked = np.stack(columns, axis=2)
+        change = placement_gradient(samples.robot.model, location, q, v, a, context.baseline.phi)
+        stacked = change[:, list(samples.index)]
         return Shape(
             {j: stacked[:, j] for j in range(stacked.shape[1]) if np.abs(stacked[:, j]).max() > 1e-9}
         )
