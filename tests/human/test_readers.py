@@ -9,8 +9,9 @@ from excite.errors import InputError, LogError
 from excite.human.markers.marker_set import MarkerSite, find_marker_set, read_marker_set
 from excite.human.plates.pressure import pressure_center
 from excite.human.readers.registry import read_recording
+from excite.human.virtual.files import write_mot, write_trc
 from tests.human.c3d_file import DEC, Style, plate_of, write
-from tests.human.recordings import write_c3d, write_mot, write_trc
+from tests.human.recordings import write_c3d
 
 FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 

@@ -12,10 +12,11 @@ from typer.testing import CliRunner
 from excite.cli.main import app
 from excite.errors import InputError
 from excite.human.identified import split_trials
+from excite.human.virtual.exercise import perform, repeated
+from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.person import Belt, draw_subject
 from excite.human.weight.weight_candidate import AddedMass, Candidate
-from tests.human.exercise import perform, repeated
 from tests.human.recordings import write_c3d
-from tests.human.virtual_subject import Belt, draw_subject, record, standing
 
 
 def candidate(segment: str, evidence: float) -> Candidate:

@@ -12,9 +12,10 @@ import pytest
 import typer
 
 from excite.cli.main import app
-from tests.human.exercise import perform
-from tests.human.recordings import write_mot, write_trc
-from tests.human.virtual_subject import draw_subject, record, standing
+from excite.human.virtual.exercise import perform
+from excite.human.virtual.files import write_mot, write_trc
+from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.person import draw_subject
 from tests.manual.pages import DOCS, blocks_of, pages, run_page
 
 PAGES = {page.relative_to(DOCS).as_posix(): page for page in pages()}
