@@ -19,6 +19,7 @@ from excite.errors import InputError, RobotError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot, robot_for_log
+from excite.robot import bringing
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.diagnosis.few_trials import few_trials
@@ -158,7 +159,7 @@ def test_a_joint_that_slides_has_units_of_its_own(tmp_path: Path) -> None:
         f"<joint name='turn' type='revolute'><parent link='cart'/><child link='bar'/>{limit}</joint></robot>"
     )
     changes = RobotChanges(coulomb={"lift": 3.0, "turn": 2.0}, armature={"lift": 4.0})
-    said = apply._written(changes, load_robot(tmp_path / "arm.urdf"))
+    said = apply._written(changes, bringing.load_robot(str(tmp_path / "arm.urdf")))
     assert said == ["coulomb [N·m]: turn 2", "coulomb [N]: lift 3", "armature [kg]: lift 4"]
 
 
