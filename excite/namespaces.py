@@ -47,6 +47,7 @@ SPACES: dict[str, dict[str, str]] = {
     },
     "people": {
         "Subject": "excite.human.subject",
+        "simulate_person": "excite.human.virtual.session",
         "MeasureSettings": "excite.human.measure",
         "measure_person": "excite.human.measure",
         "write_person": "excite.human.measure",

@@ -17,7 +17,7 @@ _SECONDS = 180  # for a busy machine; on an idle one each takes less than a minu
 
 def test_there_are_notebooks():
     tutorials = {"first_motion", "humanoid_campaign", "arm_to_simulator", "excitation_quality"}
-    assert tutorials | {"gap_of_a_real_arm"} <= {path.stem for path in NOTEBOOKS}
+    assert tutorials | {"gap_of_a_real_arm", "person"} <= {path.stem for path in NOTEBOOKS}
 
 
 @pytest.mark.slow

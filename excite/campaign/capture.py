@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,13 +39,16 @@ class Sheet:
     capture: Capture
 
 
-def capture(robot: Robot, plan: str | Path, out: str | Path | None = None) -> Sheet:
+def capture(
+    robot: Robot, plan: str | Path, out: str | Path | None = None, *, named: str | None = None
+) -> Sheet:
     """Write the sheet of a plan, Markdown or, if ``out`` ends with ``.html``, a page.
 
     Args:
         robot: the robot.
         plan: folder of a plan, with ``plan.json`` and ``motions/``.
         out: the file; ``capture.md`` in the plan's folder if None.
+        named: what commands on the sheet call the robot, its file where it is no bundled one; its name if None.
 
     Returns:
         The sheet, and what is in it for programs.
@@ -71,7 +75,7 @@ def capture(robot: Robot, plan: str | Path, out: str | Path | None = None) -> Sh
         runs=tuple(_runs(robot, motions)),
     )
     path = Path(out) if out is not None else folder / "capture.md"
-    text = sheet_text(sheet, robot)
+    text = sheet_text(sheet, robot, named or robot.name)
     write_text(path, _page(text, sheet) if path.suffix == ".html" else text)
     return Sheet(path, sheet)
 
@@ -116,8 +120,14 @@ def _start(robot: Robot, motion: Motion) -> dict[str, float]:
     return {joint: round(float(value), 4) for joint, value in zip(robot.joint_names, row, strict=True)}
 
 
-def sheet_text(sheet: Capture, robot: Robot) -> str:
-    """The sheet in Markdown; its last block is for `excite convert --capture`."""
+def sheet_text(sheet: Capture, robot: Robot, named: str) -> str:
+    """The sheet in Markdown; its last block is for `excite convert --capture`.
+
+    Args:
+        sheet: what it says.
+        robot: the robot.
+        named: what commands call the robot.
+    """
     total = sum(run.duration_s for run in sheet.runs)
     lines = [
         f"# Recording {sheet.robot}",
@@ -127,9 +137,8 @@ def sheet_text(sheet: Capture, robot: Robot) -> str:
         "",
         "## Before",
         "",
-        "- Re-check on the day: `excite check "
-        + sheet.robot
-        + " motions/`; emergency stop within reach, space clear.",
+        f"- Re-check on the day, in the plan's folder: `excite check {shlex.quote(named)} motions/`; emergency stop "
+        "within reach, space clear.",
         "- Note the load, the temperature, the controller's gains and the firmware.",
         f"- Warm up: {_WARM_UP_S / 60.0:.0f} minutes of the first motion, not recorded for identification.",
         "",
@@ -148,7 +157,7 @@ def sheet_text(sheet: Capture, robot: Robot) -> str:
         "",
         "## After the first motion, before going on",
         "",
-        *_checks(sheet),
+        *_checks(sheet, named),
     ]
     return "\n".join(
         [*lines, "", "## For `excite convert --capture`", "", "```yaml", sheet.text().rstrip(), "```", ""]
@@ -182,10 +191,11 @@ def _topics(sheet: Capture, robot: Robot) -> list[str]:
     return lines
 
 
-def _checks(sheet: Capture) -> list[str]:
+def _checks(sheet: Capture, named: str) -> list[str]:
     first = next((run.name for run in sheet.logged), "the first motion")
     return [
-        f"- `excite convert {first}.* --robot {sheet.robot} --out first --capture capture.md`: every joint is "
+        f"- `excite convert {first}.* --robot {shlex.quote(named)} --out first --capture capture.md`: "
+        "every joint is "
         "found, its unit is right, nothing is asked.",
         "- `excite doctor first`: no finding that spoils; no turned torque, no clipping, "
         "rate as asked, delay below a sample or two.",

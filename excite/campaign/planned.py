@@ -165,9 +165,12 @@ class Plan(Tabled):
         lines = [
             f"{self.robot.name}: {len(self.pool.entries)} of {self.generated} candidates accepted (refused: {refused})",
             f"{len(self.selection.indices)} motions chosen, {self.duration_s:.0f} s in total",
-            f"chosen:   {self.conditioning.summary()}",
-            f"unchosen: {self.unchosen.summary()}",
         ]
+        if len(self.selection.indices) < len(self.pool.entries):
+            lines += [f"chosen:   {self.conditioning.summary()}", f"unchosen: {self.unchosen.summary()}"]
+        else:
+            lines += [f"all that were accepted: {self.conditioning.summary()}"]
+            lines += ["none is left to validate on: plan more candidates"]
         if self.interrupted:
             rehearsed = ", and nobody has rehearsed them in simulation" if self.robot.floating else ""
             lines.append(f"interrupted: the best of those accepted by then{rehearsed}")

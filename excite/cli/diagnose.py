@@ -59,6 +59,10 @@ def command(
 
 def _then(log: Path, apply: Path | None, document: dict[str, Any]) -> str:
     """What to go on with: the effects written into the robot, the gap that is left with them, or nothing."""
+    applied = document.get("applied")
+    if applied is not None and applied["left_out"] and len(applied["left_out"]) >= len(document["effects"]):
+        # A second diagnosis would say the same.
+        return ""
     if apply is not None:
         return command_line("diagnose", log, "--robot", apply / "robot.yaml", "--out", "second")
     if document["verdict"] in {"effect", "ambiguous"}:

@@ -115,12 +115,14 @@ def command(
         excite.write_person(person, folder)
         document, summary = _evaluated(person, folder, loaded, identify, estimator)
         write_json(document, folder / "human.json")
-    then = command_line("identify", out / "robot.yaml", out, "--out", "segments") if identify is None else ""
+    # Of a log with trials that were done with a weight, the body is not to be identified as if there were none.
+    plain = identify is None and not loaded
+    then = command_line("identify", out / "robot.yaml", out, "--out", "segments") if plain else ""
     emit(
         f"{person.summary()}\nwrote {out}{summary}",
         document,
         as_json=as_json,
-        then=then or command_line("report", out),
+        then=then or ("" if identify is None else command_line("report", out)),
     )
 
 

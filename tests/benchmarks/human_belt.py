@@ -20,15 +20,16 @@ from excite.human.body import segment_box
 from excite.human.identified import identify_person
 from excite.human.measure import MeasureSettings, measure_person, measure_recordings, write_person
 from excite.human.segments import NAMES
+from excite.human.virtual.exercise import perform, repeated
+from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.person import Belt, VirtualSubject, draw_subject
 from excite.human.weight.added_mass import locate_added_mass
 from excite.human.weight.weight_candidate import AddedMass
 from excite.logs.files import load_log
 from excite.robot.loading import load_robot
 from excite.robot.shapes.com_box import com_boxes
 from tests.benchmarks.table import Row
-from tests.human.exercise import perform, repeated
 from tests.human.recordings import write_c3d
-from tests.human.virtual_subject import Belt, VirtualSubject, draw_subject, record, standing
 
 DRAWS = int(os.environ.get("EXCITE_BELT_DRAWS", "100"))
 SECONDS = 40.0

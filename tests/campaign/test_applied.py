@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 import yaml
 
+from excite.campaign.applied import apply
 from excite.campaign.applied.apply import Applied, apply_effects, check_applicable
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.robot_changes import RobotChanges
@@ -18,6 +19,7 @@ from excite.errors import InputError, RobotError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot, robot_for_log
+from excite.robot import bringing
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.diagnosis.few_trials import few_trials
@@ -134,12 +136,31 @@ def test_what_no_description_holds_is_a_line(tmp_path: Path) -> None:
     found = replace(two_joints_diagnosed(), changes=changes)
     applied = apply_effects(found, robot, tmp_path)
     assert applied.left_out == (line,)
-    assert applied.summary().splitlines()[1:] == ["  coulomb [N·m]: elbow_joint 2", f"  not in it: {line}"]
+    assert applied.summary().splitlines()[1:] == [
+        "  coulomb [N·m]: elbow_joint 2",
+        f"  not in it: {line}",
+        "  a diagnosis with this robot finds again what is not in it",
+    ]
     assert applied.to_json(tmp_path.parent) == {
         "robot": f"{tmp_path.name}/robot.yaml",
         "written": ["coulomb [N·m]: elbow_joint 2"],
         "left_out": [line],
     }
+
+
+def test_a_joint_that_slides_has_units_of_its_own(tmp_path: Path) -> None:
+    body = (
+        "<inertial><mass value='2'/><inertia ixx='.1' iyy='.1' izz='.1' ixy='0' ixz='0' iyz='0'/></inertial>"
+    )
+    limit = "<axis xyz='0 0 1'/><limit lower='-1' upper='1' velocity='1' effort='90'/>"
+    (tmp_path / "arm.urdf").write_text(
+        f"<robot name='arm'><link name='root'/><link name='cart'>{body}</link><link name='bar'>{body}</link>"
+        f"<joint name='lift' type='prismatic'><parent link='root'/><child link='cart'/>{limit}</joint>"
+        f"<joint name='turn' type='revolute'><parent link='cart'/><child link='bar'/>{limit}</joint></robot>"
+    )
+    changes = RobotChanges(coulomb={"lift": 3.0, "turn": 2.0}, armature={"lift": 4.0})
+    said = apply._written(changes, bringing.load_robot(str(tmp_path / "arm.urdf")))
+    assert said == ["coulomb [N·m]: turn 2", "coulomb [N]: lift 3", "armature [kg]: lift 4"]
 
 
 def test_what_the_record_cannot_tell_apart_is_said(tmp_path: Path) -> None:

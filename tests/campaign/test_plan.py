@@ -19,6 +19,7 @@ from excite.campaign.rehearsal import loaded_robot, rehearse
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
+from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.replay import replay
 
@@ -176,3 +177,11 @@ def test_more_are_drawn_where_motions_fall(ur10: Robot, monkeypatch: pytest.Monk
     assert found.generated in (6, 9) and found.rejected["fell_in_rehearsal"] >= 2
     assert len(found.pool.names) >= 3 and all(int(name[-3:]) >= 3 for name in found.pool.names)
     assert len(rehearsed) == len(set(rehearsed)), "none is rehearsed twice with one load"
+
+
+def test_where_all_are_chosen_they_are_compared_with_nothing():
+    found = plan(load_robot("ur10"), n_candidates=2, seed=1, jobs=1)
+    assert len(found.selection.indices) == len(found.pool.entries)
+    said = found.summary()
+    assert "unchosen" not in said and said.count("condition number") == 1
+    assert "none is left to validate on" in said

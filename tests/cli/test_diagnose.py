@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from typer.testing import CliRunner
 
+from excite.cli.diagnose import _then
 from excite.cli.main import app
 from excite.logs.files import save_log
 from tests.diagnosis.two_joints import moved, two_joint_log
@@ -62,3 +63,11 @@ def test_the_robot_with_the_effects_is_what_the_next_diagnosis_starts_from(tmp_p
     assert again.exit_code == 0, again.exception
     document = json.loads(again.stdout)
     assert document["verdict"] == "none" and document["effects"] == [] and "applied" not in document
+
+
+def test_a_second_diagnosis_that_would_say_the_same_is_not_proposed() -> None:
+    effect = {"effect": "joint_spring"}
+    found = {"verdict": "effect", "effects": [effect], "applied": {"left_out": ["joint spring at elbow: …"]}}
+    assert _then(Path("log"), Path("better"), found) == ""
+    both = found | {"effects": [effect, {"effect": "payload"}]}
+    assert "--robot" in _then(Path("log"), Path("better"), both)

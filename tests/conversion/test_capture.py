@@ -69,6 +69,17 @@ def test_a_sheet_names_runs_repeats_and_what_to_record(plan, tmp_path):
     assert "Warm up" in text and "/joint_states" in text and "excite doctor" in text
 
 
+def test_commands_on_the_sheet_find_a_robot_of_ones_own_from_any_folder(plan, tmp_path):
+    written = tmp_path / "own" / "robot.yaml"
+    sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md", named=str(written))
+    text = sheet.path.read_text()
+    assert f"excite check {written} motions/" in text and f"--robot {written} " in text
+    assert (
+        "excite check ur10 motions/"
+        in excite.capture(excite.load_robot("ur10"), plan, tmp_path / "other.md").path.read_text()
+    )
+
+
 def test_a_page_holds_the_same_sheet(plan, tmp_path):
     robot = excite.load_robot("ur10")
     page = excite.capture(robot, plan, tmp_path / "sheet.html")

@@ -9,8 +9,9 @@ import pytest
 
 from excite.human.measure import MeasuredPerson, measure_recordings
 from excite.human.recording import Recording
-from tests.human.exercise import Performance, perform
-from tests.human.virtual_subject import VirtualSubject, draw_subject, record, standing
+from excite.human.virtual.exercise import Performance, perform
+from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.person import VirtualSubject, draw_subject
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,8 @@ from excite.errors import LogError
 from excite.human.measure import MeasureSettings, measure_recordings
 from excite.human.readers.registry import read_recording
 from excite.human.segments import JOINT_NAMES
-from tests.human.recordings import write_c3d, write_mot, write_trc
+from excite.human.virtual.files import write_mot, write_trc
+from tests.human.recordings import write_c3d
 
 
 def measured(session, trial, **settings):

@@ -14,12 +14,13 @@ from excite.human.measure import write_person
 from excite.human.plates.ground_reaction import ReactionTable, ground_reactions
 from excite.human.segments import JOINT_NAMES
 from excite.human.urdf import urdf_text
+from excite.human.virtual.exercise import perform
+from excite.human.virtual.laboratory import ground_wrench
+from excite.human.virtual.person import true_model
 from excite.logs.files import load_log
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.loading import load_robot
-from tests.human.exercise import perform
 from tests.human.recordings import write_c3d
-from tests.human.virtual_subject import ground_wrench, true_model
 
 
 def test_dimensions_and_marker_residuals(session, person):

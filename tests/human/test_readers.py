@@ -9,8 +9,9 @@ from excite.errors import InputError, LogError
 from excite.human.markers.marker_set import MarkerSite, find_marker_set, read_marker_set
 from excite.human.plates.pressure import pressure_center
 from excite.human.readers.registry import read_recording
+from excite.human.virtual.files import write_mot, write_trc
 from tests.human.c3d_file import DEC, Style, plate_of, write
-from tests.human.recordings import write_c3d, write_mot, write_trc
+from tests.human.recordings import write_c3d
 
 FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
@@ -56,6 +57,51 @@ def test_csv(tmp_path):
     assert read.markers["A"][0].tolist() == [1, 2, 3] and np.isnan(read.markers["A"][1]).all()
     plate = read.plates[0]
     assert pressure_center(plate.force, plate.moment, 0.0)[0] == pytest.approx([0.1, 0.2, 0.0])
+
+
+ODD = (
+    (
+        "Time [ms];A X (mm);A Y (mm);A Z (mm);FP1_Fx [N];FP1_Fy [N];FP1_Fz [N];FP1_Mx [Nmm];FP1_My [Nmm];FP1_Mz [Nmm]",
+        "0;1000;2000;3000;0;0;700,0;140000;-70000;0",
+        ";",
+    ),
+    ("t,A_X,A_Y,A_Z,Fx1,Fy1,Fz1,COPx1,COPy1,Tz1", "0,1,2,3,0,0,700,0.1,0.2,0", ","),
+    (
+        "frame\ttime\tA:x\tA:y\tA:z\tleft - Fx\tleft - Fy\tleft - Fz\tleft - Mx\tleft - My\tleft - Mz",
+        "7\t0\t1\t2\t3\t0\t0\t700\t140\t-70\t0",
+        "\t",
+    ),
+)
+
+
+@pytest.mark.parametrize(("names", "row", "separator"), ODD)
+def test_tables_with_other_names_units_and_separators(tmp_path, names, row, separator):
+    file = tmp_path / "a.csv"
+    later = row.split(separator)
+    later[1 if "frame" in names else 0] = "10" if "ms" in names else "0.01"
+    file.write_text("\n".join([names, row, separator.join(later)]) + "\n")
+    read = read_recording(file)
+    assert list(read.markers) == ["A"] and read.markers["A"][0].tolist() == [1, 2, 3]
+    (plate,) = read.plates
+    assert pressure_center(plate.force, plate.moment, 0.0)[0] == pytest.approx([0.1, 0.2, 0.0])
+    assert read.findings == ()
+
+
+def test_labels_of_ones_own_are_named_with_the_file_that_maps_them():
+    with pytest.raises(InputError, match="Crown, Hip, Knee") as raised:
+        find_marker_set(["Knee", "Crown", "Hip"])
+    assert "schema: excite.markers/1" in raised.value.remedy
+
+
+def test_a_plate_without_moments_is_asked_for_and_one_without_free_torque_is_named(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text("time,A.x,A.y,A.z,Fx,Fy,Fz\n0,1,2,3,0,0,700\n0.01,1,2,3,0,0,700\n")
+    with pytest.raises(LogError, match="neither moments nor a centre of pressure"):
+        read_recording(file)
+    file.write_text("time,A.x,A.y,A.z,Fx,Fy,Fz,COPx,COPy\n0,1,2,3,0,0,700,0.1,0\n0.01,1,2,3,0,0,700,,\n")
+    read = read_recording(file)
+    assert [found.kind for found in read.findings] == ["free_torque"]
+    assert read.plates[0].moment.tolist() == [[0, -70, 0], [0, 0, 0]]
 
 
 @pytest.mark.parametrize(

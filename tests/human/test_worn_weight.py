@@ -12,10 +12,13 @@ from typer.testing import CliRunner
 from excite.cli.main import app
 from excite.errors import InputError
 from excite.human.identified import split_trials
+from excite.human.subject import Subject
+from excite.human.virtual.exercise import perform, repeated
+from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.person import Belt, draw_subject
+from excite.human.virtual.session import simulate_person
 from excite.human.weight.weight_candidate import AddedMass, Candidate
-from tests.human.exercise import perform, repeated
 from tests.human.recordings import write_c3d
-from tests.human.virtual_subject import Belt, draw_subject, record, standing
 
 
 def candidate(segment: str, evidence: float) -> Candidate:
@@ -63,3 +66,15 @@ def test_a_belt_is_found_from_files(tmp_path):
     header = (out / "with_weight" / "segments.csv").read_text().splitlines()[0]
     assert header == "segment,de_leva_kg,dumas_kg,stated_kg,identified_kg,std_kg"
     assert (out / "segment_masses.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_a_log_with_a_weight_is_not_sent_to_be_identified_as_if_there_were_none(tmp_path):
+    subject = Subject(70.0, 1.82, "male")
+    session = simulate_person(tmp_path, subject, seconds=10.0, seed=4, weight=("torso", 3.0))
+    words = ["human", *map(str, (*session.moving, *session.wearing)), "--static", str(session.standing[0])]
+    words += ["--mass", "70", "--height", "1.82", "--sex", "male", "--out", str(tmp_path / "out")]
+    run = CliRunner().invoke(app, [*words, "--loaded", "1"])
+    assert run.exit_code == 0 and "weight worn" in run.output and "then:" not in run.output
+    plain = CliRunner().invoke(app, words)
+    assert "then: excite identify" in plain.output

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.judgement.changes import ChangedSegment
-from excite.identification.judgement.doubts import find_doubts
+from excite.identification.judgement.doubts import _bounds, find_doubts
 from excite.identification.judgement.judgement import TotalMassReport
 from excite.identification.judgement.statistics import base_statistics
 from excite.identification.judgement.warnings import find_warnings
@@ -118,3 +119,8 @@ def test_a_changed_segment_that_would_weigh_less_than_nothing_is_called_no_body(
     (text,) = said(-2.0 * mass, 0.01)
     assert link in text
     assert "torque scale" in text
+
+
+def test_one_constraint_holds_and_two_hold():
+    one, two = (_bounds(SimpleNamespace(active=("total_mass:robot",) * n))[0].text for n in (1, 2))
+    assert one.startswith("1 constraint holds with") and two.startswith("2 constraints hold with")

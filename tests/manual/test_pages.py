@@ -4,41 +4,20 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 import typer
 
 from excite.cli.main import app
-from tests.human.exercise import perform
-from tests.human.recordings import write_mot, write_trc
-from tests.human.virtual_subject import draw_subject, record, standing
 from tests.manual.pages import DOCS, blocks_of, pages, run_page
 
 PAGES = {page.relative_to(DOCS).as_posix(): page for page in pages()}
 
 
-def _person(folder: Path) -> None:
-    """The recordings that the page of a person speaks of, of a virtual one."""
-    rng = np.random.default_rng(5)
-    who = draw_subject(rng)
-    show = perform(who.body, 4.0, seed=2)
-    moving = record(who, show, rng, noise=0.5)
-    write_trc(moving, folder / "moving.trc")
-    write_mot(moving, folder / "moving.mot")
-    write_trc(standing(who, rng, noise=0.5), folder / "standing.trc")
-
-
-# What a page's reader has beforehand.
-BEFORE: dict[str, Callable[[Path], None]] = {"tutorials/person.md": _person, "reference/api.md": _person}
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_the_blocks_of_a_page_run(name: str, tmp_path: Path) -> None:
-    BEFORE.get(name, lambda folder: None)(tmp_path)
     run_page(PAGES[name], tmp_path)
 
 

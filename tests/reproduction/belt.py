@@ -1,7 +1,7 @@
 """Jovic et al. 2016 (IEEE T-RO), section VIII: a person with a weighted belt, here a virtual one.
 
 A man of 70 kg and 1.82 m, 35 markers, two force plates; camera noise, soft tissue and the plates' noise and zeros
-at published levels (tests.human.virtual_subject names them). Each trial repeats the same motion as people do, with
+at published levels (excite.human.virtual names them). Each trial repeats the same motion as people do, with
 other timing and range.
 """
 
@@ -18,9 +18,10 @@ from excite.human.identified import IdentifiedPerson, added_mass, identify_perso
 from excite.human.measure import MeasuredPerson, measure_recordings, write_person
 from excite.human.plates.ground_reaction import ReactionTable
 from excite.human.segments import NAMES
+from excite.human.virtual.exercise import perform, repeated
+from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.person import Belt, VirtualSubject, draw_subject
 from excite.human.weight.worn_weight import WornWeight, identify_wearing
-from tests.human.exercise import perform, repeated
-from tests.human.virtual_subject import Belt, VirtualSubject, draw_subject, record, standing
 
 # Table III: RMSE and CC by component, identified and Dumas.
 TABLE_3: dict[str, tuple[float, float, float, float]] = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -337,3 +339,17 @@ def test_contacts_follow_the_phases(g1: Robot) -> None:
     for foot in g1.feet:
         expected = candidate.supports(2.0 * outcome.motion.time, foot.name)
         assert np.mean(outcome.motion.contacts[foot.name] == expected) > 0.99
+
+
+def test_what_a_newer_python_says_of_toppras_docstrings_is_not_shown(tmp_path):
+    """As in the first run after an installation that compiles nothing (uv's); 3.11 says nothing of them anyway."""
+    (tmp_path / "toppra").mkdir()
+    (tmp_path / "toppra" / "__init__.py").write_text("import warnings; warnings.warn('odd', SyntaxWarning)")
+    code = (
+        "import numpy as np, sys; from excite.safety.repairs.retiming import fastest_rate; "
+        f"sys.path.insert(0, {str(tmp_path)!r})\n"
+        "try: fastest_rate(np.linspace(0, 1, 3), None, np.ones(3))\n"
+        "except ImportError: print('imported')"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (run.stdout, run.stderr) == ("imported\n", "")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -23,19 +23,40 @@ def stated(project_file: Path, extras: Iterable[str] = EXTRAS) -> list[str]:
     return [*project.get("dependencies", []), *(line for extra in extras for line in optional.get(extra, []))]
 
 
-def needed(
-    requirements: Iterable[str], environment: Mapping[str, str] | None = None
-) -> dict[str, Distribution]:
+def needed(requirements: Iterable[str]) -> dict[str, Distribution]:
     """Installed distributions that requirements lead to, however many steps away, by normalised name.
 
     Args:
         requirements: as in a project file, for example ``"numpy>=2; python_version < '3.14'"``.
-        environment: values of markers that differ from those of this interpreter.
 
     Raises:
         PackageNotFoundError: one of them is not installed; its message says which and who asks for it.
     """
     found: dict[str, Distribution] = {}
+    for source, name, one in _walk(requirements, {}):
+        if one is None:
+            raise PackageNotFoundError(f"{name}, which {source} needs")
+        found[name] = one
+    return dict(sorted(found.items()))
+
+
+def needed_names(requirements: Iterable[str], environment: Mapping[str, str]) -> set[str]:
+    """Normalised names of what requirements lead to in another environment.
+
+    Followed as far as it is installed here: of what only the other environment needs, that it is needed is known, and
+    not what it needs in turn.
+
+    Args:
+        requirements: as in a project file.
+        environment: values of markers that differ from those of this interpreter.
+    """
+    return {name for _, name, _ in _walk(requirements, environment)}
+
+
+def _walk(
+    requirements: Iterable[str], environment: Mapping[str, str]
+) -> Iterator[tuple[str, str, Distribution | None]]:
+    """Who asks, for what, and the distribution, None where it is not installed."""
     waiting = [("the project", line, frozenset[str]()) for line in requirements]
     done = set()
     while waiting:
@@ -47,16 +68,16 @@ def needed(
             continue
         done.add(wanted)
         try:
-            found[name] = distribution(requirement.name)
-        except PackageNotFoundError as error:
-            raise PackageNotFoundError(f"{name}, which {source} needs") from error
-        waiting += [(name, line, wanted[1]) for line in found[name].requires or []]
-    return dict(sorted(found.items()))
+            one = distribution(requirement.name)
+        except PackageNotFoundError:
+            yield source, name, None
+            continue
+        yield source, name, one
+        waiting += [(name, line, wanted[1]) for line in one.requires or []]
 
 
-def _applies(requirement: Requirement, extras: frozenset[str], environment: Mapping[str, str] | None) -> bool:
+def _applies(requirement: Requirement, extras: frozenset[str], environment: Mapping[str, str]) -> bool:
     """Whether a requirement counts here, given the extras that were asked for of the one that states it."""
     if requirement.marker is None:
         return True
-    values = dict(environment or {})
-    return any(requirement.marker.evaluate({**values, "extra": extra}) for extra in ("", *extras))
+    return any(requirement.marker.evaluate({**environment, "extra": extra}) for extra in ("", *extras))

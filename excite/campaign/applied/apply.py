@@ -19,9 +19,12 @@ from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.errors import InputError, RobotError
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import slides
 
 ROBOT, MODEL = "robot.yaml", "robot.urdf"
 _SOURCE = "excite diagnose --apply"
+# Of joints that turn, and of joints that slide.
+_UNITS = {"viscous": ("N·m·s/rad", "N·s/m"), "coulomb": ("N·m", "N"), "armature": ("kg·m²", "kg")}
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,10 @@ class Applied:
         """A line each."""
         lines = [f"robot with the effects: {self.robot}"]
         lines += [f"  {text}" for text in self.written or ("nothing was found that it did not have",)]
-        return "\n".join([*lines, *(f"  not in it: {text}" for text in self.left_out)])
+        lines += [f"  not in it: {text}" for text in self.left_out]
+        if self.left_out:
+            lines.append("  a diagnosis with this robot finds again what is not in it")
+        return "\n".join(lines)
 
 
 def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
@@ -83,7 +89,7 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
         for file in (path, folder / MODEL):
             file.unlink()
         raise
-    return Applied(path, (*_written(changes), *_doubts(diagnosis)), tuple(changes.beyond))
+    return Applied(path, (*_written(changes, robot), *_doubts(diagnosis)), tuple(changes.beyond))
 
 
 def check_applicable(robot: Robot) -> None:
@@ -139,14 +145,14 @@ def _doubts(diagnosis: Diagnosis) -> list[str]:
     return [f"{what} was taken, which this record cannot tell from {', '.join(others)}"] if others else []
 
 
-def _written(changes: RobotChanges) -> list[str]:
-    """What was changed, in words."""
+def _written(changes: RobotChanges, robot: Robot) -> list[str]:
+    """What was changed, in words; joints that slide have units of their own."""
     said = [f"{link}: {body[0]:+.3g} kg" for link, body in changes.bodies.items()]
-    units = {"viscous": "N·m·s/rad", "coulomb": "N·m", "armature": "kg·m²"}
-    for term, unit in units.items():
+    sliding = {name for k, name in enumerate(robot.joint_names) if slides(robot.model, robot.n_base_v + k)}
+    for term, units in _UNITS.items():
         values = {name: value for name, value in getattr(changes, term).items() if value}
-        if values:
-            said.append(
-                f"{term} [{unit}]: " + ", ".join(f"{name} {value:.3g}" for name, value in values.items())
-            )
+        for unit, kind in zip(units, (set(values) - sliding, sliding), strict=True):
+            found = [f"{name} {value:.3g}" for name, value in values.items() if name in kind]
+            if found:
+                said.append(f"{term} [{unit}]: " + ", ".join(found))
     return said

@@ -30,7 +30,9 @@ def command(
 
     # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
     whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)
-    sheet = excite.capture(excite.load_robot(whose), plan, out)
+    # The sheet is read in another folder, and on another day.
+    named = str(Path(whose).resolve()) if Path(whose).exists() else whose
+    sheet = excite.capture(excite.load_robot(whose), plan, out, named=named)
     document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
     minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
     emit(

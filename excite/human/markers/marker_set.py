@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from excite.errors import InputError, UnknownNameError
+from excite.finding import listed
 from excite.human.markers.landmarks import LANDMARKS, landmark_segment
 from excite.human.segments import NAMES
 from excite.reading.yaml_document import read_yaml
@@ -175,9 +176,10 @@ def find_marker_set(labels: Iterable[str]) -> MarkerSet:
     found = len(present & best.sites.keys())
     if found < max(_FEWEST, _SHARE * min(len(best.sites), len(present))):
         raise InputError(
-            f"labels fit no known marker set ({best.name} has {found} of them)",
+            f"labels fit no known marker set ({best.name} has {found} of them): {listed(sorted(present), 4)}",
             field="markers",
-            remedy="write a mapping file (schema excite.markers/1) and give it with --markers",
+            remedy="give a mapping file with --markers: schema: excite.markers/1, markers:, and a line a label, "
+            "{landmark: right_acromion} or {segment: right_thigh} behind it",
         )
     return best
 

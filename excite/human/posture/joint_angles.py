@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.finding import Finding, listed
-from excite.human.posture.skeleton import Pose, exponential
+from excite.human.posture.skeleton import N_SEGMENTS, Pose, exponential
 from excite.human.segments import JOINT_NAMES, SEGMENTS
 
 # The turn of an upper arm about its own axis ranges from some 60° outwards to 120° inwards; counted from the
@@ -41,6 +41,21 @@ def joint_angles(pose: Pose) -> Array:
         angles = Rotation.from_matrix(rotation).as_euler(order)
         columns += list((np.unwrap(angles, axis=0) * [axis.sign for axis in segment.axes]).T)
     return np.column_stack(columns)
+
+
+def pose_of(base: Array, angles: Array) -> Pose:
+    """Postures from the pelvis' pose ``(n, 7)`` (x y z [m], qx qy qz qw) and joint angles ``(n, 34)`` [rad]."""
+    n = len(base)
+    rotation = np.tile(np.eye(3), (n, N_SEGMENTS, 1, 1))
+    rotation[:, 0] = Rotation.from_quat(base[:, 3:]).as_matrix()
+    column = 0
+    for k, segment in enumerate(SEGMENTS):
+        for axis in segment.axes:
+            turn = np.outer(angles[:, column], np.eye(3)[axis.index] * axis.sign)
+            rotation[:, k] = rotation[:, k] @ exponential(turn)
+            column += 1
+        rotation[:, k] = rotation[:, k] @ frame_turn(k)
+    return Pose(base[:, :3].copy(), rotation)
 
 
 def base_pose(pose: Pose) -> Array:

@@ -1,7 +1,8 @@
-"""Plain tables: ``time``, ``LABEL.x … z`` [m] and ``plate.NAME.fx … fz tx ty tz`` [N, N·m, about the origin]."""
+"""Plain tables: time, three columns of each marker, and forces with moments or centres of pressure of each plate."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
@@ -9,14 +10,20 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
+from excite.finding import Finding
+from excite.human.readers.column_names import Column, Plate, columns_of
 from excite.human.readers.reader import RecordingReader, check_labels, checked_time, numbers, read_lines
 from excite.human.recording import PlateRecording, Recording
 
-_WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+_SEPARATORS = (",", ";", "\t")
 
 
 class CsvReader(RecordingReader):
-    """One row a frame; an empty field is a missing marker; plates at the markers' rate."""
+    """One row a frame; an empty field is a missing marker; plates at the markers' rate.
+
+    Names are those of :func:`~excite.human.readers.column_names.columns_of`. Moments are about the file's origin; where
+    there is a centre of pressure, moments are its force's, and the torque that there is besides.
+    """
 
     name: ClassVar[str] = "csv"
     suffixes: ClassVar[tuple[str, ...]] = (".csv",)
@@ -24,8 +31,10 @@ class CsvReader(RecordingReader):
     def read(self, path: Path) -> Recording:
         """See :meth:`RecordingReader.read`."""
         lines = read_lines(path)
-        labels = [label.strip() for label in lines[0].split(",")] if lines else []
-        if "time" not in labels:
+        separator = max(_SEPARATORS, key=lambda one: lines[0].count(one)) if lines else ","
+        labels = [label.strip().strip('"') for label in lines[0].split(separator)] if lines else []
+        named = columns_of(labels)
+        if named.time is None:
             raise LogError(
                 "has no column time",
                 source=path,
@@ -36,7 +45,8 @@ class CsvReader(RecordingReader):
         for place, line in enumerate(lines[1:], start=2):
             if not line.strip():
                 continue
-            fields = line.split(",")
+            # Where commas do not separate, they are a decimal point's.
+            fields = (line if separator == "," else line.replace(",", ".")).split(separator)
             if len(fields) != len(labels):
                 raise LogError(
                     f"line {place} has {len(fields)} fields for {len(labels)} columns",
@@ -45,21 +55,58 @@ class CsvReader(RecordingReader):
                 )
             rows.append(numbers(fields, path, place))
         data = np.array(rows).reshape(len(rows), len(labels))
-        columns = {label: data[:, i] for i, label in enumerate(labels)}
-        time = checked_time(columns["time"], path)
-        markers, plates = {}, []
-        for label in labels:
-            if label.startswith("plate.") and label.endswith(".fx"):
-                name = label[len("plate.") : -len(".fx")]
-                wrench = _group(columns, f"plate.{name}", _WRENCH, path)
-                plates.append(PlateRecording(name, time, wrench[:, :3], wrench[:, 3:]))
-            elif label.endswith(".x") and not label.startswith("plate."):
-                markers[label[:-2]] = _group(columns, label[:-2], ("x", "y", "z"), path)
-        return Recording(path, time, markers, tuple(plates))
+        table = {label: data[:, i] for i, label in enumerate(labels)}
+        time = checked_time(named.time.factor * table[named.time.label], path)
+        markers = {stem: _vector(table, axes, stem, path) for stem, axes in named.markers.items()}
+        found: list[Finding] = []
+        plates = tuple(_plate(table, plate, time, path, found) for plate in named.plates)
+        return Recording(path, time, markers, plates, tuple(found))
 
 
-def _group(columns: dict[str, Array], stem: str, endings: tuple[str, ...], path: Path) -> Array:
-    missing = [f"{stem}.{ending}" for ending in endings if f"{stem}.{ending}" not in columns]
+def _plate(
+    table: Mapping[str, Array], plate: Plate, time: Array, path: Path, found: list[Finding]
+) -> PlateRecording:
+    def of(kind: str) -> Array:
+        axes = {axis: plate.columns[kind + axis] for axis in "xyz" if kind + axis in plate.columns}
+        return _vector(table, axes, f"{plate.name}, {kind}", path)
+
+    force = of("f")
+    if {"px", "py"} <= plate.columns.keys():
+        level = np.zeros(len(time))
+        point = np.column_stack(
+            [
+                _values(table, plate.columns[key]) if key in plate.columns else level
+                for key in ("px", "py", "pz")
+            ]
+        )
+        # Of an unloaded plate no centre of pressure is known.
+        point = np.where(np.isfinite(point).all(axis=1, keepdims=True), point, 0.0)
+        torque = np.zeros_like(force)
+        for k, axis in enumerate("xyz"):
+            if f"t{axis}" in plate.columns:
+                torque[:, k] = _values(table, plate.columns[f"t{axis}"])
+        if not any(f"t{axis}" in plate.columns for axis in "xyz"):
+            text = f"{path.name}: {plate.name} has a centre of pressure and no free torque (Tz): it is taken as zero"
+            found.append(Finding("free_torque", text, {}, (plate.name,)))
+        return PlateRecording(plate.name, time, force, np.cross(point, force) + torque)
+    if plate.has("m") or plate.has("t"):
+        return PlateRecording(plate.name, time, force, of("m" if plate.has("m") else "t"))
+    raise LogError(
+        "has forces and neither moments nor a centre of pressure",
+        source=path,
+        field=plate.name[:60],
+        remedy="write Mx, My, Mz about the origin, or COPx, COPy and Tz",
+    )
+
+
+def _values(table: Mapping[str, Array], column: Column) -> Array:
+    return np.asarray(column.factor * table[column.label])
+
+
+def _vector(table: Mapping[str, Array], axes: Mapping[str, Column], stem: str, path: Path) -> Array:
+    missing = [axis for axis in "xyz" if axis not in axes]
     if missing:
-        raise LogError("column is missing", source=path, field=missing[0], remedy="write all components")
-    return np.column_stack([columns[f"{stem}.{ending}"] for ending in endings])
+        raise LogError(
+            "column is missing", source=path, field=f"{stem}.{missing[0]}"[:60], remedy="write all components"
+        )
+    return np.column_stack([_values(table, axes[axis]) for axis in "xyz"])

@@ -85,8 +85,6 @@ def _conflict(estimate: Estimate, statistics: BaseStatistics) -> list[Finding]:
 def _bounds(estimate: Estimate) -> list[Finding]:
     if not estimate.active:
         return []
-    text = (
-        f"{len(estimate.active)} constraints hold with equality, beyond which the data would go: "
-        f"{listed(estimate.active, _MOST_NAMED)}"
-    )
+    many = "1 constraint holds" if len(estimate.active) == 1 else f"{len(estimate.active)} constraints hold"
+    text = f"{many} with equality, beyond which the data would go: {listed(estimate.active, _MOST_NAMED)}"
     return [Finding("at_bound", text, {"constraints": float(len(estimate.active))}, estimate.active)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -73,7 +74,7 @@ def _standing_still(draft: Draft, path: MotionPath, rows: Rows) -> Rejection:
 
 def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
     """The largest ``ṡ`` at each of the knots ``(n,)`` under rows and a bound, or None if there is none."""
-    with _without_pyplot():
+    with _unwarned(), _without_pyplot():
         import toppra
         from toppra.algorithm import TOPPRA
         from toppra.constraint import LinearConstraint
@@ -109,6 +110,17 @@ class _Pyplot(ModuleType):
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(import_module("matplotlib.pyplot"), name)
+
+
+@contextmanager
+def _unwarned() -> Iterator[None]:
+    """Import toppra without what Python 3.12 and later say of its docstrings where it was not compiled before."""
+    if "toppra" in sys.modules:
+        yield
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)
+        yield
 
 
 @contextmanager

@@ -1,113 +1,33 @@
-"""A virtual person in a virtual motion laboratory: truth from pinocchio, none of it from the room under test.
+"""A virtual motion laboratory: what cameras and two force plates say of a virtual person; truth from pinocchio.
 
-A man of 70 kg and 1.82 m, whose segments differ from the tables as people's do, swings arms, trunk and legs and
-squats on two force plates. Markers ride on soft tissue and are seen with the noise of a camera system; plates
-have noise and an offset that drifts. Levels: cameras 0.5 mm (Windolf et al. 2008: 0.06-0.5 mm), soft tissue
-2-12 mm by segment (Leardini et al. 2005, Camomilla et al. 2017), plates 1.5 N and 0.3 N·m, zero off by 2 N
-(Kistler 9281: threshold 0.01 N, drift 0.01 N/s).
+Levels: cameras 0.5 mm (Windolf et al. 2008: 0.06-0.5 mm), plates 1.5 N and 0.3 N·m, zero off by 2 N (Kistler 9281:
+threshold 0.01 N, drift 0.01 N/s).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from excite.human.body import Body, body_of
-from excite.human.inertials import BodyInertia
-from excite.human.markers.landmarks import landmark_place
+from excite.arrays import Array
 from excite.human.markers.marker_set import read_marker_set
-from excite.human.posture.joint_angles import frame_turn
-from excite.human.posture.skeleton import place
+from excite.human.posture.joint_angles import pose_of
+from excite.human.posture.skeleton import Placement, place
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS
-from excite.human.subject import Subject
-from excite.human.urdf import urdf_text
-from tests.human.exercise import Performance, balanced
-from tests.human.forward import pose_of
+from excite.human.virtual.exercise import Performance, balanced
+from excite.human.virtual.person import MARKERS, Belt, VirtualSubject, true_model
 
-SOFT_TISSUE_M = {
-    "pelvis": 0.006,
-    "torso": 0.006,
-    "head": 0.002,
-    "upper_arm": 0.007,
-    "forearm": 0.005,
-    "hand": 0.003,
-    "thigh": 0.012,
-    "shank": 0.007,
-    "foot": 0.003,
-}
 CAMERA_M = 0.0005
 PLATE_N, PLATE_NM, PLATE_ZERO_N = 1.5, 0.3, 2.0
 _PLATE_SIZE = (0.6, 0.4)
 
 
-@dataclass(frozen=True)
-class Belt:
-    """A weight worn on a segment: mass [kg] and place in the segment's frame [m]."""
-
-    segment: str
-    mass: float
-    place: tuple[float, float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class VirtualSubject:
-    """A person whose every number is known.
-
-    Attributes:
-        body: true dimensions and inertial parameters.
-        local: true places of the markers by label, segment frames [m].
-        wobble: by label: direction-by-angle coefficients of the soft tissue ``(3, 4)`` [m].
-    """
-
-    body: Body
-    local: dict[str, np.ndarray]
-    wobble: dict[str, np.ndarray]
-
-
-def draw_subject(rng: np.random.Generator, *, spread: float = 0.12) -> VirtualSubject:
-    """A person whose masses, centres, lengths and marker places differ from the tables' by chance."""
-    subject = Subject(70.0, 1.82, "male")
-    body = body_of(subject)
-    values = body.dimensions.values * (1.0 + 0.03 * rng.standard_normal(16))
-    values[12:16] = values[8:12] * (1.0 + 0.005 * rng.standard_normal(4))
-    dimensions = replace(body.dimensions, values=values)
-    body = body_of(subject, dimensions)
-    masses = np.array([b.mass for b in body.inertias]) * (1.0 + spread * rng.standard_normal(15))
-    masses[9:] = masses[3:9] * (1.0 + 0.03 * rng.standard_normal(6))
-    masses *= subject.mass / masses.sum()
-    inertias = []
-    for b, mass in zip(body.inertias, masses, strict=True):
-        center = b.center * (1.0 + 0.05 * rng.standard_normal()) + 0.005 * rng.standard_normal(3)
-        inertias.append(BodyInertia(mass, center, b.inertia * mass / b.mass))
-    body = replace(body, inertias=tuple(inertias))
-    sites = read_marker_set("jovic").sites
-    local, wobble = {}, {}
-    for label, site in sites.items():
-        place_ = landmark_place(site.landmark, subject, dimensions)
-        local[label] = place_ + 0.008 * rng.standard_normal(3)
-        size = SOFT_TISSUE_M[SEGMENTS[NAMES.index(site.segment)].kind]
-        wobble[label] = size * rng.standard_normal((3, 4)) / 2.0
-    return VirtualSubject(body, local, wobble)
-
-
-def true_model(body: Body, belt: Belt | None = None) -> pin.Model:
-    """Pinocchio model of a body, with a belt as a point mass on its segment."""
-    model = pin.buildModelFromXML(urdf_text(body), pin.JointModelFreeFlyer())
-    if belt is not None:
-        k = NAMES.index(belt.segment)
-        frame = model.getFrameId(belt.segment)
-        joint = model.frames[frame].parentJoint
-        place_ = model.frames[frame].placement.act(frame_turn(k) @ np.array(belt.place))
-        model.inertias[joint] = model.inertias[joint] + pin.Inertia(belt.mass, place_, np.zeros((3, 3)))
-    return model
-
-
-def ground_wrench(model: pin.Model, show: Performance) -> np.ndarray:
+def ground_wrench(model: pin.Model, show: Performance) -> Array:
     """Wrench of the ground on the person about the world's origin, ``(n, 6)``, by inverse dynamics."""
     order = [model.joints[model.getJointId(name)].idx_q for name in JOINT_NAMES]
     q = np.tile(pin.neutral(model), (len(show.time), 1))
@@ -136,8 +56,9 @@ def record(
     """What the laboratory's cameras and plates say of a performance."""
     placed = place(pose_of(show.base, show.angles), who.body.offsets)
     markers = {}
-    for label, site in read_marker_set("jovic").sites.items():
-        k = NAMES.index(site.segment)
+    sites = read_marker_set(MARKERS).sites
+    for label in who.local:
+        k = NAMES.index(sites[label].segment)
         skin = _soft_tissue(who.wobble[label], show, k, rng)
         local = who.local[label] + noise * skin
         point = placed.origin[:, k] + np.einsum("nij,nj->ni", placed.rotation[:, k], local)
@@ -147,9 +68,7 @@ def record(
     return Recording(Path(f"{name}.c3d"), show.time, markers, plates)
 
 
-def _soft_tissue(
-    coefficients: np.ndarray, show: Performance, segment: int, rng: np.random.Generator
-) -> np.ndarray:
+def _soft_tissue(coefficients: Array, show: Performance, segment: int, rng: np.random.Generator) -> Array:
     """Skin slides with the angles of the joints at either end, and swings a little by itself."""
     near = [segment, *[k for k in range(len(NAMES)) if PARENTS[k] == segment][:1]]
     columns = []
@@ -169,7 +88,7 @@ def _soft_tissue(
 
 
 def _plates(
-    wrench: np.ndarray, show: Performance, placed, rng: np.random.Generator, noise: float
+    wrench: Array, show: Performance, placed: Placement, rng: np.random.Generator, noise: float
 ) -> tuple[PlateRecording, ...]:
     """Two plates side by side at 1 kHz; the load is shared so that each foot carries its part."""
     n = len(show.time)

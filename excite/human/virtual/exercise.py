@@ -8,20 +8,21 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import fftconvolve
 
+from excite.arrays import Array
 from excite.human.body import Body
+from excite.human.posture.joint_angles import pose_of
 from excite.human.posture.skeleton import place
 from excite.human.segments import JOINT_NAMES, NAMES
-from tests.human.forward import pose_of
 
 
 @dataclass(frozen=True, eq=False)
 class Performance:
     """True motion: time ``(n,)``, pelvis pose ``(n, 7)``, joint angles ``(n, 34)``, share on the right foot."""
 
-    time: np.ndarray
-    base: np.ndarray
-    angles: np.ndarray
-    right_share: np.ndarray
+    time: Array
+    base: Array
+    angles: Array
+    right_share: Array
 
 
 def perform(body: Body, seconds: float = 60.0, rate_hz: float = 100.0, seed: int = 0) -> Performance:
@@ -31,14 +32,14 @@ def perform(body: Body, seconds: float = 60.0, rate_hz: float = 100.0, seed: int
     time = np.arange(n) / rate_hz
     angles = np.zeros((n, 34))
 
-    def wave(amplitude: float, low: float = 0.2, high: float = 0.9) -> np.ndarray:
+    def wave(amplitude: float, low: float = 0.2, high: float = 0.9) -> Array:
         parts = [
             np.sin(2 * np.pi * (f * time + p))
             for f, p in zip(rng.uniform(low, high, 4), rng.uniform(0, 1, 4), strict=True)
         ]
         return amplitude * np.sum(parts, axis=0) / 2.0
 
-    def put(name: str, values: np.ndarray) -> None:
+    def put(name: str, values: Array) -> None:
         angles[:, JOINT_NAMES.index(name)] = values
 
     for name, amplitude in {
@@ -93,7 +94,7 @@ def repeated(body: Body, show: Performance, rng: np.random.Generator) -> Perform
     return balanced(body, show.time, angles, share)
 
 
-def _wandering(n: int, rate: float, seconds: float, columns: int, rng: np.random.Generator) -> np.ndarray:
+def _wandering(n: int, rate: float, seconds: float, columns: int, rng: np.random.Generator) -> Array:
     """Smooth noise of unit variance that forgets itself in so many seconds, ``(n, columns)``."""
     kernel = np.hanning(int(2 * seconds * rate))
     noise = rng.standard_normal((n + len(kernel), columns))
@@ -101,7 +102,7 @@ def _wandering(n: int, rate: float, seconds: float, columns: int, rng: np.random
     return smooth / np.sqrt((kernel**2).sum())
 
 
-def balanced(body: Body, time: np.ndarray, angles: np.ndarray, share: np.ndarray) -> Performance:
+def balanced(body: Body, time: Array, angles: Array, share: Array) -> Performance:
     """Put the pelvis so that the weighted feet keep their height and the centre of mass lies over them."""
     n = len(time)
     base = np.zeros((n, 7))
