@@ -53,7 +53,9 @@ class BudgetByChannel(Section):
         how = (
             "Shares are of the power above the noise floor on trials that were not fitted, all effects taken together; "
             "those of a channel add up to one. An interval says what a share would be on other stretches of such a "
-            "record: blocks of it were left out in turn."
+            "record: blocks of it were left out in turn. Instants at which a joint stands or turns round count for "
+            "next to nothing here, so that gap and noise floor are other numbers than under Gap by channel, where each "
+            "instant counts."
         )
         rest = folded(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small) if small else ""
         return section(
