@@ -10,7 +10,7 @@ from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.documents.diagnosis import Diagnosis as Document
 from excite.logs.files import load_log, save_log
-from excite.logs.robot import nominal_robot
+from excite.robot.loading import load_robot
 from tests.diagnosis.two_joints import COULOMB, VISCOUS, moved, two_joint_log
 
 JOINTS = ("first", "second")
@@ -54,6 +54,10 @@ def test_shares_of_the_map_are_those_of_the_budget(found: Diagnosis) -> None:
 
 
 def test_only_gains_that_nobody_stated_are_listed() -> None:
-    robot = nominal_robot(two_joint_log(()))
-    found = list(estimated_gains(robot, JOINTS, "kp", "N·m/rad", np.array([200.0, 80.0]), [False, True]))
-    assert [(item.joint, item.size.value, item.size.unit) for item in found] == [("second", 80.0, "N·m/rad")]
+    robot = load_robot("ur10")
+    found = list(
+        estimated_gains(robot, robot.joint_names[:2], "kp", "N·m/rad", np.array([200.0, 80.0]), [False, True])
+    )
+    assert [(item.joint, item.size.value, item.size.unit) for item in found] == [
+        (robot.joint_names[1], 80.0, "N·m/rad")
+    ]
