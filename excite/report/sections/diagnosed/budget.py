@@ -125,7 +125,7 @@ def _legend() -> str:
 def _sentence(name: str, channel: Document) -> str:
     """``Of the gap at joint 2 (0.41 N·m above 0.05 noise), 63 % is Coulomb friction …``."""
     *named, rest = _parts(channel)
-    large = sorted((p for p in named if (p.share or 0.0) >= _WORTH), key=lambda part: -(part.share or 0.0))
+    large = sorted((p for p in named if abs(p.share or 0.0) >= _WORTH), key=lambda part: -(part.share or 0.0))
     said = [f"{_percent(part.share)} {_verb(part)}" for part in large[:_SAID]]
     listed = ", ".join([*said, f"{_percent(rest.share)} is {'the rest' if said else 'without a name'}"])
     size = f"{number(channel['gap'], 2)} {channel['unit']} above {number(channel['noise_floor'], 2)} noise"
