@@ -106,7 +106,8 @@ button { min-width: 5.2em; cursor: pointer; background: var(--identified); color
 @media print { :root { color-scheme: light; } body { background: none; }
   section, .tile { break-inside: avoid; border: 0; }
   nav, .live .moving, .live .moving.plots { display: none; } .interactive.ready > .still { display: block; }
-  .wide { overflow: visible; background: none; } figure { min-width: 0; } details > *:not(summary) { display: block; } }
+  .wide { overflow: visible; background: none; } figure { min-width: 0; } details > *:not(summary) { display: block; }
+  details::details-content { content-visibility: visible; block-size: auto; } }
 """.replace("LIGHT", css_variables(dark=False)).replace("DARK", css_variables(dark=True))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from excite.diagnosis.answer.budget import UnnamedShare
+from excite.diagnosis.answer.budget import EffectShare, UnnamedShare
 from excite.diagnosis.answer.gap import ChannelGap
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.trivial import TrivialErrors, beaten
@@ -125,3 +125,13 @@ def test_the_answer_says_where_most_of_the_rest_is(tmp_path: Path) -> None:
     page = page_of(replace(part, budget=replace(strange.budget, channels=channels)), tmp_path)
     assert "Most of the rest is at shoulder, where it follows velocity and has no name." in page
     assert "Most of the rest" not in page_of(budgeted(), tmp_path)
+
+
+def test_what_does_harm_is_in_the_sentence_where_the_rest_is_more_than_all(tmp_path: Path) -> None:
+    whole = budgeted()
+    assert whole.budget is not None
+    harm = EffectShare("payload", "arm", -0.13, (-0.58, 0.33))
+    shoulder = replace(whole.budget.channels["shoulder"], effects=(harm,), unnamed=(), rest=1.13)
+    budget = replace(whole.budget, channels={**whole.budget.channels, "shoulder": shoulder})
+    section = budget_of(page_of(replace(whole, budget=budget), tmp_path))
+    assert "−13 % is payload at arm, which does harm there, 113 % is the rest." in section
