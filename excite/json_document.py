@@ -13,7 +13,7 @@ from excite.made import stated
 
 def to_json(document: dict[str, Any]) -> str:
     """One JSON document; numbers that JSON cannot hold (NaN, infinity) become null."""
-    return json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(finite(document), indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def write_json(document: dict[str, Any], path: Path) -> Path:
@@ -26,11 +26,12 @@ def with_origin(document: dict[str, Any]) -> dict[str, Any]:
     return {**document, **stated()} if "schema" in document else document
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """A copy in which numbers that JSON cannot hold are None."""
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

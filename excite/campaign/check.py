@@ -25,10 +25,12 @@ class CheckReport(Tabled):
     Attributes:
         verdicts: one a motion, in order.
         assumed: what no file said of the robot, so that the verdicts hold as far as it does.
+        robot: name of the robot.
     """
 
     verdicts: tuple[Verdict, ...]
     assumed: tuple[Assumed, ...] = ()
+    robot: str | None = None
 
     tables = ("motions", "violations")
 
@@ -53,7 +55,7 @@ class CheckReport(Tabled):
     def to_json(self) -> dict[str, Any]:
         """The ``excite.check/1`` document."""
         assumed = [one.model_dump() for one in self.assumed]
-        return {**check_document(self.verdicts), "assumed": assumed}
+        return {**check_document(self.verdicts), "robot": self.robot, "assumed": assumed}
 
     def summary(self) -> str:
         """A line a motion with its smallest margins below it, the total, and what the verdicts rest on."""
@@ -94,7 +96,7 @@ def check(
     verdicts = in_order(
         _checked, tasks, jobs=jobs, shared=robot, total=len(motions), stage="check", progress=progress
     )
-    return CheckReport(tuple(verdicts), tuple(robot.description.assumed))
+    return CheckReport(tuple(verdicts), tuple(robot.description.assumed), robot.name)
 
 
 def _checked(robot: Robot, task: tuple[Motion, dict[str, Motion]]) -> Verdict:

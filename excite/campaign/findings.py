@@ -58,13 +58,32 @@ def save_findings(
     Returns:
         The file.
     """
+    data = findings_of(robot, identification, log, settings)
+    return save_report_data(data, Path(folder) / "report_data.npz")
+
+
+def findings_of(
+    robot: Robot,
+    identification: Identification,
+    log: Log,
+    settings: ProblemSettings | None = None,
+    truth: Path | None = None,
+) -> ReportData:
+    """What a page shows of an identification: forces of a validation trial, masses, the trial in motion.
+
+    Args:
+        robot: the robot.
+        identification: what was identified from ``log`` with ``settings``.
+        log: the log.
+        settings: of the problem; defaults if None.
+        truth: ``truth.json`` of a virtual robot, where there may be one.
+    """
     shown = _shown(robot, identification, log, settings)
-    data = ReportData(
+    return ReportData(
         forces=None if shown is None else _forces(identification, shown),
-        masses=mass_comparison(robot, identification, None),
+        masses=mass_comparison(robot, identification, truth),
         path=None if shown is None else _path(identification, shown),
     )
-    return save_report_data(data, Path(folder) / "report_data.npz")
 
 
 def force_comparison(

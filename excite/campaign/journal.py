@@ -73,6 +73,10 @@ class Journal:
         if not os.path.lexists(path):
             raise InputError("no campaign to resume", source=path, remedy="start one without --resume")
         found = read_document(path, JournalDocument, remedy=_ANEW).stated()
+        if _only_longer(found, begun):
+            # What was done so far does not depend on how often it may go on.
+            write_json(begun, path)
+            return
         for key, value in begun.items():
             if found.get(key) != value:
                 raise InputError(
@@ -168,6 +172,15 @@ def prefix(number: int) -> str:
 
 def _load(folder: Path, names: Sequence[str], robot: Robot) -> tuple[Motion, ...]:
     return tuple(load_motion(folder / name, robot) for name in names)
+
+
+def _only_longer(found: dict[str, Any], begun: dict[str, Any]) -> bool:
+    """Whether a campaign is to go on for more iterations than it was begun with, and all else is the same."""
+    before, asked = found.get("settings"), begun["settings"]
+    if not isinstance(before, dict) or {**found, "settings": None} != {**begun, "settings": None}:
+        return False
+    more = asked["max_iterations"] > before.get("max_iterations", asked["max_iterations"])
+    return more and {**before, "max_iterations": 0} == {**asked, "max_iterations": 0}
 
 
 def _difference(found: Any, asked: Any) -> str:

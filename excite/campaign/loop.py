@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.campaign.expected.forecast import Forecast
 from excite.campaign.experiment import simulate
-from excite.campaign.findings import force_comparison, mass_comparison
+from excite.campaign.findings import findings_of
 from excite.campaign.journal import Journal, PlannedMotions, prefix
 from excite.campaign.plan import plan
 from excite.campaign.plan_document import conditioning_comparison, merged_plan, robot_file
@@ -211,20 +211,28 @@ class _State:
         )
         folder = self.journal.folder
         if self.identification is not None and self.conditioning is not None:
-            save_report_data(
-                self._report_data(self.identification, self.conditioning), folder / "report_data.npz"
-            )
+            data = self._report_data(self.identification, self.conditioning)
+            save_report_data(data, folder / "report_data.npz")
             merged = merged_plan(self.robot, self.documents, self.conditioning)
-            write_json({**merged, **robot_file(self.robot, folder)}, folder / "plan.json")
-            write_json(self.identification.to_json(), folder / "identification.json")
+            described = robot_file(self.robot, folder)
+            write_json({**merged, **described}, folder / "plan.json")
+            identified = {**self.identification.to_json(), **described, "log_file": self._log_of(data)}
+            write_json(identified, folder / "identification.json")
         write_json(result.to_json(), folder / "campaign.json")
         return result
 
     def _report_data(self, identification: Identification, together: Conditioning) -> ReportData:
-        log = join_logs(self.logs)
         first = conditioning(self.robot, self.factors[:1], together.base)
-        return ReportData(
-            forces=force_comparison(self.robot, identification, log),
-            masses=mass_comparison(self.robot, identification, self.journal.log_folder(1) / "truth.json"),
+        truth = self.journal.log_folder(1) / "truth.json"
+        found = findings_of(self.robot, identification, join_logs(self.logs), truth=truth)
+        return replace(
+            found,
             conditioning=conditioning_comparison(first, together, "a single motion", "all chosen motions"),
         )
+
+    def _log_of(self, data: ReportData) -> str:
+        """The log that holds the trial that is shown in motion, relative to the campaign's folder."""
+        shown = None if data.path is None else data.path.trial
+        names = [{trial.name for trial in log.trials} for log in self.logs]
+        number = next((k for k, there in enumerate(names, 1) if shown in there), 1)
+        return self.journal.log_folder(number).relative_to(self.journal.folder).as_posix()

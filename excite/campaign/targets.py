@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from excite.excitation.weakness import UnexcitedParameter
+from excite.identification.judgement.poor import PATIENCE
 from excite.identification.parameter_statistics import BaseParameter
 from excite.robot.robot import Robot
-
-# A parameter that would need more than this many times the motion run so far is left to the noise.
-PATIENCE = 10.0
 
 
 class Reason(Enum):

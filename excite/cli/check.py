@@ -8,6 +8,7 @@ import typer
 
 import excite
 from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
 from excite.cli.session.workers import workers
 from excite.json_document import write_json
@@ -41,9 +42,11 @@ def command(
     loaded = excite.load_robot(robot)
     with workers(jobs, cluster) as crew, progress_bars() as progress:
         result = excite.check(loaded, excite.load_motions(motions, loaded), jobs=crew, progress=progress)
+    document = result.to_json()
     if out is not None:
-        write_json(result.to_json(), out / "check.json")
+        document |= stated_origin(robot, None, out)
+        write_json(document, out / "check.json")
     then = command_line("rank", robot, *motions) if result.safe else ""
-    emit(result.summary(), result.to_json(), as_json=as_json, then=then)
+    emit(result.summary(), document, as_json=as_json, then=then)
     if not result.safe:
         raise typer.Exit(EXIT_NEGATIVE)

@@ -9,6 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.json_document import write_json
 
@@ -37,6 +38,7 @@ def command(
     chart = excite.doctor(log, model, repair=repair)
     document = chart.to_json(repaired=repair)
     if out is not None:
+        document |= stated_origin(robot or "", log, out)
         write_json(document, out / "doctor.json")
     if chart.usable:
         bundled = chart.robot if chart.robot in excite.bundled_robots() else "ROBOT"

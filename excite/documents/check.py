@@ -53,6 +53,10 @@ class Check(Document):
     """The verdicts on several motions."""
 
     schema_: Literal["excite.check/1"] = Field(alias="schema", description="version of this document")
+    robot: Name | None = Field(default=None, description="name of the robot that shall run them")
+    robot_file: FilePath | None = Field(
+        default=None, description="its file where it is not a bundled one, relative to this document's folder"
+    )
     safe: bool = Field(description="whether every motion is safe and there is at least one")
     motions: Annotated[list[CheckedMotion], Field(max_length=MOST_ENTRIES)] = Field(
         description="one entry a motion"

@@ -150,6 +150,17 @@ class TrivialErrors(Block):
     fir_s: MaybePositive = Field(default=None, description="length of the filter [s]")
 
 
+class Absorbed(Block):
+    """A size that was taken from the record before the first effect was asked for."""
+
+    joint: Name = Field(description="its joint")
+    parameter: Name = Field(description="word of modelled, gain of the servo or torque constant")
+    value: Maybe = Field(description="fitted [unit]")
+    std: MaybePositive = Field(description="standard deviation [unit]; null where it is not known")
+    unit: Name = Field(description="SI unit")
+    interval90: Interval | None = Field(description="90 % interval [unit]; null where it was not computed")
+
+
 class Applied(Block):
     """The robot that was written with the effects in it."""
 
@@ -210,4 +221,7 @@ class Diagnosis(Document):
     warnings: Texts = Field(default=[], description="limits of what was said, one sentence each")
     modelled: Texts = Field(
         default=[], description="what the model had before the first effect, as in log.yaml"
+    )
+    baseline: Annotated[list[Absorbed], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what of it was fitted to the record, joint by joint"
     )

@@ -15,6 +15,13 @@ class Doctor(Document):
 
     schema_: Literal["excite.doctor/1"] = Field(alias="schema", description="version of this document")
     robot: Name = Field(description="name of the robot")
+    log_file: FilePath | None = Field(
+        default=None,
+        description="the log, relative to this document's folder; null where it was made in memory",
+    )
+    robot_file: FilePath | None = Field(
+        default=None, description="the nominal robot where another than the log's was given, likewise"
+    )
     healthy: bool = Field(description="whether nothing was found that spoils results")
     findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(description="worst first")
     repaired: FilePath | None = Field(default=None, description="folder of the repaired log")

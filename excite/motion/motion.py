@@ -136,9 +136,8 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
     h = (motion.time[index + 1] - motion.time[index])[:, None]
     s = np.clip((time - motion.time[index])[:, None] / h, 0.0, 1.0)
     # Polynomials of the intervals that are met, once each however many times lie in them.
-    first = int(index.min(initial=motion.n_samples - 2))
-    met = slice(first, int(index.max(initial=first)) + 1)
-    c1, c2, c3, c4, c5 = (part[index - first] for part in _polynomials(motion, robot, met))
+    met = np.unique(index)
+    c1, c2, c3, c4, c5 = (part[np.searchsorted(met, index)] for part in _polynomials(motion, robot, met))
     d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
     v = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
     a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
@@ -202,9 +201,9 @@ def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:
     return np.column_stack(flags) if flags else np.zeros((motion.n_samples, 0), dtype=bool)
 
 
-def _polynomials(motion: Motion, robot: Robot, met: slice) -> list[Array]:
-    """Coefficients of s … s⁵ on some of a motion's intervals, five of ``(n, nv)``."""
-    starts, ends = met, slice(met.start + 1, met.stop + 1)
+def _polynomials(motion: Motion, robot: Robot, starts: NDArray[np.intp]) -> list[Array]:
+    """Coefficients of s … s⁵ on the intervals of a motion that start at some samples, five of ``(n, nv)``."""
+    ends = starts + 1
     q0, q1 = motion.q[starts], motion.q[ends]
     if motion.floating:
         step = np.array([pin.difference(robot.model, a, b) for a, b in zip(q0, q1, strict=True)])

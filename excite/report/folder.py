@@ -14,6 +14,7 @@ import numpy as np
 from excite.documents.campaign import Campaign
 from excite.documents.check import Check
 from excite.documents.diagnosis import Diagnosis
+from excite.documents.doctor import Doctor
 from excite.documents.document import Document as Model
 from excite.documents.document import read_document
 from excite.documents.human import Human
@@ -41,6 +42,7 @@ _KINDS: dict[str, type[Model]] = {
     "signals": Signals,
     "diagnosis": Diagnosis,
     "human": Human,
+    "doctor": Doctor,
 }
 # Commands that write them, where these have another name.
 _COMMANDS = {
@@ -57,7 +59,7 @@ _ABSENT = {
     "identification": "the identification (identification.json), which excite identify ROBOT LOG --out DIR writes",
     "campaign": "the campaign (campaign.json: certainty per iteration), which excite campaign ROBOT --out DIR writes",
 }
-_WRITERS = "excite plan, check, identify, diagnose, campaign or human"
+_WRITERS = "excite plan, check, identify, diagnose, doctor, campaign or human"
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,7 @@ class Findings:
         signals: of ``signals.json``, which only ``identify --explain-signals`` writes.
         diagnosis: of ``diagnosis.json``, which only ``diagnose`` writes.
         human: of ``human.json``, which only ``human`` writes.
+        doctor: of ``doctor.json``.
         data: of ``report_data.npz``; empty where there is none.
         robot: the robot, None where it cannot be found.
         record: the log that the result was made from, None where none is named or it is gone.
@@ -109,6 +112,7 @@ class Findings:
     signals: Document | None
     diagnosis: Document | None
     human: Document | None
+    doctor: Document | None
     data: ReportData
     robot: Robot | None
     record: Record | None
@@ -116,13 +120,6 @@ class Findings:
     files: tuple[str, ...]
     made: Mapping[str, Origin]
     left_out: tuple[str, ...]
-
-    @property
-    def of_diagnosis(self) -> bool:
-        """Whether a diagnosis is all that the folder holds."""
-        return self.diagnosis is not None and not (
-            self.plan or self.check or self.identification or self.campaign
-        )
 
 
 def read_folder(folder: Path) -> Findings:
@@ -142,8 +139,9 @@ def read_folder(folder: Path) -> Findings:
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
     if documents["identification"] is None and documents["campaign"] is not None:
         documents["identification"] = documents["campaign"]["identification"]
-    # A diagnosis stands by itself: what belongs to excitation and identification is not missed beside it.
-    alone = documents["diagnosis"] is not None and not any(documents[name] for name in _ABSENT)
+    # A diagnosis, or a look through a log, stands by itself: what belongs to excitation is not missed beside it.
+    single = documents["diagnosis"] or documents["doctor"]
+    alone = single is not None and not any(documents[name] for name in _ABSENT)
     left_out = [
         _ABSENT[name] for name in documents if documents[name] is None and name in _ABSENT and not alone
     ]
@@ -152,14 +150,13 @@ def read_folder(folder: Path) -> Findings:
         files.append(arrays.name)
     else:
         data = ReportData()
-        what = (
-            "curves of a trial" if alone else "measured forces, masses and the conditioning before and after"
-        )
-        left_out.append(f"{what} (report_data.npz)")
+        what = "measured forces, masses and the conditioning before and after"
+        what = "curves of a trial" if alone else what
+        if documents["diagnosis"] is not None or not alone:
+            left_out.append(f"{what} (report_data.npz)")
     if not files:
         raise InputError(
-            "holds none of plan.json, refusals.json, check.json, identification.json, campaign.json, diagnosis.json, "
-            "human.json, report_data.npz",
+            f"holds none of {', '.join(f'{name}.json' for name in _KINDS)}, report_data.npz",
             source=folder,
             remedy=f"give a folder that {_WRITERS} wrote with --out",
         )
@@ -214,8 +211,8 @@ def _robot(
 
 
 def _record(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Record | None:
-    """The log of the diagnosis, else of the identification."""
-    document = documents["diagnosis"] or documents["identification"]
+    """The log of the diagnosis, else of the identification, else the one that was looked through."""
+    document = documents["diagnosis"] or documents["identification"] or documents["doctor"]
     record = None if document is None else read_record(folder, document)
     if isinstance(record, str):
         left_out.append(f"the trial in motion: {record}")

@@ -61,7 +61,7 @@ def _cell(value: Cell) -> str:
     if isinstance(value, str):
         return f"<td>{escape(value)}</td>"
     if isinstance(value, int):
-        return f'<td class="number" data-v="{value}">{value}</td>'
+        return f'<td class="number" data-v="{value}">{str(value).replace("-", "−")}</td>'
     exact = "" if value is None or not math.isfinite(value) else f' data-v="{value:.9g}"'
     return f'<td class="number"{exact}>{number(value)}</td>'
 

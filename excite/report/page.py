@@ -12,6 +12,18 @@ from excite.report.live import policy, scripts
 from excite.report.sections.registry import SECTIONS
 from excite.report.style import style_sheet
 
+# Headings of pages, by the document that a page is about, the last step first.
+_TITLES = {
+    "diagnosis": "Diagnosis of the gap",
+    "campaign": "Campaign: excitation and identification",
+    "identification": "Identification",
+    "human": "A person's model",
+    "plan": "Exciting motions",
+    "refusals": "Exciting motions",
+    "check": "Safety of motions",
+    "doctor": "What is wrong with a log",
+}
+
 
 def report(folder: Path, out: Path | None = None) -> Path:
     """Write ``report.html`` from what a results folder holds; what it lacks is left out and said.
@@ -37,7 +49,7 @@ def render(findings: Findings) -> str:
         f'<a href="#{part.identifier}">{escape(part.title)}</a>' for part, _ in shown if part.title
     )
     robot = robot_title(findings)
-    what = "Diagnosis of the gap" if findings.of_diagnosis else "Excitation and identification"
+    what = next((title for name, title in _TITLES.items() if getattr(findings, name) is not None), "Results")
     title = f"{robot}: {what[0].lower()}{what[1:]}"
     body = (
         f"<header><p>{what}</p><h1>{escape(robot)}</h1><nav>{links}</nav></header>\n"
@@ -66,6 +78,7 @@ def robot_title(findings: Findings) -> str:
         findings.identification,
         findings.check,
         findings.diagnosis,
+        findings.doctor,
     )
     return next(
         (document["robot"] for document in documents if document and document.get("robot")), "a robot"

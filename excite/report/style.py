@@ -46,7 +46,7 @@ section { background: var(--paper); border: 1px solid var(--grid); border-radius
   linear-gradient(to left, var(--paper) 30%, transparent) right / 36px 100% local no-repeat,
   linear-gradient(to right, var(--muted), transparent) left / 6px 100% scroll no-repeat,
   linear-gradient(to left, var(--muted), transparent) right / 6px 100% scroll no-repeat; }
-@media (max-width: 600px) { .wide td:nth-child(n+5):last-child:not(.number) { min-width: 13rem; } }
+@media (max-width: 600px) { .wide td:nth-child(n+4):last-child:not(.number) { min-width: 13rem; } }
 figure { margin: 0; min-width: 660px; }
 figure svg { display: block; width: 100%; height: auto; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; min-width: 50%; }
@@ -78,7 +78,7 @@ footer { padding-bottom: 48px; font-size: .88rem; }
 .u-legend .quiet { display: none; }
 .replay { margin: 12px 0; }
 .replay-bar { display: flex; flex-wrap: wrap; gap: 8px 10px; align-items: center; margin-bottom: 8px; }
-.replay-bar > select:first-child { flex: 1 1 260px; min-width: 0; max-width: 100%; }
+.replay-bar > select:first-child { flex: 2 1 360px; min-width: 0; max-width: 100%; }
 .replay-bar input { flex: 2 1 140px; min-width: 0; accent-color: var(--identified); }
 .replay-time { min-width: 8ch; text-align: right; font-variant-numeric: tabular-nums; font-size: .9rem; }
 select, button { font: inherit; font-size: .9rem; color: var(--ink); background: var(--paper);
@@ -88,6 +88,7 @@ button { min-width: 5.2em; cursor: pointer; background: var(--identified); color
 .replay-main { display: grid; grid-template-columns: minmax(0, 1fr) 270px; gap: 16px; }
 .replay-main:has(> .replay-margins[hidden]) { grid-template-columns: minmax(0, 1fr); }
 .replay-stage { height: 440px; background: var(--ground); border-radius: 8px; overflow: hidden; }
+.replay-stage[hidden] { display: none; }
 .replay-stage canvas { display: block; cursor: grab; }
 .replay-margins { font-size: .88rem; } .replay-margins[hidden] { display: none; }
 .margin { display: grid; grid-template-columns: 1fr auto; gap: 1px 8px; margin: 7px 0; }
@@ -105,7 +106,8 @@ button { min-width: 5.2em; cursor: pointer; background: var(--identified); color
 @media print { :root { color-scheme: light; } body { background: none; }
   section, .tile { break-inside: avoid; border: 0; }
   nav, .live .moving, .live .moving.plots { display: none; } .interactive.ready > .still { display: block; }
-  .wide { overflow: visible; background: none; } figure { min-width: 0; } details > *:not(summary) { display: block; } }
+  .wide { overflow: visible; background: none; } figure { min-width: 0; } details > *:not(summary) { display: block; }
+  details::details-content { content-visibility: visible; block-size: auto; } }
 """.replace("LIGHT", css_variables(dark=False)).replace("DARK", css_variables(dark=True))
 
 

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -129,3 +130,14 @@ def test_a_folder_for_the_truth_is_one_line(ur10: Robot, begun: Path) -> None:
     path.mkdir()
     with pytest.raises(LogError, match=r"truth\.json: is a folder"):
         campaign(ur10, begun, SMALL, resume=True)
+
+
+def test_a_campaign_may_go_on_for_longer_and_not_otherwise(ur10: Robot, tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    journal.open(ur10, SMALL, resume=False)
+    journal.open(ur10, replace(SMALL, max_iterations=4), resume=True)
+    # It is then a campaign of four.
+    with pytest.raises(InputError, match="max_iterations 4, not 2"):
+        journal.open(ur10, SMALL, resume=True)
+    with pytest.raises(InputError, match="target_rsd"):
+        journal.open(ur10, replace(SMALL, max_iterations=5, target_rsd=9.0), resume=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,9 +14,11 @@ from excite.campaign.findings import force_comparison, save_findings
 from excite.campaign.result import Campaign
 from excite.identification.identify import identify
 from excite.identification.rollout import HORIZON_S
+from excite.logs.files import load_log
 from excite.logs.log import Trial
 from excite.motion.collection import load_motions
-from excite.report.data import load_report_data
+from excite.report.data import PathComparison, load_report_data
+from excite.report.page import report
 from excite.report.record import Record
 from excite.report.sections.moving import Moving
 from excite.robot.bringing import load_robot
@@ -89,7 +92,26 @@ def test_a_trial_in_motion_shows_where_both_models_take_the_robot(tmp_path: Path
     assert identified < 0.2 * supplied
 
     findings = SimpleNamespace(record=Record(robot, log), data=data, diagnosis=None)
-    page = Moving().build(findings)  # type: ignore[arg-type]
-    assert "the identified model" in page and f"every {HORIZON_S:g} s" in page
-    joint = robot.joint_names[int(np.argmax(np.abs(path.identified - path.measured).max(axis=0)))]
-    assert f"the identified one by up to {identified:.2g} rad ({joint})" in page
+    assert_ghost(Moving().build(findings), path)  # type: ignore[arg-type]
+
+
+def assert_ghost(page: str, path: PathComparison) -> None:
+    """The page has the identified model beside the robot as it was measured, and says how far it strays."""
+    assert f"{path.trial} · the identified model" in page and f"every {HORIZON_S:g} s" in page
+    apart = np.abs(path.identified - path.measured).max(axis=0)
+    joint = path.joints[int(np.argmax(apart))]
+    assert f"the identified one by up to {apart.max():.2g} rad ({joint})" in page
+
+
+def test_a_campaigns_page_has_the_same(small_campaign: tuple[Campaign, Path], tmp_path: Path) -> None:
+    _, folder = small_campaign
+    path = load_report_data(folder / "report_data.npz").path
+    assert path is not None
+    # The log that holds the trial, of the several that were identified from.
+    log = folder / json.loads((folder / "identification.json").read_text())["log_file"]
+    assert path.trial in {trial.name for trial in load_log(log).role("validation")}
+    supplied, identified = (np.abs(at - path.measured).max() for at in (path.nominal, path.identified))
+    assert identified < 0.5 * supplied
+    page = report(folder, tmp_path).read_text(encoding="utf-8")
+    assert_ghost(page, path)
+    assert page.index('id="moving-replay-robot"') < page.index('id="replay-robot"')

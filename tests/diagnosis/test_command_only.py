@@ -193,6 +193,8 @@ def test_unknown_torque_constants_are_said(gap_dir: Path):
     guessed = diagnose(replace(log, header=header, trials=trials), robot)
     assert all(item.effect != "torque_gain" for item in guessed.effects)
     assert any("not stated and were estimated" in text for text in guessed.warnings)
+    constants = [item for item in guessed.absorbed if item.parameter == "torque_constant"]
+    assert constants and all(item.size.unit == "N·m/A" and item.interval90 is None for item in constants)
 
 
 def test_the_servos_cycle_is_found_where_it_is_one(gap_dir: Path):

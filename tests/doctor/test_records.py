@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -117,6 +118,8 @@ def test_faults_of_drawn_cases_are_found_and_counted(kind: str, sound: Trial, tm
     trial = FAULTS[kind](sound, np.random.default_rng(10))
     chart = examined(trial, tmp_path)
     assert {fault.kind for fault in chart.findings} == {kind}
+    if kind == "quantised":
+        assert re.search(r"q\.\w+ [\d.e-]+ rad[,;]|tau\.\w+ [\d.e-]+ N·m[,;]", chart.findings[0].text)
     if kind in {"repeated_rows", "missing_rows"}:
         assert trial.tau is not None
         held = int(np.sum(np.all(np.diff(np.hstack([trial.q, trial.tau]), axis=0) == 0.0, axis=1)))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.diagnosis.answer.absorbed import Absorbed
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, UnnamedShare
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
@@ -81,6 +82,10 @@ def budgeted() -> Diagnosis:
     return replace(
         two_joints_diagnosed(),
         budget=Budget({"elbow": elbow, "shoulder": shoulder}, ()),
+        absorbed=(
+            Absorbed("shoulder", "coulomb_friction", Estimate(1.52, 0.02, "N·m"), (1.46, 1.58)),
+            Absorbed("elbow", "kp", Estimate(210.0, None, "N·m/rad")),
+        ),
         trivial={name: TrivialErrors(repeat=0.02, model=0.3, unit="N·m") for name in ("shoulder", "elbow")},
     )
 

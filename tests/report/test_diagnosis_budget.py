@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from excite.diagnosis.answer.budget import EffectShare, UnnamedShare
 from excite.diagnosis.answer.gap import ChannelGap
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.trivial import TrivialErrors, beaten
@@ -99,3 +100,38 @@ def test_torques_stand_beside_repeats_alone(tmp_path: Path) -> None:
     assert '<th class="number">a repeat</th>' in section and "linear filter</th>" not in section
     alone = {"shoulder": TrivialErrors(model=0.3, unit="N·m")}
     assert 'id="trivial"' not in page_of(replace(two_joints_diagnosed(), trivial=alone), tmp_path)
+
+
+def test_what_the_baseline_was_fitted_to_is_on_the_page(tmp_path: Path) -> None:
+    page = page_of(budgeted(), tmp_path)
+    start = page.index('<section id="baseline">')
+    rows = re.sub(r"<[^>]+>", "|", page[start : page.index("</section>", start)])
+    rows = re.sub(r"[|]+", "|", rows)
+    assert "|shoulder|coulomb friction|1.52|0.0200|1.46 to 1.58|N·m|" in rows
+    assert "|elbow|kp|210|–|–|N·m/rad|" in rows
+    assert 'id="baseline"' not in page_of(two_joints_diagnosed(), tmp_path)
+
+
+def test_the_answer_says_where_most_of_the_rest_is(tmp_path: Path) -> None:
+    part = replace(budgeted(), gap=replace(budgeted().gap, share_closed=0.4), effects=budgeted().effects[1:])
+    page = page_of(part, tmp_path)
+    assert "Most of the rest is at shoulder." in page
+    strange = budgeted()
+    assert strange.budget is not None
+    shoulder = replace(
+        strange.budget.channels["shoulder"], unnamed=(UnnamedShare("velocity", 0.8),), effects=(), rest=0.2
+    )
+    channels = {**strange.budget.channels, "shoulder": shoulder}
+    page = page_of(replace(part, budget=replace(strange.budget, channels=channels)), tmp_path)
+    assert "Most of the rest is at shoulder, where it follows velocity and has no name." in page
+    assert "Most of the rest" not in page_of(budgeted(), tmp_path)
+
+
+def test_what_does_harm_is_in_the_sentence_where_the_rest_is_more_than_all(tmp_path: Path) -> None:
+    whole = budgeted()
+    assert whole.budget is not None
+    harm = EffectShare("payload", "arm", -0.13, (-0.58, 0.33))
+    shoulder = replace(whole.budget.channels["shoulder"], effects=(harm,), unnamed=(), rest=1.13)
+    budget = replace(whole.budget, channels={**whole.budget.channels, "shoulder": shoulder})
+    section = budget_of(page_of(replace(whole, budget=budget), tmp_path))
+    assert "−13 % is payload at arm, which does harm there, 113 % is the rest." in section

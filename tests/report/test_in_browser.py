@@ -72,6 +72,27 @@ def test_the_robot_moves_as_pinocchio_says(page: Path, browser: Chromium) -> Non
     assert margin[0] == "joint_position_rad" and "self_collision_m" in margin
 
 
+def test_every_plot_says_its_units(page: Path, browser: Chromium) -> None:
+    browser.open(page, 1000)
+    browser.wait("window.replays && replays.length === 1")
+    browser.ask("replays[0].ready.then(() => 1)")
+    titles = browser.ask(
+        "[...document.querySelectorAll('.replay .plot-title')].map((one) => one.textContent)"
+    )
+    assert len(titles) > 5 and [title for title in titles if not title.endswith("]")] == []
+    assert browser.ask("document.querySelector('.replay .u-legend th').textContent").startswith("time [s]")
+    assert browser.ask("replays[0].stage.hidden") is False
+
+
+def test_what_is_folded_is_printed(page: Path, browser: Chromium) -> None:
+    closed = "[...document.querySelectorAll('details:not([open]) table')]"
+    hidden = f"{closed}.filter((one) => !one.checkVisibility({{ contentVisibilityAuto: true }})).length"
+    browser.open(page, 800)
+    assert browser.ask(f"{closed}.length") == browser.ask(hidden) > 0
+    browser.look(media="print")
+    assert browser.ask(hidden) == 0
+
+
 def test_it_plays_to_the_end_and_one_cursor_runs_over_all_plots(page: Path, browser: Chromium) -> None:
     browser.open(page, 1000)
     browser.wait("window.replays && replays.length === 1")

@@ -12,7 +12,7 @@ import pytest
 from excite.logs.columns import BASE_POSE
 from excite.motion.collection import load_motions
 from excite.report.replay.bodies import CELLS, bodies, merged
-from excite.report.replay.nearest import Spheres
+from excite.report.replay.nearest import Nearest
 from excite.report.replay.packed import packed, packed_indices, unpacked
 from excite.report.replay.scene import joint_tree, scene
 from excite.report.replay.solids import solid_triangles
@@ -20,7 +20,7 @@ from excite.report.replay.tracks import FRAMES_HZ, Tracks, tracks
 from excite.report.replay.trial import trial_frames
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model
+from excite.robot.shapes.collision import collision_model, geometry_data
 from excite.safety.check import check_motion
 from tests.report.kinematics import poses
 
@@ -194,15 +194,45 @@ def test_a_ghost_has_a_base_of_its_own_where_that_was_simulated():
     np.testing.assert_allclose(2.0 * np.arcsin(ghost[:, 4]), 0.3 * shown, atol=4e-3)
 
 
-def test_the_nearest_pair_is_the_one_of_all_distances():
-    robot = load_robot("ur10")
+@pytest.mark.parametrize("name", ["ur10", "g1", "go2"])
+def test_the_nearest_pair_is_the_one_of_all_distances(name):
+    """After leaps, after which nothing that was kept holds, and after small steps, after which it does."""
+    robot = load_robot(name)
     geometry = collision_model(robot)
-    data, ours, theirs = robot.model.createData(), geometry.createData(), geometry.createData()
-    spheres, rng = Spheres(geometry, ours), np.random.default_rng(0)
-    for _ in range(60):
-        q = rng.uniform(robot.limits.position_lower, robot.limits.position_upper)
+    data, ours, theirs = robot.model.createData(), geometry_data(geometry), geometry_data(geometry)
+    search, rng = Nearest(robot, ours), np.random.default_rng(0)
+    q = robot.rest
+    for k in range(80):
+        if k % 20 == 0:
+            q = np.concatenate(
+                [
+                    robot.rest[: robot.n_base_q],
+                    rng.uniform(robot.limits.position_lower, robot.limits.position_upper),
+                ]
+            )
+        q = pin.integrate(robot.model, q, rng.normal(scale=0.02, size=robot.model.nv))
         for found in (ours, theirs):
             pin.updateGeometryPlacements(robot.model, data, geometry, found, q)
-        pair, all_pairs = spheres.nearest(), int(pin.computeDistances(geometry, theirs))
+        pair, all_pairs = search.at(q), int(pin.computeDistances(geometry, theirs))
         least = theirs.distanceResults[all_pairs].min_distance
         assert ours.distanceResults[pair].min_distance == pytest.approx(least, abs=1e-9)
+
+
+def test_few_distances_are_computed_of_a_posture_like_the_last(g1, monkeypatch):
+    geometry, data = collision_model(g1), g1.model.createData()
+    found, asked, compute = geometry_data(geometry), [], pin.computeDistance
+    search = Nearest(g1, found)
+
+    def counted(*arguments):
+        asked.append(arguments)
+        return compute(*arguments)
+
+    monkeypatch.setattr(pin, "computeDistance", counted)
+    counts = []
+    for q in (g1.rest, g1.rest + 0.0):
+        asked.clear()
+        pin.updateGeometryPlacements(g1.model, data, geometry, found, q)
+        search.at(q)
+        counts.append(len(asked))
+    # Spheres leave some thirty pairs open; of where they were a moment ago, one and those as near.
+    assert counts[0] > 20 and counts[1] < 5

@@ -32,7 +32,21 @@ def test_the_grid_is_twice_as_fine_and_never_below_200_hz(own: float, fine: floa
 def test_a_rate_that_is_asked_for_is_never_below_the_motion_s(arm: Robot) -> None:
     motion = arm_motion(arm, 1.0).resampled(arm, 100.0)
     assert np.diff(Sweep(arm, motion, 250.0).fine.time) == pytest.approx(1.0 / 250.0)
-    assert np.diff(Sweep(arm, motion, 20.0).fine.time) == pytest.approx(1.0 / 100.0)
+    assert Sweep(arm, motion, 20.0).fine is motion
+
+
+def test_a_coarser_grid_asks_only_for_the_intervals_that_it_meets(
+    humanoid: Robot, squatting: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, difference = [], pin.difference
+
+    def counted(*arguments: object) -> np.ndarray:
+        asked.append(arguments)
+        return difference(*arguments)
+
+    monkeypatch.setattr(pin, "difference", counted)
+    shown = squatting.resampled(humanoid, 10.0)
+    assert shown.n_samples < squatting.n_samples and len(asked) <= shown.n_samples
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.campaign.targets import PATIENCE
+from excite.identification.judgement.poor import PATIENCE
 from excite.reading.number import check_number
 
 # What is asked for unless somebody asks for something else: a value is known to a seventh of itself [percent].

@@ -6,15 +6,16 @@ import os
 from pathlib import Path
 
 
-def stated_origin(robot: str, log: Path, folder: Path) -> dict[str, str]:
+def stated_origin(robot: str, log: Path | None, folder: Path) -> dict[str, str]:
     """Where robot and log of a result lie, relative to its folder; of a bundled robot, or the log's own, only the log.
 
     Args:
         robot: as it was given, a name or a path; empty where it was not.
-        log: the first log.
+        log: the first log; None where there is none.
         folder: folder of the document.
     """
     here = Path(folder).resolve()
     files = {"robot_file": Path(robot)} if os.path.exists(robot) else {}
-    files["log_file"] = Path(log)
+    if log is not None:
+        files["log_file"] = Path(log)
     return {name: Path(os.path.relpath(file.resolve(), here)).as_posix() for name, file in files.items()}

@@ -176,6 +176,11 @@ class Budget:
         }
 
     @property
+    def weights(self) -> dict[str, float]:
+        """By channel, its share of the whole gap above the noise; all 0 where there is none."""
+        return {name: channel.weight for name, channel in self.channels.items()}
+
+    @property
     def rest(self) -> float:
         """Share of the whole gap above the noise that follows nothing."""
         return sum(channel.weight * channel.rest for channel in self.channels.values())

@@ -70,7 +70,8 @@ class Where:
 
     Attributes:
         channel: joint, or wrench component.
-        share: its share of the gap's power above the noise floor, over all channels, 0…1.
+        share: its share of the gap's power above the noise floor, over all channels, 0…1; of a joint its weight in
+            the budget.
         depends_on: what its residual follows most: velocity, position, load, acceleration, time, … or none.
         band_hz: frequencies that hold the middle 80 % of its residual's power [Hz].
         dependence: share of the residual's power that each thing explains, by name, 0…1.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from excite.arrays import Array
@@ -13,7 +15,7 @@ from excite.logs.signals.spectrum import welch
 _LEAST = 0.02
 
 
-def locate(context: Context, fit: Fit, floor: Array, scale: Array) -> tuple[Where, ...]:
+def locate(context: Context, fit: Fit, shares: Mapping[str, float]) -> tuple[Where, ...]:
     """Map of the baseline's residual, largest share first.
 
     The dependence is the share of a joint's residual power on the identification trials that functions of
@@ -22,16 +24,13 @@ def locate(context: Context, fit: Fit, floor: Array, scale: Array) -> tuple[Wher
     Args:
         context: the baseline.
         fit: its fit.
-        floor: ``(n_joints,)`` noise floor [N·m].
-        scale: ``(n_joints,)`` standard deviation of the torques [N·m].
+        shares: by joint, its share of the gap, as the budget has it: one joint has but one.
 
     Returns:
         One line a joint.
     """
     samples = context.baseline.samples
     use, rest = samples.identification, context.baseline.plain(fit.residual)
-    power = np.maximum((rest**2).mean(axis=1) - floor**2, 0.0) / scale**2
-    total = max(float(power.sum()), 1e-300)
     lines = []
     for j, name in enumerate(context.joints):
         dependence = {
@@ -42,7 +41,7 @@ def locate(context: Context, fit: Fit, floor: Array, scale: Array) -> tuple[Wher
         lines.append(
             Where(
                 channel=name,
-                share=float(power[j] / total),
+                share=shares[name],
                 depends_on=best if dependence[best] > _LEAST else "nothing known",
                 band_hz=_band(context, rest[j]),
                 dependence=dependence,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from excite.diagnosis.answer.absorbed import Absorbed
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, percent, sized
 from excite.diagnosis.answer.curves import Curves
@@ -26,6 +26,7 @@ from excite.diagnosis.answer.tables import (
 )
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
+from excite.json_document import finite
 from excite.shown import Row, Tabled
 
 SCHEMA = "excite.diagnosis/1"
@@ -115,6 +116,7 @@ class Diagnosis(Tabled):
         warnings: limits of what was said, one sentence each.
         budget: where each channel's gap goes; None where it was not computed.
         modelled: what the model had before the first effect, as in ``log.yaml``.
+        absorbed: sizes that were fitted to the record before the first effect, joint by joint.
         trivial: by channel, what predictors far simpler than a simulator reach where it is judged.
         changes: what the first none, one, two … of the accepted effects change of the robot; no part of the document.
         curves: a validation trial before and after, for figures; no part of the document. None where there are none.
@@ -136,6 +138,7 @@ class Diagnosis(Tabled):
     warnings: tuple[str, ...] = ()
     budget: Budget | None = None
     modelled: tuple[str, ...] = ()
+    absorbed: tuple[Absorbed, ...] = ()
     trivial: dict[str, TrivialErrors] = field(default_factory=dict)
     changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False)
     curves: Curves | None = field(default=None, compare=False, repr=False)
@@ -166,7 +169,7 @@ class Diagnosis(Tabled):
 
     def to_json(self) -> dict[str, Any]:
         """The document ``excite.diagnosis/1``; what is infinite or not known is null."""
-        return _finite(
+        return finite(
             {
                 "schema": SCHEMA,
                 "robot": self.robot,
@@ -189,6 +192,7 @@ class Diagnosis(Tabled):
                 ],
                 "warnings": list(self.warnings),
                 "modelled": list(self.modelled),
+                "baseline": [item.to_json() for item in self.absorbed],
                 "trivial": {name: item.to_json() for name, item in self.trivial.items()},
                 **({} if self.budget is None else self.budget.to_json()),
             }
@@ -237,14 +241,3 @@ class Diagnosis(Tabled):
 
 def _follows(item: Where) -> bool:
     return item.dependence.get(item.depends_on, 0.0) >= _FOLLOWS
-
-
-def _finite(value: Any) -> Any:
-    """A copy in which numbers that JSON cannot hold are None."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

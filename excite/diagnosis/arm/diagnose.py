@@ -13,6 +13,7 @@ from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
+from excite.diagnosis.arm.absorbed import absorbed
 from excite.diagnosis.arm.candidates import (
     beside_others,
     by_blocks,
@@ -101,8 +102,6 @@ def diagnose_torques(
         for one in with_others_in_it(by_blocks(item, found.budget), scored)
     )
     listed, n_tied = listed_candidates(attribution, judgement, gap, effects)
-    # What does not repeat is a gap all the same: the map heeds the noise alone.
-    quiet = np.minimum(attribution.floor, found.spectral)
     location = effects[0].location if effects else None
     if judgement.verdict == "unknown":
         location = judgement.structured[0]
@@ -115,12 +114,13 @@ def diagnose_torques(
         candidates=listed,
         effects=effects,
         gap=gap,
-        where=locate(first.context, attribution.before, quiet, attribution.scale),
+        where=locate(first.context, attribution.before, found.budget.weights),
         simulation=simulate(attribution, baseline),
         n_tied=n_tied,
         next_experiment=advice(baseline, attribution, judgement, record.out),
         warnings=_warnings(record, found, effects),
         budget=found.budget,
+        absorbed=absorbed(baseline),
         faults=found.findings,
         trivial={} if record.reconstructed_noise else of_torques(samples, closed),
         changes=robot_changes(attribution, baseline),

@@ -15,7 +15,7 @@ from excite.diagnosis.equations.sandwich import std_of_trials
 # Columns smaller than this share of the largest one of their hypothesis are rounding errors.
 _NOTHING = 1e-7
 # Fewer trials do not tell how much they disagree.
-_TRIALS = 3
+TRIALS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ class Solver:
         """
         if fit.columns is None:
             return fit.extra_std
-        few = len(np.unique(self.equations.trial[self.equations.use])) < _TRIALS
+        few = len(np.unique(self.equations.trial[self.equations.use])) < TRIALS
         std = fit.extra_std if few else np.maximum(self._between(fit, fit.columns, widths), fit.extra_std)
         prior = np.full(len(std), np.inf) if widths is None else widths
         return np.where(fit.columns.any(axis=(0, 1)), std, prior)
@@ -226,7 +226,7 @@ class Solver:
         """How many standard deviations, by which trials disagree, all of a fit's extra columns together are large."""
         if fit.columns is None or not fit.columns.any():
             return 0.0
-        if len(np.unique(self.equations.trial[self.equations.use])) < _TRIALS:
+        if len(np.unique(self.equations.trial[self.equations.use])) < TRIALS:
             return float(np.max(np.abs(fit.extra) / np.maximum(fit.extra_std, 1e-300)))
         return 1.0 / max(float(self._between(fit, (fit.columns @ fit.extra)[:, :, None])[0]), 1e-300)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.diagnosis.answer.absorbed import estimated_gains
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.arm.diagnose import diagnose_arm
 from excite.diagnosis.effects.readings.torque_gain import TorqueGain
@@ -65,4 +66,5 @@ def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
             "a torque_gain cannot be seen, and a gap that is the same share of all torques, such as a payload's "
             "beside gravity alone, may be hidden in them"
         )
-    return replace(result, warnings=(*result.warnings, said))
+    gains = estimated_gains(robot, joints, "torque_constant", "N·m/A", constants, np.isnan(known))
+    return replace(result, warnings=(*result.warnings, said), absorbed=(*gains, *result.absorbed))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.answer.absorbed import Absorbed, estimated_gains
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.trivial import beaten
 from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
@@ -80,7 +82,15 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     library = servo_effects(servo, log.header.joints)
     record = TorqueRecord(robot, replace(log, trials=asked), modelled, out, floor_of, library)
     found = _judged(diagnose_torques(record, rng, closed), closed)
+    found = replace(found, absorbed=(*_gains(robot, log.header.joints, servo), *found.absorbed))
     return _beside_neighbours(found, robot, log, closed)
+
+
+def _gains(robot: Robot, joints: tuple[str, ...], servo: Servo) -> Iterator[Absorbed]:
+    """Gains of the servo that nobody stated."""
+    for name, unit, values in (("kp", "N·m/rad", servo.kp), ("kd", "N·m·s/rad", servo.kd)):
+        guessed = [f"{name} of {joint}" in servo.estimated for joint in joints]
+        yield from estimated_gains(robot, joints, name, unit, values, guessed)
 
 
 def _beside_neighbours(found: Diagnosis, robot: Robot, log: Log, closed: ClosedLoop) -> Diagnosis:

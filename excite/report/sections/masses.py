@@ -36,7 +36,10 @@ class Masses(Section):
             )
         if data.changed is not None and data.changed.any():
             names = [name for name, changed in zip(data.names, data.changed, strict=True) if changed]
-            lead += " Named as changed: " + ", ".join(names) + "."
+            lead += (
+                " In bold, what differs from the model in mass, centre of mass or inertia (see Differences): "
+                f"{', '.join(names)}."
+            )
         svg = to_svg(plot_masses(data), "masses", "Mass of each segment: nominal, identified, true")
         return section(self.identifier, self.title, lead, figure(svg), folded("Numbers", _numbers(data)))
 

@@ -22,6 +22,7 @@ from excite.robot.robot import Robot
 from excite.rows.drive_terms import slides
 
 _COMMANDED = "commanded"
+_LOST = " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
 
 
 class Moving(Section):
@@ -42,6 +43,7 @@ class Moving(Section):
         trial = record.trial(path.trial if path else "")
         try:
             models = {} if path is None else _models(path, found)
+            lost = "" if path is None or models else _LOST
             path = path if models else None
             tracks = _simulated(record, path, models) if path else _recorded(record, trial)
         except ExciteError:
@@ -51,7 +53,7 @@ class Moving(Section):
             lead = _of_identification(record.robot, path, path.horizon_s)
         else:
             horizon_s = (found.get("simulation") or {}).get("horizon_s")
-            lead = _lead(trial.name, path is not None, horizon_s, tracks)
+            lead = _lead(trial.name, path is not None, horizon_s, tracks) + lost
         shown = replay("moving-replay", scene(record.robot), tracks, still)
         return section(self.identifier, self.title, lead, shown)
 
@@ -94,12 +96,12 @@ def _models(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, Array]
     """Where models take the robot, by what they are: those of an identification, or simulators of a diagnosis."""
     if path.horizon_s is not None:
         models = {"the identified model": path.identified, "the model as supplied": path.nominal}
-        # A joint that spins, since its model lacks friction and a rotor, is nothing to look at.
-        return {name: at for name, at in models.items() if np.abs(at - path.measured).max() < np.pi}
-    models = {"the simulator as it was": path.nominal}
-    if diagnosis.get("effects"):
-        models["the simulator with the effects"] = path.identified
-    return models
+    else:
+        models = {"the simulator as it was": path.nominal}
+        if diagnosis.get("effects"):
+            models["the simulator with the effects"] = path.identified
+    # A joint that spins, since its model lacks friction and a rotor, is nothing to look at.
+    return {name: at for name, at in models.items() if np.abs(at - path.measured).max() < np.pi}
 
 
 def _simulated(record: Record, path: PathComparison, models: dict[str, Array]) -> dict[str, Any]:

@@ -8,6 +8,9 @@ from excite.report.folder import Findings
 from excite.report.html import condition, number, tile
 from excite.report.sections.section import Section
 
+# A segment of whose mass the data tell less is as the nominal model has it.
+_TOLD = 0.5
+
 
 class Overview(Section):
     """A row of key figures, each only where the folder holds it."""
@@ -81,8 +84,12 @@ def _mass(findings: Findings) -> Iterator[str]:
         return
     total = float(masses.identified.sum())
     if masses.true is None or not masses.true.sum():
-        yield tile(f"{total:.2f} kg", f"total mass identified; nominal {masses.nominal.sum():.2f} kg")
+        label = f"total mass of the identified model; nominal {masses.nominal.sum():.2f} kg"
+        if masses.determined is not None and masses.determined.min() < _TOLD:
+            label += "; not all of it is told by the data, see Masses"
+        yield tile(f"{total:.2f} kg", label)
         return
     true = float(masses.true.sum())
     label = f"total mass identified; true {true:.2f} kg, nominal {masses.nominal.sum():.2f} kg"
-    yield tile(f"{total:.2f} kg", label + f" ({100.0 * (total - true) / true:+.2f} %)".replace("-", "−"))
+    off = f"{100.0 * (total - true) / true:+.2f} %".replace("+0.00", "0.00").replace("-0.00", "0.00")
+    yield tile(f"{total:.2f} kg", f"{label} ({off})".replace("-", "−"))

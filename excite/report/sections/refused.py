@@ -42,7 +42,10 @@ class Refused(Section):
         listing = table(headers, rows[:_LISTED])
         if len(rows) > _LISTED:
             listing += folded(f"{len(rows) - _LISTED} more", table(headers, rows[_LISTED:]))
-        lead = f"Of {generated} candidates. One that breaks several limits counts with each."
+        lead = (
+            f"Of {generated} candidates. One that breaks several limits counts with each. Limits are planning's, "
+            "which keeps a reserve to what the check asks for; no time is stated of what is refused as a posture."
+        )
         if remedy is not None:
             lead += (
                 f" Most likely to help: {remedy['change']} ({remedy['passes']} of {remedy['tried']} that were tried "
@@ -76,7 +79,7 @@ def _pictures(robot: Robot | None, refused: list[dict[str, Any]]) -> list[str]:
         return []
     worst = [
         Worst(
-            title_of(item["reason"], item["where"], _value(item, "worst")),
+            title_of(item["reason"], item["where"], _measured(item)),
             np.array(item["posture"]),
             item["where"],
         )
@@ -86,6 +89,11 @@ def _pictures(robot: Robot | None, refused: list[dict[str, Any]]) -> list[str]:
     if not worst:
         return []
     return [figure(draw_refused(robot, worst).to_svg("The robot in the worst of the refused postures"))]
+
+
+def _measured(item: dict[str, Any]) -> str:
+    limit = "" if item["limit"] is None else f" (limit {_value(item, 'limit')})"
+    return "" if item["worst"] is None else f"{_value(item, 'worst')}{limit}"
 
 
 def _value(item: dict[str, Any], key: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from excite.report.sections.answer import Answer
 from excite.report.sections.assumed import Assumed
 from excite.report.sections.certainty import Certainty
+from excite.report.sections.diagnosed.baseline import Baseline
 from excite.report.sections.diagnosed.budget import BudgetByChannel
 from excite.report.sections.diagnosed.curves import Curves
 from excite.report.sections.diagnosed.effects import Effects
@@ -15,6 +16,7 @@ from excite.report.sections.diagnosed.verdict import Verdict
 from excite.report.sections.diagnosed.where import Where
 from excite.report.sections.differences import Differences
 from excite.report.sections.excitation import Excitation
+from excite.report.sections.findings import LogFindings
 from excite.report.sections.forces import Forces
 from excite.report.sections.masses import Masses
 from excite.report.sections.motions import Motions
@@ -33,12 +35,14 @@ SECTIONS: tuple[Section, ...] = (
     Answer(),
     Verdict(),
     Overview(),
+    LogFindings(),
     Moving(),
     Effects(),
     BudgetByChannel(),
     GapByChannel(),
     Trivial(),
     Where(),
+    Baseline(),
     Curves(),
     Record(),
     Motions(),

@@ -18,7 +18,9 @@ class Stages(Section):
         stages = (findings.plan or {}).get("stages")
         if not stages:
             return ""
-        rows: list[tuple[Cell, ...]] = [(entry["stage"], float(entry["seconds"])) for entry in stages]
+        rows: list[tuple[Cell, ...]] = [
+            (entry["stage"], round(float(entry["seconds"]), 2)) for entry in stages
+        ]
         total = ("all", sum(float(entry["seconds"]) for entry in stages))
         lead = "The plan's stages in the order in which they ran."
-        return section(self.identifier, self.title, lead, table(("stage", "seconds"), rows, total))
+        return section(self.identifier, self.title, lead, table(("stage", "time [s]"), rows, total))

@@ -79,6 +79,8 @@ class Sweep:
             rate = max(self.rate_hz, own)
         step = np.diff(time)
         if step.max() - step.min() <= _EVEN * step.max():
+            if rate == own:
+                return self.motion
             return self.motion.resampled(self.robot, rate)
         grid = time[0] + np.linspace(0.0, duration, round(duration * rate) + 1)
         after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)

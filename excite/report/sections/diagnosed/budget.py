@@ -16,8 +16,8 @@ from excite.report.sections.section import Section
 _SMALL = 0.02
 # Wider intervals are worth a word; shares that differ by more, too.
 _WIDE, _DIFFERS = 0.5, 0.1
-# Parts of a sentence, and the least of them.
-_SAID, _WORTH = 3, 0.02
+# Parts of a sentence, the least of them, and of what does harm.
+_SAID, _WORTH, _HARMS = 3, 0.02, 0.05
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,9 @@ class BudgetByChannel(Section):
         how = (
             "Shares are of the power above the noise floor on trials that were not fitted, all effects taken together; "
             "those of a channel add up to one. An interval says what a share would be on other stretches of such a "
-            "record: blocks of it were left out in turn."
+            "record: blocks of it were left out in turn. Instants at which a joint stands or turns round count for "
+            "next to nothing here, so that gap and noise floor are other numbers than under Gap by channel, where each "
+            "instant counts."
         )
         rest = folded(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small) if small else ""
         return section(
@@ -123,15 +125,23 @@ def _legend() -> str:
 def _sentence(name: str, channel: Document) -> str:
     """``Of the gap at joint 2 (0.41 N·m above 0.05 noise), 63 % is Coulomb friction …``."""
     *named, rest = _parts(channel)
-    large = sorted((p for p in named if (p.share or 0.0) >= _WORTH), key=lambda part: -(part.share or 0.0))
+    large = sorted((part for part in named if _worth(part)), key=lambda part: -(part.share or 0.0))
     said = [f"{_percent(part.share)} {_verb(part)}" for part in large[:_SAID]]
     listed = ", ".join([*said, f"{_percent(rest.share)} is {'the rest' if said else 'without a name'}"])
     size = f"{number(channel['gap'], 2)} {channel['unit']} above {number(channel['noise_floor'], 2)} noise"
     return f"Of the gap at {channel_label(name)} ({size}), {listed}."
 
 
+def _worth(part: _Part) -> bool:
+    """Whether a part is worth a word: of one that does harm, what makes the others more than all."""
+    share = part.share or 0.0
+    return share >= _WORTH or share <= -_HARMS
+
+
 def _verb(part: _Part) -> str:
-    return part.what if part.what.startswith(("follows", "does")) else f"is {part.what}"
+    if part.what.startswith(("follows", "does")):
+        return part.what
+    return f"is {part.what}" + (", which does harm there" if (part.share or 0.0) < 0.0 else "")
 
 
 def _beside(found: Document, order: list[tuple[str, Document]]) -> str:

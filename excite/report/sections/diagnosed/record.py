@@ -29,7 +29,9 @@ class Record(Section):
                 (item["what"], item["cause"], "repaired" if item["repaired"] else "left as it is")
                 for item in found["log"]
             ]
-            content.append("<h3>Faults of the record</h3>" + table(("what", "likely cause", ""), rows))
+            content.append(
+                "<h3>Faults of the record</h3>" + table(("what", "what was done, or is to be done", ""), rows)
+            )
         notes = [*found["warnings"], *((found["simulation"] or {"warnings": ()})["warnings"])]
         if notes:
             content.append(

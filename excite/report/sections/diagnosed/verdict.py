@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from excite.report.conclusion import VERDICTS
+from excite.report.conclusions.diagnosed import VERDICTS
 from excite.report.folder import Document, Findings
 from excite.report.html import paragraph, tile
 from excite.report.sections.section import Section

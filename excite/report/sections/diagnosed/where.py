@@ -22,8 +22,9 @@ class Where(Section):
         if found is None or not found["where"]:
             return ""
         lead = (
-            "Before any effect is added. Each cell says what share of the channel's gap functions of that one thing "
-            "would explain; several may look alike. The band holds the middle 80 % of the gap's power."
+            "Before any effect is added. Each cell says what share of the channel's gap, on trials that were fitted, "
+            "functions of that one thing would explain; several may look alike, and what does not hold on the trials "
+            "that judge is no part of Where the gap goes. The band holds the middle 80 % of the gap's power."
         )
         what = list(dict.fromkeys(name for row in found["where"] for name in row["dependence"]))
         head = "".join(

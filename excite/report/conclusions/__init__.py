@@ -1,0 +1,1 @@
+"""What a folder comes to, one file a kind of result."""

@@ -1,0 +1,53 @@
+"""What a campaign comes to."""
+
+from __future__ import annotations
+
+from excite.report.conclusions.identified import taken
+from excite.report.conclusions.result import NAMED, Conclusion, begun_with, count, robot_words
+from excite.report.folder import Document, Findings
+from excite.report.html import number
+
+
+def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
+    """Of ``campaign.json``."""
+    last = campaign["iterations"][-1]
+    judged, missed = {*last["rsd_percent"], *last["not_met"]}, last["not_met"]
+    target, motions = (
+        campaign["target_rsd_percent"],
+        sum(step["n_motions"] for step in campaign["iterations"]),
+    )
+    wanted = "their target" if target is None else f"{number(target)} %"
+    done = f"{count(len(campaign['iterations']), 'iteration')} and {count(motions, 'motion')}"
+    found = (
+        f"After {done}{_judging(motions, findings)}, "
+        f"{len(judged) - len(missed)} of {len(judged)} parameters are known to within {wanted}"
+    )
+    if campaign["awaits"]:
+        return Conclusion(
+            f"{found}; it waits for a recording in {campaign['awaits']}.",
+            None,
+            _again(findings, "--on-robot"),
+            "go on when the log is there",
+        )
+    if campaign["targets_met"]:
+        return Conclusion(f"{found}: the targets are met.", True, *taken(findings))
+    worst = ", ".join(missed[:NAMED]) + (f" and {len(missed) - NAMED} more" if len(missed) > NAMED else "")
+    return Conclusion(
+        f"{found}; not enough for {worst}, see Certainty for why.",
+        False,
+        _again(findings, "--max-iterations", 2 * len(campaign["iterations"])),
+        "go on with more motions",
+    )
+
+
+def _judging(motions: int, findings: Findings) -> str:
+    """How many of the motions were chosen to identify from, where others judge."""
+    chosen = len(findings.plan["selected"]) if findings.plan is not None else motions
+    return f" ({chosen} to identify from, {motions - chosen} to judge by)" if 0 < chosen < motions else ""
+
+
+def _again(findings: Findings, *options: object) -> tuple[object, ...]:
+    """The command that goes on with it: a campaign is resumed with the options that it was begun with."""
+    begun = begun_with(findings, "campaign", "--max-iterations") or ["campaign", robot_words(findings)]
+    words = [word for word in begun if word not in {"--resume", *options}]
+    return (*words, *options, "--resume", "--out", findings.folder)

@@ -1,0 +1,45 @@
+"""What the gap is counted from: sizes that the model took from the record before the first effect was asked for."""
+
+from __future__ import annotations
+
+from excite.report.folder import Document, Findings
+from excite.report.html import Cell, number, paragraph, section, table
+from excite.report.sections.section import Section
+
+_BODIES = {
+    "rigid_body": "The bodies' base parameters were fitted to this record, too.",
+    "rigid_body_fixed": "The bodies are as the model has them.",
+}
+
+
+class Baseline(Section):
+    """A row a joint and parameter, with its interval."""
+
+    identifier = "baseline"
+    title = "What the baseline was fitted to"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        found = findings.diagnosis
+        if found is None or not found["baseline"]:
+            return ""
+        lead = (
+            "The gap is what is left with these sizes, which the record decided before any effect was asked for: "
+            "what they have taken up is no effect. Beside the accepted effects they may come out otherwise."
+        )
+        bodies = [paragraph(text) for word, text in _BODIES.items() if word in found["modelled"]]
+        headers = ("joint", "parameter", "value", "±", "90 % interval", "unit")
+        return section(
+            self.identifier,
+            self.title,
+            lead,
+            table(headers, [_row(item) for item in found["baseline"]]),
+            *bodies,
+        )
+
+
+def _row(item: Document) -> tuple[Cell, ...]:
+    bounds = item["interval90"]
+    between = "–" if bounds is None else f"{number(bounds[0])} to {number(bounds[1])}"
+    name = item["parameter"].replace("_", " ")
+    return item["joint"], name, item["value"], item["std"], between, item["unit"]
