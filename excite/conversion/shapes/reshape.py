@@ -9,6 +9,7 @@ from excite.conversion.shapes.cells import unpacked
 from excite.conversion.shapes.episodes import by_episode
 from excite.conversion.shapes.labels import labelled
 from excite.conversion.shapes.long import widened
+from excite.conversion.shapes.melted import spread
 from excite.conversion.shapes.split_stamps import with_whole_stamps
 
 
@@ -21,7 +22,7 @@ def reshaped(recording: Recording) -> list[Recording]:
     notes = list(recording.notes)
     streams = []
     for stream in recording.streams:
-        for step in (unpacked, widened, labelled, with_whole_stamps):
+        for step in (unpacked, spread, widened, labelled, with_whole_stamps):
             stream, note = step(stream)
             notes += [note] if note else []
         streams.append(stream)
