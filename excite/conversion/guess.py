@@ -7,13 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.arrays import Array
 from excite.conversion.base import add_base, feet_of
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.base_signals import add_base_signals
 from excite.conversion.columns.choice import choose
-from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, tick
+from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, pace
 from excite.conversion.columns.commands import settle_commands
 from excite.conversion.columns.contact_forces import without_contact_forces
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
@@ -155,7 +154,9 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
             continue
         values = next(c.values for c in stream.columns if c.name == name)
         unit = mapping.units.get("time", "") or (clues[name].unit if name in clues else "")
-        seconds, why = (TICKS[unit], "stated in the map") if mapping.units.get("time") else tick(values, unit)
+        by_map = mapping.units.get("time")
+        paced = pace(values, unit, stated_rate(recording.said))
+        seconds, why = (TICKS[unit], "stated in the map") if by_map else paced
         scale = mapping.scale.get("time", 1.0)
         if seconds is None and scale == 1.0:
             found.ask(f"the unit of the clock {name} cannot be told ({why})", "units: {time: ms}")
@@ -174,6 +175,7 @@ def _without_clock(
     stated = mapping.log.get("rate_hz")
     rate = stated or stated_rate(recording.said)
     if rate:
+        found.rate_hz = float(rate)
         why = (
             "no column holds a time"
             if stated
@@ -211,7 +213,7 @@ def _without_names(
     columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).mean() > _THERE]
     # Second clocks and counters of rows are smoother than any joint.
     columns = [c for c in columns if not goes_evenly(c.values)]
-    time = seconds_of(stream, found)
+    time = found.times(stream)
     if time is None or len(columns) < len(joints):
         return {}
     values = np.column_stack([column.values for column in columns])
@@ -224,15 +226,6 @@ def _without_names(
     if understood is None:
         return {}
     return understood.families([column.name for column in columns])
-
-
-def seconds_of(stream: Stream, found: Guesses) -> Array | None:
-    """Times of a stream [s]; None where it has none."""
-    clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
-    for column in stream.columns:
-        if column.name in clock:
-            return np.asarray(column.values * clock[column.name])
-    return stream.time
 
 
 def _ask_for_doubts(found: Guesses, recording: Recording, machine: Machine) -> None:

@@ -6,6 +6,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from excite.arrays import Array
+from excite.conversion.recording import Stream
 from excite.errors import LogError
 
 
@@ -61,16 +65,28 @@ class Guesses:
         facts: what else was decided: name, value, reason.
         questions: what is missing.
         unused: columns that nothing was made of.
+        rate_hz: rows a second of streams without a clock; None where nothing states it.
     """
 
     mapped: list[Mapped] = field(default_factory=list)
     facts: list[tuple[str, str, str]] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)
+    rate_hz: float | None = None
 
     def of(self, channel: str) -> list[Mapped]:
         """Columns of one channel."""
         return [item for item in self.mapped if item.channel == channel]
+
+    def times(self, stream: Stream) -> Array | None:
+        """Times of a stream [s], by its clock or by the rate that its recording states; None where it has neither."""
+        clock = {item.source: item.factor for item in self.mapped if item.target == "time"}
+        for column in stream.columns:
+            if column.name in clock:
+                return np.asarray(column.values * clock[column.name])
+        if stream.time is None and self.rate_hz:
+            return np.arange(stream.n_rows) / self.rate_hz
+        return stream.time
 
     def ask(self, what: str, line: str, torques: Mapping[str, str] | None = None) -> None:
         """Add a question, once."""

@@ -22,7 +22,8 @@ _RATE_OF = re.compile(
     r"(action|control|ctrl|policy|log|logging|record|recording|data|state|loop|update)s?(hz|rate|freq|frequency)"
 )
 _STEPS = frozenset(
-    "dt ts step timestep sampletime samplingtime deltat period tsample dts sampleperiod dtms tsms".split()
+    "dt ts step timestep sampletime samplingtime deltat period tsample dts sampleperiod dtms tsms stepdt controldt "
+    "ctrldt policydt envdt logdt".split()
 )
 
 

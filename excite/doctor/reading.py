@@ -12,6 +12,9 @@ from excite.arrays import Array
 from excite.doctor.base_pose import BasePose
 from excite.logs.log import Log, Trial
 
+# Rows that are worth a trial.
+_FEWEST = 20
+
 
 @dataclass(frozen=True, eq=False)
 class Reading:
@@ -111,7 +114,7 @@ class Reading:
             found[:, columns] = values[:, columns][:, self.torque_of] * self.torque_factor
             return self._shifted(trial.time, found)
 
-        return replace(
+        read = replace(
             trial,
             time=trial.time if self.tick == 1.0 else trial.time[0] + self.tick * (trial.time - trial.time[0]),
             q=q,
@@ -126,6 +129,10 @@ class Reading:
                 for name, values in self._wrenches(trial, sensors).items()
             },
         )
+        at = trial.time + self.late_s / self.tick
+        logged = (at >= trial.time[0]) & (at <= trial.time[-1])
+        # A trial that is shorter than its torques are late has none of its own.
+        return read if logged.all() or logged.sum() < _FEWEST else read.rows(logged)
 
     def _wrenches(self, trial: Trial, sensors: tuple[str, ...]) -> dict[str, Array]:
         """Readings by sensor; those of sensors that the log does not describe as they are."""

@@ -88,3 +88,16 @@ def test_a_ripple_is_as_high_as_both_its_parts():
     parts = {"cosine": Estimate(-0.03, 0.02, "N·m"), "sine": Estimate(4.86, 0.04, "N·m")}
     ripple = Candidate("torque_ripple", "a", parts, 640.0, 0.1, 0.9, ("a",))
     assert sized(ripple) == "torque ripple at a (4.86 ± 0.04 N·m)"
+
+
+def test_of_several_axes_the_one_that_is_not_zero_is_told():
+    """A bias of 4 N·m about y was told as that of the force along x, which is nothing."""
+    parts = {
+        "fx": Estimate(-0.32, 0.2, "N"),
+        "fz": Estimate(0.05, 0.08, "N"),
+        "ty": Estimate(3.8, 0.1, "N·m"),
+    }
+    bias = Candidate("sensor_bias", "foot", parts, 1.0, 0.0, 1.0)
+    assert sized(bias) == "sensor bias at foot (ty 3.8 ± 0.1 N·m)"
+    body = {"mass": Estimate(1.2, 0.1, "kg"), "mx": Estimate(0.3, 0.001, "kg·m")}
+    assert sized(Candidate("payload", "hand", body, 1.0, 0.0, 1.0)) == "payload at hand (1.2 ± 0.1 kg)"

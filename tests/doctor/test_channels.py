@@ -167,6 +167,36 @@ def test_friction_that_builds_up_over_a_way_is_not_late(tmp_path) -> None:
     assert not chart.doubts
 
 
+def test_torques_of_a_logger_that_was_started_seconds_later_are_found(panda, log) -> None:
+    """Two files whose clocks both begin at zero; before, signs and dead channels were said to be wrong."""
+
+    def later(trial: Trial) -> Trial:
+        rows = round(1.5 / float(np.median(np.diff(trial.time))))
+        early = trial.rows(np.arange(len(trial.time) - rows))
+        return replace(early, tau=trial.tau[rows:])
+
+    chart = examine(panda, changed(log, later))
+    (found,) = (item for item in chart.findings if item.severity == "spoils")
+    assert found.kind == "torque_late" and found.repaired
+    assert found.figures["late_s"] == pytest.approx(-1.5, abs=0.05)
+    for trial, before in zip(chart.log.trials, log.trials, strict=True):
+        # Rows for which no torque was logged are left out, the others have their own.
+        rows = np.searchsorted(before.time, trial.time - 1e-6)
+        assert rows[0] == pytest.approx(150, abs=5)
+        rest = trial.tau - before.tau[rows]
+        assert (rest.std(axis=0) < 0.2 * before.tau.std(axis=0)).sum() >= 6
+
+
+def test_a_motion_that_repeats_itself_is_not_late_by_a_period(panda, log) -> None:
+    """Two seconds, over and over: a period later all torques agree as well, and no better."""
+
+    def repeated(trial: Trial) -> Trial:
+        rows = np.tile(np.arange(200), len(trial.time) // 200)
+        return replace(trial.rows(rows), time=trial.time[: len(rows)])
+
+    assert "torque_late" not in {item.kind for item in examine(panda, changed(log, repeated)).findings}
+
+
 def test_torques_that_are_too_large_each_by_a_factor_of_its_own_have_no_unit(panda, log) -> None:
     """What an arm with a load and uncalibrated torque constants had; of one factor for all they keep together."""
     apart = np.array([1.13, 1.44, 1.28, 2.18, 1.86, 1.65, 1.65])

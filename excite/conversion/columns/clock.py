@@ -100,6 +100,20 @@ def _steady(values: Array) -> bool:
     return bool(fit[0] > 0.0 and rest.std() < 0.05 * np.ptp(values[np.isfinite(values)]))
 
 
+def pace(values: Array, unit: str, rate: float | None) -> tuple[float | None, str]:
+    """Seconds per unit of a clock, and why; None where it cannot be told.
+
+    Args:
+        values: the times as they stand in the file.
+        unit: that name or header state; empty for none.
+        rate: rows a second that the recording states [Hz]; None for none.
+    """
+    if rate and not unit and _counts_rows(values):
+        # A count, whatever it is called: how fast it goes is what the recording states.
+        return 1.0 / rate, f"it counts rows, of which the recording states {rate:.4g} a second"
+    return tick(values, unit)
+
+
 def tick(values: Array, stated: str) -> tuple[float | None, str]:
     """Seconds per unit of a clock, and why; None where it cannot be told.
 

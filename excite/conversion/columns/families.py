@@ -10,7 +10,7 @@ from excite.conversion.columns.joints import BY_NAME as _BY_NAME
 from excite.conversion.columns.joints import Placed, first_number, place
 from excite.conversion.columns.unit_words import UNITS
 from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
-from excite.conversion.columns.words import Clue, clue
+from excite.conversion.columns.words import Clue, clue, with_joints_numbers
 from excite.conversion.recording import Column, Recording
 
 # What a log folder has a channel for, by quantity and whether it was commanded.
@@ -63,7 +63,7 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
                 said = _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
                 said = said if of_stream is None else _as_its_stream(said, of_stream)
                 found[column.name] = said if of_joint is None else _of_its_joint(said, of_joint)
-    return found
+    return with_joints_numbers(found)
 
 
 def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:

@@ -207,8 +207,7 @@ def _row_seconds(found: Guesses, recording: Recording, names: list[str]) -> floa
     stream = next((s for s in recording.streams if names and set(names) <= {c.name for c in s.columns}), None)
     if stream is None:
         return None
-    clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
-    time = next((c.values * clock[c.name] for c in stream.columns if c.name in clock), stream.time)
+    time = found.times(stream)
     return None if time is None else row_seconds(time)
 
 

@@ -37,6 +37,9 @@ BEYOND = 0.2
 _NO_MOTION = 0.02
 # Turns that joints without stated range make: three turns are more than any arm's.
 WIDE = 6.0 * math.pi
+# Joints that move by more than their ranges and two turns are motors before their gears: a range that is stated too
+# narrow lacks no more than a turn [rad].
+_MOTORS = 4.0 * math.pi
 # How near a ratio of velocity and derivative has to be to that of two units, as a factor.
 _NEAR = 1.15
 # What is larger is a damaged number, whose square no float holds.
@@ -78,18 +81,12 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
     outside = _outside(low, high, lower[turning], upper[turning])
     outside_large = _outside(low * factor, high * factor, lower[turning], upper[turning])
     span = float(np.max(high - low))
-    if stated in (small, large):
-        said_outside = outside if stated == small else outside_large
-        other = outside_large if stated == small else outside
-        if said_outside > 20.0 * max(other, BEYOND):
-            return PositionUnit(
-                "",
-                f"as {stated}, which their names say, joints leave their ranges by {said_outside:.3g}",
-                True,
-            )
-        return PositionUnit(stated, f"{stated} by its name", True)
     if stated in TO_SI:
-        return PositionUnit(stated, f"{stated} by its name", True)
+        turned = (
+            0.0 if slides.all() else _turns_beyond((high - low) * TO_SI[stated], (upper - lower)[turning])
+        )
+        beyond = {small: outside, large: outside_large}
+        return _as_stated(stated, beyond.get(stated, 0.0), min(beyond.values()), turned)
     if outside > BEYOND and outside_large <= BEYOND and span * factor >= _NO_MOTION:
         if small == "rad" and bool(((high - low) <= (upper - lower)[turning]).all()):
             # Zeros of joints are often elsewhere than the model's: then radians fit, too, and move them far more.
@@ -121,6 +118,30 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
 
 def _outside(low: Array, high: Array, lower: Array, upper: Array) -> float:
     return float(max(np.max(lower - low), np.max(high - upper), 0.0))
+
+
+def _turns_beyond(spans: Array, ranges: Array) -> float:
+    """By how much joints turn farther than their ranges, where these are known [rad]."""
+    known = np.isfinite(ranges) & np.isfinite(spans)
+    return float(np.max((spans - ranges)[known], initial=0.0))
+
+
+def _as_stated(stated: str, outside: float, least: float, turned: float) -> PositionUnit:
+    """The unit that names say; none where joints would be where they cannot.
+
+    Args:
+        stated: what names say.
+        outside: by how much joints leave their ranges in that unit.
+        least: and in the better one of the two usual units.
+        turned: by how much they turn farther than their ranges are wide [rad].
+    """
+    if outside > 20.0 * max(least, BEYOND):
+        why = f"as {stated}, which their names say, joints leave their ranges by {outside:.3g}"
+        return PositionUnit("", why, True)
+    if turned > _MOTORS:
+        why = f"as {stated}, which their names say, joints turn by {turned:.3g} rad more than their ranges"
+        return PositionUnit("", why, True)
+    return PositionUnit(stated, f"{stated} by its name", True)
 
 
 def _counts(values: Array, lower: Array, upper: Array) -> str:

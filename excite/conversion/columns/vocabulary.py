@@ -10,7 +10,9 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "status mode tcp cartesian flange eef id seq residual deviation tracking model ee tip wrench ft "
             "imu gyro tool gripper contact disturbance load_est crc kp kd ki stiffness damping "
             # What was made of many samples, and ends of ranges; the rate of a torque has no channel in a log.
-            "min max std stddev var rms minimum maximum dtau"
+            "min max std stddev var rms minimum maximum dtau "
+            # Parts of MuJoCo's generalised forces beside the actuators'; sines and cosines that policies are fed with.
+            "bias passive constraint gravcomp cos sin"
         ).split()
     ),
     "time": tuple(
@@ -54,13 +56,15 @@ OF_WORD = {word: quantity for quantity, words in QUANTITIES.items() for word in 
 # KUKA writes AIPos and ASPos for actual and set positions of axes.
 COMMANDED = frozenset(
     "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
+    # Isaac Lab calls a torque computed before it is clipped, and applied then.
+    "computed "
     "soll sollwert consigne ff feedforward d want demand nominal requested input in as "
     # mc_rtc calls what goes to the robot out, and what comes from it in.
     "planned plan ipo interpolated interp prescribed qout tauout alphaout".split()
 )
 MEASURED = frozenset(
     "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "
-    "present raw sensor est mes ai qin tauin alphain".split()
+    "present raw sensor est mes applied ai qin tauin alphain".split()
 )
 # Words of what is measured that name the message rather than the signal: ``state.q_d`` is the desired position in it.
 OF_MESSAGE = frozenset("state obs observation".split())

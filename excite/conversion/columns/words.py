@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, UNITS
 from excite.conversion.columns.vocabulary import (
@@ -33,6 +33,7 @@ class Clue:
         unit: as written, in this package's spelling; empty for none.
         exact: the robot's joint whose name stands in it; empty for none.
         stem: the name with joint and number taken out: columns of one family share it.
+        numbers: all numbers in it, in their order; the last is taken for the joint's unless others differ.
     """
 
     quantity: str
@@ -42,13 +43,14 @@ class Clue:
     unit: str
     exact: str
     stem: str
+    numbers: tuple[int, ...] = ()
 
 
 def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     """What a column's name says of it, beside the names of the robot's joints and the unit that the file states."""
     text, bracketed = _without_unit(name)
     exact, rest = _without_joint(text, joints)
-    tokens = name_tokens(rest)
+    tokens = _without_servos_id(name_tokens(rest))
     numbers = [int(token) for token in tokens if token.isdigit()]
     words = [token for token in tokens if not token.isdigit()]
     found = UNITS.get(unit.strip().lower()) or bracketed
@@ -66,7 +68,34 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
         unit=found,
         exact=exact,
         stem="_".join(words),
+        numbers=tuple(numbers),
     )
+
+
+def with_joints_numbers(clues: dict[str, Clue]) -> dict[str, Clue]:
+    """The clues, each with the number in which columns of one quantity differ where their last ones are all the same.
+
+    A trace of KUKA's controller writes the robot's number last: ``AxisPos_A1_IPO_R1``.
+    """
+    groups: dict[tuple[str, bool, str, int], list[str]] = {}
+    for name, said in clues.items():
+        if len(said.numbers) > 1:
+            groups.setdefault((said.quantity, said.commanded, said.stem, len(said.numbers)), []).append(name)
+    found = dict(clues)
+    for names in groups.values():
+        table = list(zip(*(clues[name].numbers for name in names), strict=True))
+        differing = [row for row in table if len(set(row)) == len(names)]
+        if len(names) > 1 and len(set(table[-1])) == 1 and len(differing) == 1:
+            for name, number in zip(names, differing[0], strict=True):
+                found[name] = replace(clues[name], number=number)
+    return found
+
+
+def _without_servos_id(tokens: list[str]) -> list[str]:
+    """Words without the ``id`` before a servo's number, where a quantity follows: ``ID1 Present Position``."""
+    if len(tokens) > 2 and tokens[0] == "id" and tokens[1].isdigit() and set(tokens[2:]) & set(OF_WORD):
+        return tokens[1:]
+    return tokens
 
 
 def _without_unit(name: str) -> tuple[str, str]:

@@ -9,6 +9,8 @@ from excite.conversion.shapes.cells import unpacked
 from excite.conversion.shapes.episodes import by_episode
 from excite.conversion.shapes.labels import labelled
 from excite.conversion.shapes.long import widened
+from excite.conversion.shapes.melted import spread
+from excite.conversion.shapes.own_clocks import by_clock
 from excite.conversion.shapes.split_stamps import with_whole_stamps
 
 
@@ -20,8 +22,10 @@ def reshaped(recording: Recording) -> list[Recording]:
     """
     notes = list(recording.notes)
     streams = []
-    for stream in recording.streams:
-        for step in (unpacked, widened, labelled, with_whole_stamps):
+    parts = [by_clock(stream) for stream in recording.streams]
+    notes += [note for _, note in parts if note]
+    for stream in (one for streams_of, _ in parts for one in streams_of):
+        for step in (unpacked, spread, widened, labelled, with_whole_stamps):
             stream, note = step(stream)
             notes += [note] if note else []
         streams.append(stream)

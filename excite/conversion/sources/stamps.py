@@ -17,7 +17,13 @@ _ZONE = r"\s*(?:Z|UTC|[+-]\d{2}:?\d{2})?"
 _FORMS = (
     re.compile(rf"(?P<Y>\d{{4}})[-/.](?P<M>\d{{1,2}})[-/.](?P<D>\d{{1,2}})[T\s_]+{_CLOCK}{_ZONE}"),
     re.compile(rf"(?P<D>\d{{1,2}})[.](?P<M>\d{{1,2}})[.](?P<Y>\d{{4}})[T\s,]+{_CLOCK}{_ZONE}"),
+    # As America writes dates, which half of the day behind: 3/4/2024 11:59:50.004 AM.
+    re.compile(
+        rf"(?P<M>\d{{1,2}})/(?P<D>\d{{1,2}})/(?P<Y>\d{{4}})[,\s]+{_CLOCK}\s*(?P<half>[AaPp])\.?[Mm]\.?"
+    ),
     re.compile(_CLOCK),
+    # 01:23.456: minutes and seconds of a stop watch, which always has a fraction.
+    re.compile(r"(?P<m>\d{1,3}):(?P<s>\d{2})[.,](?P<f>\d{1,9})"),
 )
 
 
@@ -37,7 +43,7 @@ def seconds(cells: Sequence[str]) -> Array | None:
     found = np.array([_seconds(form.fullmatch(str(cell).strip())) for cell in cells])
     if np.isfinite(found).mean() <= 0.5:
         return None
-    if "Y" not in form.groupindex:
+    if "Y" not in form.groupindex and "h" in form.groupindex:
         steps = np.diff(found, prepend=found[:1])
         found = found + _DAY_S * np.cumsum(np.nan_to_num(steps) < -0.5 * _DAY_S)
     return found
@@ -55,5 +61,8 @@ def _seconds(match: re.Match[str] | None) -> float:
             return float("nan")
         day = _DAY_S * float(date.astype("datetime64[D]").astype(np.int64))
     fraction = part.get("f")
-    clock = 3600.0 * int(part["h"]) + 60.0 * int(part["m"]) + int(part["s"])
+    hours = int(part.get("h") or 0)
+    if part.get("half"):
+        hours = hours % 12 + (12 if part["half"].lower() == "p" else 0)
+    clock = 3600.0 * hours + 60.0 * int(part["m"]) + int(part["s"])
     return day + clock + (float(f"0.{fraction}") if fraction else 0.0)

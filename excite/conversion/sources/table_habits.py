@@ -141,7 +141,11 @@ def _first_row(split: list[list[str]], decimal: str) -> int | None:
     if not rows:
         return None
     width = len(split[rows[-1]])
-    return next((k for k in rows if len(split[k]) == width), None)
+    # A line of LabVIEW's header says how many samples each column has, behind a word.
+    word = bool(re.match(r"[A-Za-z]", split[rows[-1]][0]))
+    return next(
+        (k for k in rows if len(split[k]) == width and bool(re.match(r"[A-Za-z]", split[k][0])) == word), None
+    )
 
 
 def _width(split: list[list[str]], first: int) -> int:
@@ -161,6 +165,8 @@ def _names_and_units(
     for k in range(first - 1, -1, -1):
         text = re.sub(r"^\s*(#+|%+|//+|!+)", "", lines[k]).strip()
         cells = of_width(split_line(text, separator), width)
+        # LabVIEW names a last column for remarks, which its rows leave away.
+        cells = cells[:-1] if len(cells) == width + 1 and cells[-1].lower() == "comment" else cells
         if len(cells) != width and separator == " ":
             cells = split_line(text, "\t") if "\t" in text else split_line(text, ",")
         if len(cells) != width or not any(re.search(r"[A-Za-zµ]", cell) for cell in cells):

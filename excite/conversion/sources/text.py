@@ -15,6 +15,8 @@ import pyarrow as pa
 import pyarrow.csv
 
 from excite.arrow_columns import numpy_columns
+from excite.conversion.columns.clock import TICKS
+from excite.conversion.columns.unit_words import UNITS
 from excite.conversion.parts import NAMELESS
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
@@ -23,13 +25,20 @@ from excite.conversion.sources.table_habits import COMMENTS, Habits, of_width, s
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
 
+_SUFFIXES = frozenset(".csv .tsv .tab .txt .dat .log .asc .data .lvm .prn".split())
 # Lines that are looked at to find the table's habits; headers of data loggers have some dozen lines.
 _LOOKED_AT = 200
 # A table lies on its side where it has more columns than this many times its rows: few trials have less samples.
 _LYING = 20
 _BLOCK = 1 << 20
-# A name, a number, and perhaps a unit, alone in their line.
-_STATED = re.compile(r"([A-Za-z][A-Za-z _-]*?)\s*(?:\[\w+\])?\s*[:=]\s*(\d+(?:\.\d*)?)\s*\w*\s*$")
+# A name, a number, and perhaps a unit before or behind it, alone in their line.
+_STATED = re.compile(
+    r"([A-Za-z][A-Za-z _-]*?)\s*(?:[\[(]([\wµ]+)[\])])?\s*[:=;,\t]\s*"
+    r"(\d+(?:[.,]\d*)?)\s*[\[(]?([\wµ]*)[\])]?[;,\s]*$"
+)
+# What is stated of the rows in a unit of frequency or of time, in hertz and seconds: Sampling: 4 ms.
+_OF_ROWS = re.compile(r"sampl|scan|cycle|period|interval|step|rate|freq|takt|abtast|zyklus", re.IGNORECASE)
+_HERTZ = {"hz": 1.0, "khz": 1e3}
 _MISSING = ["", "nan", "NaN", "NAN", "NA", "null", "None", "-nan", "inf", "-inf", "Inf"]
 
 
@@ -46,10 +55,7 @@ class TextSource(Source):
         start = first_bytes(path, 4096)
         if b"\0" in start and not start.startswith((b"\xff\xfe", b"\xfe\xff")):
             return False
-        return (
-            path.suffix.lower() in {".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".data", ""}
-            or not path.suffix
-        )
+        return path.suffix.lower() in _SUFFIXES or not path.suffix
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
@@ -82,17 +88,34 @@ class TextSource(Source):
             notes.append(habits.misfit)
         if habits.decimal == ",":
             notes.append("decimal commas")
-        return (Recording(str(path), path.stem, (table,), said_by_comments(lines), tuple(notes)),)
+        return (Recording(str(path), path.stem, (table,), said_by_header(lines, habits.skip), tuple(notes)),)
 
 
-def said_by_comments(lines: Sequence[str]) -> dict[str, float]:
-    """Numbers that comments state, by the words before them: ``# sampling rate: 100 Hz``."""
+def said_by_header(lines: Sequence[str], above: int) -> dict[str, float]:
+    """Numbers that comments and the lines above the table state, by the words before them.
+
+    ``# sampling rate: 100 Hz``, ``Sampling: 4 ms``. Of what is said of the rows with its unit, a step is in seconds and
+    called ``dt``, a rate in hertz and called ``rate``.
+
+    Args:
+        lines: the file's first ones.
+        above: how many of them stand above the first row of numbers.
+    """
     found = {}
-    for line in lines:
-        if line.lstrip().startswith(COMMENTS) and (
-            match := _STATED.match(line.lstrip(" " + "".join(COMMENTS)))
-        ):
-            found[match[1].strip()] = float(match[2])
+    for k, line in enumerate(lines):
+        comment = line.lstrip().startswith(COMMENTS)
+        if not comment and k >= above:
+            continue
+        match = _STATED.match(line.strip(" " + "".join(COMMENTS)))
+        if match is None:
+            continue
+        name, number = match[1].strip(), float(match[3].replace(",", "."))
+        unit = (match[2] or match[4] or "").lower()
+        if _OF_ROWS.search(name) and unit in _HERTZ:
+            name, number = "rate", number * _HERTZ[unit]
+        elif _OF_ROWS.search(name) and (tick := TICKS.get(UNITS.get(unit, ""))):
+            name, number = "dt", number * tick
+        found[name] = number
     return found
 
 

@@ -77,10 +77,21 @@ def measured(item: Estimate) -> str:
 
 
 def sized(item: Candidate) -> str:
-    """Effect, place and its size, the first parameter or a wave's height, as they are written in a sentence."""
-    first = [_height(item.parameters)] if {"cosine", "sine"} <= set(item.parameters) else []
-    values = ", ".join(measured(e) for e in (first or list(item.parameters.values()))[:1])
-    return in_words(item.effect, item.location) + (f" ({values})" if values else "")
+    """Effect, place and its size, as they are written in a sentence: the first parameter, a wave's height, or the axis
+    that surely differs from zero most."""
+    return in_words(item.effect, item.location) + (f" ({size})" if (size := _size(item.parameters)) else "")
+
+
+def _size(parameters: Mapping[str, Estimate]) -> str:
+    if {"cosine", "sine"} <= set(parameters):
+        return measured(_height(parameters))
+    first = next(iter(parameters), "")
+    axes = {n: e for n, e in parameters.items() if n[-1] in "xyz" and e.std} if first.endswith("x") else {}
+    if len(axes) < 2:
+        return measured(parameters[first]) if first else ""
+    # Of a sensor's bias of 4 N·m about y the first one is that of the force along x, -0.3 ± 0.2 N.
+    axis = max(axes, key=lambda name: abs(axes[name].value) / (axes[name].std or math.inf))
+    return f"{axis.replace('_', ' ')} {measured(axes[axis])}"
 
 
 def _height(parameters: Mapping[str, Estimate]) -> Estimate:

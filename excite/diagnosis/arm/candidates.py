@@ -64,7 +64,7 @@ def by_blocks(item: Candidate, budget: Budget) -> Candidate:
             continue
         chance = other.probability
         for name, (_, std) in other.values.items():
-            if name in values and std is not None and std > (values[name].std or np.inf):
+            if name in values and std is not None and std > (values[name].std or 0.0):
                 values[name] = replace(values[name], std=std)
     return replace(item, parameters=values, probability=chance)
 

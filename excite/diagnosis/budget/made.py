@@ -15,6 +15,7 @@ from excite.diagnosis.answer.budget import (
 )
 from excite.diagnosis.budget.detectable import detectable_sizes
 from excite.diagnosis.budget.evidence import probabilities
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.shares import Shares, deviation, shares_of
 from excite.diagnosis.budget.thresholds import THRESHOLDS
@@ -104,7 +105,10 @@ def _named(found: Found, i: int, share: float, surely: float) -> Named:
     values: dict[str, tuple[float, float | None]] = {
         p.name: (float(b), float(abs(s))) for p, b, s in zip(term.effect.linear, beta, spread, strict=False)
     }
-    values |= {p.name: (t, None) for p, t in zip(term.effect.searched, term.theta, strict=False)}
+    values |= {
+        p.name: (t, t * _share_of_one(model, i) if p.name == term.effect.proportional else None)
+        for p, t in zip(term.effect.searched, term.theta, strict=False)
+    }
     rivals = search.rivals.get(k, [])
     chance, *chances = probabilities(merit.score, [r.behind for r in rivals])
     return Named(
@@ -118,3 +122,9 @@ def _named(found: Found, i: int, share: float, surely: float) -> Named:
         chances=tuple(chances),
         surely=surely,
     )
+
+
+def _share_of_one(model: Model, i: int) -> float:
+    """Deviation between blocks left out of the size that a term of known size would have if it were fitted."""
+    free = fit(model.design, model.chosen, model.weight, freed=model.chosen[i])
+    return float(deviation(free.left_out[:, free.layout.begin[i]]))

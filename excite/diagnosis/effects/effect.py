@@ -87,6 +87,8 @@ class Effect(ABC):
         late_by: parameter that says how late a motor follows what it is told; empty where it is no matter of that.
         nameless: what it follows, where it is physics that no name of a diagnosis stands for; empty where it has one.
         seen_alone: whether it may show where the plainer form that it enriches does not, and is tried along with that.
+        stands_in: whether its size and what it searches are one number, as only its closer form has it.
+        proportional: parameter that its torque grows with, where its size is known; empty where none does.
         by_load: whether it is a share of what the rigid bodies ask of its joint.
         patches: whether its shape bends to what the forms of others leave: it has to be a large part of a joint's gap.
         is_body: whether its linear parameters are the ten of a body.
@@ -112,6 +114,8 @@ class Effect(ABC):
     spans: ClassVar[tuple[str, ...]] = ()
     nameless: ClassVar[str] = ""
     seen_alone: ClassVar[bool] = False
+    stands_in: ClassVar[bool] = False
+    proportional: ClassVar[str] = ""
     by_load: ClassVar[bool] = False
     patches: ClassVar[bool] = False
     is_body: ClassVar[bool] = False

@@ -17,6 +17,10 @@ from excite.doctor.reading import Reading
 # clock, or from columns that were put together wrongly [s].
 _LATE_S, _EARLY_S = 0.03, 0.08
 _GRID_S = np.arange(-25, 26) * 0.02
+# Files of two loggers whose clocks began at zero differ by what a person takes to start the second one [s]. A motion
+# that repeats itself agrees one period later, too: at every joint that tells 0.35 nat more have to go. Of a UR10 whose
+# torques were logged from 1.5 s on 4.1 nats go at three joints.
+_FAR_S, _FAR_NATS = np.arange(-50, 51) * 0.1, 0.35
 
 
 class TorqueLate(Mistake[Samples]):
@@ -38,12 +42,12 @@ class TorqueLate(Mistake[Samples]):
             return float(samples.left(replace(reading, late_s=float(late)))[tells].sum())
 
         scores = [left(late) for late in _GRID_S]
-        best = float(_GRID_S[int(np.argmin(scores))])
-        best = float(
-            minimize_scalar(
-                left, bounds=(best - 0.02, best + 0.02), method="bounded", options={"xatol": 5e-4}
-            ).x
-        )
+        best, around = float(_GRID_S[int(np.argmin(scores))]), 0.02
+        far = [left(late) for late in _FAR_S]
+        if min(far) < min(scores) - _FAR_NATS * float(tells.sum()):
+            best, around = float(_FAR_S[int(np.argmin(far))]), 0.1
+        bounds = (best - around, best + around)
+        best = float(minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x)
         if -_EARLY_S < best < _LATE_S:
             return
         which = "late" if best > 0.0 else "early"

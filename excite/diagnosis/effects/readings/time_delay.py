@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -45,13 +46,14 @@ class TimeDelay(Effect):
 
     name = "time_delay"
     told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
-    linear = (Parameter("delay", "s", 0.0, 0.15),)
-    searched = (Parameter("secant", "s", 4e-4, 0.15),)
+    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.15),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("secant", "s", 4e-4, 0.15),)
     confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")
     separating_motion = "a chirp to some hertz"
     mujoco = "actuator delay (a ring buffer in the control callback)"
     timing = True
     of_channel = True
+    stands_in = True
     note = Late
 
     def locations(self, context: Context) -> tuple[str, ...]:
@@ -76,5 +78,27 @@ class TimeDelay(Effect):
         same = theta[0] / _ALIKE <= beta[0] <= theta[0] * _ALIKE
         return same and beta[0] >= least and super().admissible(context, location, theta, beta)
 
+    @property
+    def closer(self) -> Effect | None:
+        return WholeDelay()
+
     def in_mujoco(self, item: Sizes) -> Form:
         return Form(notes=(self.noted(item),))
+
+
+class WholeDelay(TimeDelay):
+    """The same, all of the torque late by what is searched: a secant of free size leans on longer, smoother delays."""
+
+    linear: ClassVar[tuple[Parameter, ...]] = ()
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 4e-4, 0.15),)
+
+    stands_in = False
+    proportional = "delay"
+
+    @property
+    def closer(self) -> Effect | None:
+        return None
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        columns = super().shape(context, location, theta).columns
+        return Shape(offset={j: theta[0] * block[:, 0] for j, block in columns.items()})
