@@ -68,29 +68,7 @@ def _gradient(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q[t], v[t], a[t], state,
         )  # fmt: skip
-        for j in range(state.shape[0]):
-            for i in range(6):
-                forces[j, i] = 0.0
-            for i in range(4):
-                masses[j, i] = 0.0
-        for j in range(state.shape[0] - 1, moved - 1, -1):
-            if not behind[j]:
-                continue
-            first = 10 * (j - 1)
-            body_wrench(state, j, phi, first, forces)
-            masses[j, 0] += phi[first]
-            for i in range(3):
-                masses[j, 1 + i] += (
-                    phi[first] * state[j, POS + i]
-                    + state[j, 3 * i] * phi[first + 1]
-                    + state[j, 3 * i + 1] * phi[first + 2]
-                    + state[j, 3 * i + 2] * phi[first + 3]
-                )
-            if j > moved:
-                for i in range(6):
-                    forces[parents[j], i] += forces[j, i]
-                for i in range(4):
-                    masses[parents[j], i] += masses[j, i]
+        _loads(parents, phi, moved, behind, state, forces, masses)
         w0, w1, w2 = state[up, OMEGA], state[up, OMEGA + 1], state[up, OMEGA + 2]
         l0, l1, l2 = state[up, ALPHA], state[up, ALPHA + 1], state[up, ALPHA + 2]
         ww = w0 * w0 + w1 * w1 + w2 * w2
@@ -113,10 +91,36 @@ def _gradient(
 
 
 @LazyKernel
-def _carried(
-    kind, state, mass, j, a0, a1, a2, m0, m1, m2, row, first, k
-):  # pragma: no cover - compiled
-    """What joint ``j`` carries of a ``mass (4,)`` accelerated by ``a`` and of a moment ``m``, into ``row[first, k]``."""
+def _loads(parents, phi, moved, behind, state, forces, masses):  # pragma: no cover - compiled
+    """Wrench at the root's origin, mass and first moment of all that each joint from ``moved`` on carries."""
+    for j in range(state.shape[0]):
+        for i in range(6):
+            forces[j, i] = 0.0
+        for i in range(4):
+            masses[j, i] = 0.0
+    for j in range(state.shape[0] - 1, moved - 1, -1):
+        if not behind[j]:
+            continue
+        first = 10 * (j - 1)
+        body_wrench(state, j, phi, first, forces)
+        masses[j, 0] += phi[first]
+        for i in range(3):
+            masses[j, 1 + i] += (
+                phi[first] * state[j, POS + i]
+                + state[j, 3 * i] * phi[first + 1]
+                + state[j, 3 * i + 1] * phi[first + 2]
+                + state[j, 3 * i + 2] * phi[first + 3]
+            )
+        if j > moved:
+            for i in range(6):
+                forces[parents[j], i] += forces[j, i]
+            for i in range(4):
+                masses[parents[j], i] += masses[j, i]
+
+
+@LazyKernel
+def _carried(kind, state, mass, j, a0, a1, a2, m0, m1, m2, row, first, k):  # pragma: no cover - compiled
+    """What joint ``j`` carries of a ``mass (4,)`` accelerated by ``a`` and of a moment ``m``: ``row[first, k]``."""
     p0, p1, p2 = state[j, POS], state[j, POS + 1], state[j, POS + 2]
     h0, h1, h2 = mass[1] - mass[0] * p0, mass[2] - mass[0] * p1, mass[3] - mass[0] * p2
     n0, n1, n2 = m0 + h1 * a2 - h2 * a1, m1 + h2 * a0 - h0 * a2, m2 + h0 * a1 - h1 * a0
