@@ -11,11 +11,10 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.lazy_kernel import LazyKernel
 from excite.regressor.kernels import checked_parameters, checked_trajectory
-from excite.regressor.loops import body_wrench
-from excite.regressor.motion_loops import ALPHA, AXIS, OMEGA, POS, STATE_SIZE, move
-from excite.regressor.tree import FREE_FLYER, PRISMATIC, KinematicTree, read_tree
+from excite.regressor.motion_loops import STATE_SIZE
+from excite.regressor.placement_loops import gradient
+from excite.regressor.tree import FREE_FLYER, KinematicTree, read_tree
 
 
 def placement_gradient(
@@ -48,88 +47,5 @@ def placement_gradient(
         behind[j] = j == moved or behind[tree.parents[j]]
     out = np.zeros((len(q), tree.nv, 3))
     scratch = np.empty((bodies, STATE_SIZE)), np.empty((bodies, 6)), np.empty((bodies, 4))
-    _gradient(tree.structure, tree.gravity, q, v, a, phi, moved, behind, *scratch, out)
+    gradient(tree.structure, tree.gravity, q, v, a, phi, moved, behind, *scratch, out)
     return out
-
-
-@LazyKernel
-def _gradient(
-    structure, gravity, q, v, a, phi, moved, behind, state, forces, masses, out
-):  # pragma: no cover - compiled
-    """Into ``out (n, nv, 3)``, zero before; ``behind (n_joints + 1,)`` says which bodies the joint carries.
-
-    ``forces (n_joints + 1, 6)`` and ``masses (n_joints + 1, 4)``, mass and first moment of all that a joint carries,
-    are scratch.
-    """
-    kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
-    up = parents[moved]
-    for t in range(q.shape[0]):
-        move(
-            kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
-            q[t], v[t], a[t], state,
-        )  # fmt: skip
-        _loads(parents, phi, moved, behind, state, forces, masses)
-        w0, w1, w2 = state[up, OMEGA], state[up, OMEGA + 1], state[up, OMEGA + 2]
-        l0, l1, l2 = state[up, ALPHA], state[up, ALPHA + 1], state[up, ALPHA + 2]
-        ww = w0 * w0 + w1 * w1 + w2 * w2
-        f0, f1, f2 = forces[moved, 0], forces[moved, 1], forces[moved, 2]
-        for k in range(3):
-            r0, r1, r2 = state[up, k], state[up, 3 + k], state[up, 6 + k]
-            along = w0 * r0 + w1 * r1 + w2 * r2
-            a0 = l1 * r2 - l2 * r1 + w0 * along - ww * r0
-            a1 = l2 * r0 - l0 * r2 + w1 * along - ww * r1
-            a2 = l0 * r1 - l1 * r0 + w2 * along - ww * r2
-            # Joints before it carry the force of what has moved on a longer lever; joints behind move along.
-            m0, m1, m2 = r1 * f2 - r2 * f1, r2 * f0 - r0 * f2, r0 * f1 - r1 * f0
-            j = up
-            while j > 0:
-                _carried(kinds[j], state, masses[moved], j, a0, a1, a2, m0, m1, m2, out[t], idx_v[j], k)
-                j = parents[j]
-            for j in range(moved, state.shape[0]):
-                if behind[j]:
-                    _carried(kinds[j], state, masses[j], j, a0, a1, a2, 0.0, 0.0, 0.0, out[t], idx_v[j], k)
-
-
-@LazyKernel
-def _loads(parents, phi, moved, behind, state, forces, masses):  # pragma: no cover - compiled
-    """Wrench at the root's origin, mass and first moment of all that each joint from ``moved`` on carries."""
-    for j in range(state.shape[0]):
-        for i in range(6):
-            forces[j, i] = 0.0
-        for i in range(4):
-            masses[j, i] = 0.0
-    for j in range(state.shape[0] - 1, moved - 1, -1):
-        if not behind[j]:
-            continue
-        first = 10 * (j - 1)
-        body_wrench(state, j, phi, first, forces)
-        masses[j, 0] += phi[first]
-        for i in range(3):
-            masses[j, 1 + i] += (
-                phi[first] * state[j, POS + i]
-                + state[j, 3 * i] * phi[first + 1]
-                + state[j, 3 * i + 1] * phi[first + 2]
-                + state[j, 3 * i + 2] * phi[first + 3]
-            )
-        if j > moved:
-            for i in range(6):
-                forces[parents[j], i] += forces[j, i]
-            for i in range(4):
-                masses[parents[j], i] += masses[j, i]
-
-
-@LazyKernel
-def _carried(kind, state, mass, j, a0, a1, a2, m0, m1, m2, row, first, k):  # pragma: no cover - compiled
-    """What joint ``j`` carries of a ``mass (4,)`` accelerated by ``a`` and of a moment ``m``: ``row[first, k]``."""
-    p0, p1, p2 = state[j, POS], state[j, POS + 1], state[j, POS + 2]
-    h0, h1, h2 = mass[1] - mass[0] * p0, mass[2] - mass[0] * p1, mass[3] - mass[0] * p2
-    n0, n1, n2 = m0 + h1 * a2 - h2 * a1, m1 + h2 * a0 - h0 * a2, m2 + h0 * a1 - h1 * a0
-    if kind == FREE_FLYER:
-        row[first, k], row[first + 1, k], row[first + 2, k] = mass[0] * a0, mass[0] * a1, mass[0] * a2
-        row[first + 3, k], row[first + 4, k], row[first + 5, k] = n0, n1, n2
-        return
-    z0, z1, z2 = state[j, AXIS], state[j, AXIS + 1], state[j, AXIS + 2]
-    if kind == PRISMATIC:
-        row[first, k] = mass[0] * (z0 * a0 + z1 * a1 + z2 * a2)
-    else:
-        row[first, k] = z0 * n0 + z1 * n1 + z2 * n2
