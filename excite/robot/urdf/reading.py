@@ -83,13 +83,20 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     """
     root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
-        known = {"mujoco": "a MuJoCo model", "sdf": "an SDF model"}
+        known = {
+            "mujoco": "a MuJoCo model",
+            "sdf": "an SDF model",
+            "mujocoinclude": "a part of a MuJoCo model",
+        }
+        remedy = "export it as URDF; excite init-robot does so for MuJoCo"
+        if root.tag == "mujocoinclude":
+            remedy = "give the file that includes it, whose outermost element is <mujoco>"
         what = f"is {known.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>"
         raise RobotError(
             what,
             source=path,
             field=root.tag,
-            remedy="export it as URDF; excite init-robot does so for MuJoCo",
+            remedy=remedy,
         )
     drop_points(root)
     drop_free_root(root)
