@@ -142,3 +142,10 @@ def test_measurements_of_labview(data, arm, tmp_path):
     file = tmp_path / "a.lvm"
     file.write_text(head + names + "\n" + "\n".join(lines) + "\n")
     check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_set_points_beside_measured_torques_are_asked_about_by_name(data, arm, tmp_path):
+    """A trace of interpolated positions and measured torques was said to have no positions at all."""
+    columns = columns_of(data, q_cmd="q_ipo_{n}", tau="torque_act_{n}")
+    with pytest.raises(UnclearError, match=r"q_ipo_1 … are what was asked.*columns: \{q: \"q_ipo_\{n\}\"\}"):
+        excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", WHOLE)

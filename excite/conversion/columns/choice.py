@@ -58,6 +58,7 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             f'columns: {{q: "{_pattern(q)}"}} and log: {{torque: none}}, or columns: {{q: "{_pattern(q)}", '
             f'tau: "{_pattern(tau)}"}} to take them for measured',
         )
+    _ask_for_set_points(found, chosen)
     if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
         # A motion that was planned and has no measured twin.
         chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
@@ -66,6 +67,19 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
     return chosen
+
+
+def _ask_for_set_points(found: Guesses, chosen: dict[str, Family]) -> None:
+    """Ask whether positions that were asked for are to stand for measured ones, beside torques that were measured."""
+    if found.of("q") or "q" in chosen or "q_cmd" not in chosen or not {"tau", "i"} & set(chosen):
+        return
+    q = chosen.pop("q_cmd")
+    chosen["q"] = replace(q, target="q")
+    found.ask(
+        f"{q.columns[0]} … are what was asked of the joints, and where they were is not there beside their torques: "
+        "record measured positions",
+        f'columns: {{q: "{_pattern(q)}"}}   # takes them for measured',
+    )
 
 
 def _told_by_a_word(found: Guesses, chosen: dict[str, Family], one: Family, other: Family) -> bool:
@@ -143,8 +157,11 @@ def _pattern(family: Family) -> str:
     name = family.columns[0]
     if (joint := next((j for j, column in family.placed.columns.items() if column == name), "")) in name:
         return name.replace(joint, "{joint}") if joint else name
-    return (
-        re.sub(r"\d+(?!.*\d)", "{n0}" if re.search(r"0(?!.*\d)", name) else "{n}", name, count=1)
-        if len(family.columns) > 1
-        else name
-    )
+    if len(family.columns) < 2:
+        return name
+    # The last number, or the one before others that all columns have alike: AxisPos_A1_R1, AxisPos_A2_R1.
+    pairs = list(zip(re.finditer(r"\d+", name), re.finditer(r"\d+", family.columns[1]), strict=False))
+    place = next((one for one, other in reversed(pairs) if one[0] != other[0]), None)
+    if place is None:
+        return name
+    return f"{name[: place.start()]}{'{n0}' if int(place[0]) == 0 else '{n}'}{name[place.end() :]}"
