@@ -90,7 +90,7 @@ def test_what_is_folded_is_printed(page: Path, browser: Chromium) -> None:
     browser.open(page, 800)
     assert browser.ask(f"{closed}.length") == browser.ask(hidden) > 0
     browser.look(media="print")
-    assert browser.ask(hidden) == 0
+    browser.wait(f"{hidden} === 0", 5.0)
 
 
 def test_it_plays_to_the_end_and_one_cursor_runs_over_all_plots(page: Path, browser: Chromium) -> None:

@@ -30,6 +30,18 @@ class Samples(Protocol):
     def channels(self) -> tuple[str, ...]:
         """What is predicted: joints with a torque, or components of the wrench on the base."""
 
+    @property
+    def first(self) -> NDArray[np.int64]:
+        """Where a sample's trial begins among all that was logged, ``(n,)``; ``last``: where it ends."""
+
+    @property
+    def last(self) -> NDArray[np.int64]:
+        """See ``first``."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of what was logged [Hz]."""
+
     def slides(self, joint: int) -> bool:
         """Whether a joint, by its index among ``joints``, slides instead of turning."""
 

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
-from excite.doctor.reading import Reading
+from excite.doctor.reading import OWN_SHARE, Reading
 
 # Buses are late by up to 20 ms or so, and logged commands early by a drive's lag, some 50 ms where it is slow: a
 # diagnosis names these ``time_delay`` and ``actuator_lag``. What is later or earlier comes from another computer's
@@ -43,9 +43,11 @@ class TorqueLate(Mistake[Samples]):
 
         scores = [left(late) for late in _GRID_S]
         best, around = float(_GRID_S[int(np.argmin(scores))]), 0.02
-        far = [left(late) for late in _FAR_S]
-        if min(far) < min(scores) - _FAR_NATS * float(tells.sum()):
-            best, around = float(_FAR_S[int(np.argmin(far))]), 0.1
+        shortest = float((samples.last - samples.first).min()) / samples.rate_hz
+        seconds = _FAR_S[np.abs(_FAR_S) + 0.1 <= (1.0 - OWN_SHARE) * shortest]
+        far = [left(late) for late in seconds]
+        if far and min(far) < min(scores) - _FAR_NATS * float(tells.sum()):
+            best, around = float(seconds[int(np.argmin(far))]), 0.1
         bounds = (best - around, best + around)
         best = float(minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x)
         if -_EARLY_S < best < _LATE_S:
