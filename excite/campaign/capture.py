@@ -195,8 +195,7 @@ def _checks(sheet: Capture, named: str) -> list[str]:
     first = next((run.name for run in sheet.logged), "the first motion")
     return [
         f"- `excite convert {first}.* --robot {shlex.quote(named)} --out first --capture capture.md`: "
-        "every joint is "
-        "found, its unit is right, nothing is asked.",
+        "every joint is found, its unit is right, nothing is asked.",
         "- `excite doctor first`: no finding that spoils; no turned torque, no clipping, "
         "rate as asked, delay below a sample or two.",
         "- Every joint moves, and its torque changes when it does.",

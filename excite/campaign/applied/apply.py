@@ -16,15 +16,15 @@ from excite.campaign.applied.bodies import with_bodies
 from excite.diagnosis.answer.candidate import in_words
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.diagnosis.equations.units import unit_at
 from excite.errors import InputError, RobotError
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.rows.drive_terms import slides
 
 ROBOT, MODEL = "robot.yaml", "robot.urdf"
 _SOURCE = "excite diagnose --apply"
-# Of joints that turn, and of joints that slide.
-_UNITS = {"viscous": ("N·m·s/rad", "N·s/m"), "coulomb": ("N·m", "N"), "armature": ("kg·m²", "kg")}
+# Of joints that turn.
+_UNITS = {"viscous": "N·m·s/rad", "coulomb": "N·m", "armature": "kg·m²"}
 
 
 @dataclass(frozen=True)
@@ -148,11 +148,11 @@ def _doubts(diagnosis: Diagnosis) -> list[str]:
 def _written(changes: RobotChanges, robot: Robot) -> list[str]:
     """What was changed, in words; joints that slide have units of their own."""
     said = [f"{link}: {body[0]:+.3g} kg" for link, body in changes.bodies.items()]
-    sliding = {name for k, name in enumerate(robot.joint_names) if slides(robot.model, robot.n_base_v + k)}
-    for term, units in _UNITS.items():
+    for term, turning in _UNITS.items():
         values = {name: value for name, value in getattr(changes, term).items() if value}
-        for unit, kind in zip(units, (set(values) - sliding, sliding), strict=True):
-            found = [f"{name} {value:.3g}" for name, value in values.items() if name in kind]
-            if found:
-                said.append(f"{term} [{unit}]: " + ", ".join(found))
+        units = {name: unit_at(robot, name, turning) for name in values}
+        # Joints that turn before those that slide.
+        for unit in sorted(set(units.values()), key=lambda unit: unit != turning):
+            found = [f"{name} {value:.3g}" for name, value in values.items() if units[name] == unit]
+            said.append(f"{term} [{unit}]: " + ", ".join(found))
     return said

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.equations.units import at_joint
+from excite.diagnosis.equations.units import unit_at
 from excite.robot.robot import Robot
 
 
@@ -57,5 +57,4 @@ def estimated_gains(
     """
     for joint, value, guessed in zip(joints, np.asarray(values), estimated, strict=True):
         if guessed:
-            size = Estimate(float(value), None, unit)
-            yield Absorbed(joint, name, at_joint(robot, joint, {name: size})[name])
+            yield Absorbed(joint, name, Estimate(float(value), None, unit_at(robot, joint, unit)))

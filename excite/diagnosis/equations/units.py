@@ -29,15 +29,16 @@ def slides(robot: Robot, joint: str | None) -> bool:
     return bool(model.joints[model.getJointId(joint)].shortname().startswith("JointModelP"))
 
 
+def unit_at(robot: Robot, joint: str | None, unit: str) -> str:
+    """Unit at a joint of what has ``unit`` at joints that turn."""
+    return _OF_SLIDES.get(unit, unit) if slides(robot, joint) else unit
+
+
 def force_unit(robot: Robot, joint: str) -> str:
     """Unit of a joint's torque or force."""
-    return "N" if slides(robot, joint) else "N·m"
+    return unit_at(robot, joint, "N·m")
 
 
 def at_joint(robot: Robot, joint: str | None, parameters: dict[str, Estimate]) -> dict[str, Estimate]:
     """Parameters with the units that they have at a joint."""
-    if not slides(robot, joint):
-        return parameters
-    return {
-        name: replace(item, unit=_OF_SLIDES.get(item.unit, item.unit)) for name, item in parameters.items()
-    }
+    return {name: replace(item, unit=unit_at(robot, joint, item.unit)) for name, item in parameters.items()}
