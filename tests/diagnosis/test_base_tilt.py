@@ -51,6 +51,21 @@ def tilted(name: str, role: str, seed: int) -> Trial:
     return Trial(name=name, role=role, time=t, q=q, tau=tau)
 
 
+def crane_log(trials: tuple[Trial, ...], *, bodies: str = "rigid_body", rate_hz: int = RATE_HZ) -> Log:
+    """A log of the crane, whose model has its bodies, as known or to be fitted, and plain friction."""
+    header = {
+        "schema": "excite.log/1",
+        "robot": "crane.urdf",
+        "base": "fixed",
+        "rate_hz": rate_hz,
+        "joints": ["turn", "lift"],
+        "torque": "motor_side",
+        "modelled": [bodies, "viscous_friction", "coulomb_friction"],
+        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
+    }
+    return Log(LogHeader.model_validate(header), trials, robot_text=CRANE)
+
+
 def test_a_tilt_is_found_beside_more_than_it_asks_for_at_the_first_joint(tmp_path: Path) -> None:
     """What else is there bends the first link's moments, which a tilt alone could not have."""
     trials = (
@@ -58,17 +73,7 @@ def test_a_tilt_is_found_beside_more_than_it_asks_for_at_the_first_joint(tmp_pat
         tilted("b", "identification", 2),
         tilted("c", "validation", 3),
     )
-    header = {
-        "schema": "excite.log/1",
-        "robot": "crane.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": ["turn", "lift"],
-        "torque": "motor_side",
-        "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"],
-        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
-    }
-    log = Log(LogHeader.model_validate(header), trials, robot_text=CRANE)
+    log = crane_log(trials)
     found = {item.effect: item for item in diagnose(save_log(log, tmp_path / "crane")).effects}
     assert found["base_tilt"].parameters["angle"].value == pytest.approx(TILT, rel=0.05)
 

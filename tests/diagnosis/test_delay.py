@@ -10,8 +10,8 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import save_log
-from excite.logs.log import Log, LogHeader, Trial
-from tests.diagnosis.test_base_tilt import CRANE
+from excite.logs.log import Trial
+from tests.diagnosis.test_base_tilt import CRANE, crane_log
 
 RATE_HZ = 250
 DELAY, ROTOR, NOISE = 0.012, 0.15, 2e-5
@@ -41,17 +41,7 @@ def late(name: str, role: str, seed: int) -> Trial:
 def test_a_delay_is_found_beside_a_rotor_with_the_sizes_of_both(tmp_path: Path) -> None:
     """A secant of free size leaned on a longer, smoother delay until no delay was left that could be."""
     trials = (late("a", "identification", 1), late("b", "identification", 2), late("c", "validation", 3))
-    header = {
-        "schema": "excite.log/1",
-        "robot": "crane.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": ["turn", "lift"],
-        "torque": "motor_side",
-        "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction"],
-        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
-    }
-    log = Log(LogHeader.model_validate(header), trials, robot_text=CRANE)
+    log = crane_log(trials, bodies="rigid_body_fixed", rate_hz=RATE_HZ)
     found = {item.effect: item for item in diagnose(save_log(log, tmp_path / "crane")).effects}
     assert set(found) == {"time_delay", "armature"}
     delay, rotor = found["time_delay"].parameters["delay"], found["armature"].parameters["inertia"]
