@@ -25,7 +25,8 @@ from excite.diagnosis.equations.noise_floor import (
     unrepeated,
 )
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
-from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import HELD, held_power, standing_share
 from excite.diagnosis.simulator.accepted_values import fitted_sizes
 from excite.doctor.examine import examine

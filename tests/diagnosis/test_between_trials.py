@@ -9,7 +9,7 @@ from excite.diagnosis.budget.between_trials import sizes_by_trial
 from excite.diagnosis.budget.record import begun_baseline, model_of_gap
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.noise_floor import spectral_floor
-from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
 from excite.finding import Finding
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial

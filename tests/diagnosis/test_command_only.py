@@ -13,7 +13,7 @@ from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
-from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.servo.cycle import Cycle, acting, later, servo_cycle
 from excite.diagnosis.servo.gains import known_servo
 from excite.diagnosis.servo.levels import error_integral, trial_levels

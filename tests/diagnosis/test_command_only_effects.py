@@ -14,7 +14,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
-from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.servo.encoders import servo_effects
 from excite.diagnosis.servo.servo import Servo, read_signals
 from excite.diagnosis.servo.transport import clearly_lags

@@ -10,7 +10,8 @@ import pytest
 from excite.diagnosis.equations.known_drives import known_terms, less_known
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.own_columns import COULOMB, VISCOUS
-from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.equations.samples import ArmSamples
 from excite.robot.description import FrictionBlock
 from excite.robot.loading import load_robot
 from excite.robot.per_joint import DriveFrictions

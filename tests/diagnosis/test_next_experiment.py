@@ -14,7 +14,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
-from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.next_experiment.candidates import within_record
 from excite.diagnosis.next_experiment.paths import retraced
 from excite.diagnosis.simulator.augmented import augmented_model

@@ -14,7 +14,8 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
-from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import held_power
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.butterworth import noise_bandwidth

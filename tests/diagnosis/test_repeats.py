@@ -11,7 +11,7 @@ import pytest
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import repeat_floor, spectral_floor
-from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
 from excite.errors import LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial

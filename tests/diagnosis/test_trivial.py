@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from excite.diagnosis.answer.trivial import TrivialErrors, beaten
-from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.trivial.alike import alike
 from excite.diagnosis.trivial.delayed_command import fit_delayed_command
 from excite.diagnosis.trivial.even_trial import EvenTrial, even_trials

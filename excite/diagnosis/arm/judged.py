@@ -26,7 +26,8 @@ from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position
 from excite.diagnosis.equations.known_drives import known_terms, less_known
 from excite.diagnosis.equations.known_motion import bands_by_noise
 from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
-from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.equations.samples import ArmSamples
 from excite.finding import Finding
 
 

@@ -13,7 +13,7 @@ from excite.diagnosis.budget.library import loaded
 from excite.diagnosis.budget.shares import deviation
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, own_signals
+from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, own_rows
 from excite.diagnosis.equations.units import force_unit
 from excite.finding import Finding
 
@@ -82,8 +82,8 @@ def _columns(context: Context, weight: Array, j: int) -> list[tuple[str, str, Ar
     base, samples = context.baseline, context.baseline.samples
     unit, name = force_unit(samples.robot, context.joints[j]), context.joints[j]
     speed = "m/s" if unit == "N" else "rad/s"
-    signals = [
-        (what, per, own_signals(samples, (term,), j, base.signs[j])[:, :1])
+    columns = [
+        (what, per, own_rows(samples, (term,), j, [base.signs[j]])[0][:, 0] * weight[j])
         for what, per, term in (
             ("constant torque", unit, CONSTANT),
             ("dry friction", unit, COULOMB),
@@ -91,8 +91,8 @@ def _columns(context: Context, weight: Array, j: int) -> list[tuple[str, str, Ar
         )
     ]
     if loaded(context, name):
-        signals.append(("torque scale", "1", base.rigid[:, j : j + 1]))
-    return [(what, per, samples.rows(signal)[:, 0] * weight[j]) for what, per, signal in signals]
+        columns.append(("torque scale", "1", samples.rows(base.rigid[:, j]) * weight[j]))
+    return columns
 
 
 def _asked(what: str, unit: str, column: Array, rest: Array, trial: NDArray[np.int64]) -> _Sizes:

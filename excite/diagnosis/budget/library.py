@@ -14,7 +14,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
 from excite.diagnosis.effects.forces.end_stop import EndStop
 from excite.diagnosis.equations.friction_sign import SignChange
-from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, OwnTerm, own_signals
+from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, OwnTerm, own_rows
 from excite.diagnosis.equations.samples import ArmSamples
 
 # Physics without a name: where it says more than what has one, the gap is unknown, and follows what it follows.
@@ -107,5 +107,4 @@ def loaded(context: Context, joint: str) -> bool:
 
 
 def _own_rows(samples: ArmSamples, term: OwnTerm, j: int, sign: SignChange, weight: Array) -> Array:
-    column = own_signals(samples, (term,), j, sign)[:, :1]
-    return samples.rows(column) * weight[j][:, None]
+    return own_rows(samples, (term,), j, [sign])[0][:, :1] * weight[j][:, None]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import bodies_again, bodies_at
 from excite.diagnosis.budget.evidence import LARGE
@@ -24,7 +22,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.own_columns import COULOMB, own_signals, own_terms
+from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 
 # Passes after which the last terms stand: two whose places differ by rounding could go on.
@@ -144,12 +142,7 @@ def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
     e = full.solver.equations
     again = weight / full.root_weight
     terms = own_terms(modelled)
-    own = []
-    for j, sign in enumerate(full.signs):
-        columns = own_signals(samples, terms, j, sign)
-        own.append(
-            samples.rows(columns) * weight[j][:, None] if columns.shape[1] else np.zeros((e.y.shape[1], 0))
-        )
+    own = [own_rows(samples, terms, j, [sign])[0] * weight[j][:, None] for j, sign in enumerate(full.signs)]
     outside = not samples.identification.all()
     block = blocks_of(samples, identification=True)
     judged = blocks_of(samples, identification=False) if outside else block

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.friction_sign import SignChange
 from excite.diagnosis.equations.joint_torque import Fit, Solver
-from excite.diagnosis.equations.own_columns import OwnTerm, own_signals, own_terms
+from excite.diagnosis.equations.own_columns import OwnTerm, own_rows, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.regressor.kernels import inverse_dynamics
 
@@ -94,9 +94,12 @@ class Baseline:
 
     def own_rows(self, terms: Sequence[OwnTerm], joint: int, sign: SignChange) -> Array:
         """Weighted rows of a joint's own terms, ``(n_rows, n_own)``."""
-        s = self.samples
-        columns = own_signals(s, terms, joint, sign)
-        return s.rows(columns) * self.root_weight[joint][:, None]
+        return self.rows_of_signs(terms, joint, (sign,))[0]
+
+    def rows_of_signs(self, terms: Sequence[OwnTerm], joint: int, signs: Sequence[SignChange]) -> list[Array]:
+        """:meth:`own_rows` at each of several sign changes."""
+        weight = self.root_weight[joint][:, None]
+        return [rows * weight for rows in own_rows(self.samples, terms, joint, signs)]
 
     def bristle_damping(self, joint: int) -> float:
         """Damping of a joint's bristles as fitted, not negative; 0 where they have none [N·m·s]."""
@@ -114,7 +117,7 @@ class Baseline:
         """The equations with other sign changes of the joints, and another lead of them, not fitted again."""
         terms, samples = own_terms(self.modelled), self.samples
         if lead != samples.lead:
-            samples = replace(samples, lead=lead)
+            samples = samples.with_lead(lead)
         moved = replace(self, samples=samples, signs=tuple(signs))
         for j, sign in enumerate(moved.signs):
             if samples is not self.samples or sign != self.signs[j]:

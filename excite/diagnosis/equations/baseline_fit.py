@@ -9,7 +9,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.fitted_signs import first_signs
 from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Equations, Solver
-from excite.diagnosis.equations.own_columns import COULOMB, own_signals, own_terms
+from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import standing_share
 from excite.identification.inertia import central_inertia_matrices
@@ -58,9 +58,7 @@ def fit_baseline(
         shared, basis = np.zeros((len(index), y.shape[1], 0)), np.zeros((len(phi), 0))
     terms = own_terms(modelled)
     sign = SignChange(WIDTHS[2])
-    own = tuple(
-        samples.rows(own_signals(samples, terms, j, sign)) * root[j][:, None] for j in range(len(index))
-    )
+    own = tuple(own_rows(samples, terms, j, [sign])[0] * root[j][:, None] for j in range(len(index)))
     solver = Solver(Equations(shared, own, y, samples.identification, samples.trial_of_row, floor))
     fit = solver.fit()
     phi_hat = phi + basis @ fit.shared

@@ -72,7 +72,7 @@ def _chosen(baseline: Baseline, *, keep: bool) -> Baseline:
     rest, signs = baseline.fit.before_own, []
     for j, now in enumerate(baseline.signs):
         tried = SIGNS if now in SIGNS else (*SIGNS, now)
-        bank = [baseline.own_rows(terms, j, sign)[use] for sign in tried]
+        bank = [rows[use] for rows in baseline.rows_of_signs(terms, j, tried)]
         signs.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])
     if tuple(signs) == baseline.signs:
         return baseline

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.equations.friction_sign import SignChange, damping_of_bristles, sign_of_motion
+from excite.diagnosis.equations.friction_sign import SIGNS, SignChange, damping_of_bristles, sign_of_motion
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.rows.drive_terms import DRIVE_TERMS
 
@@ -33,11 +35,13 @@ class OwnTerm:
         column: torque of a motor per unit of the coefficient ``(n_samples,)``, from the samples, the motor's row and
             how its dry friction changes sign.
         once: whether two motors on one joint have it but once.
+        by_sign: whether it follows how dry friction changes sign.
     """
 
     words: tuple[str, ...]
     column: Callable[[ArmSamples, int, SignChange], Array]
     once: bool = False
+    by_sign: bool = False
 
     def asked(self, modelled: Sequence[str]) -> bool:
         """Whether ``modelled`` asks for it."""
@@ -45,7 +49,7 @@ class OwnTerm:
 
 
 VISCOUS = OwnTerm(DRIVE_TERMS["viscous"].effects, lambda samples, motor, sign: samples.of_motor("v", motor))
-COULOMB = OwnTerm(DRIVE_TERMS["coulomb"].effects, sign_of_motion)
+COULOMB = OwnTerm(DRIVE_TERMS["coulomb"].effects, sign_of_motion, by_sign=True)
 ARMATURE = OwnTerm(DRIVE_TERMS["armature"].effects, lambda samples, motor, sign: samples.of_motor("a", motor))
 # Constants of two motors on one joint are one constant.
 CONSTANT = OwnTerm(
@@ -72,15 +76,64 @@ def own_signals(samples: ArmSamples, terms: Sequence[OwnTerm], joint: int, sign:
     Of its motor first; then the friction and rotor inertia of other motors that turn with it; last the damping of
     its bristles, where dry friction has some.
     """
-    columns = [
-        term.column(samples, motor, sign)
-        for motor in samples.motors(joint)
-        for term in terms
-        if motor == joint or not term.once
-    ]
-    if sign.damped and COULOMB in terms:
-        columns.append(damping_of_bristles(samples, joint, sign))
+    columns = [make() for make in _columns(samples, terms, joint, sign).values()]
     return np.column_stack(columns) if columns else np.zeros((len(samples.stacked("v")), 0))
+
+
+def own_rows(
+    samples: ArmSamples, terms: Sequence[OwnTerm], joint: int, signs: Sequence[SignChange]
+) -> list[Array]:
+    """Columns of a joint's own terms through the filter, ``(n_rows, n_own)`` at each of several sign changes.
+
+    All go through it side by side, and what was asked for before does not go again: what does not follow the sign is
+    kept with the motion, the sign changes of the search's grid with the lead.
+    """
+    asked = [_columns(samples, terms, joint, sign) for sign in signs]
+    known = {**samples.kept, **samples.led_rows}
+    missing = {key: make for columns in asked for key, make in columns.items() if key not in known}
+    if missing:
+        filtered = samples.rows(np.column_stack([make() for make in missing.values()]))
+        for key, rows in zip(missing, np.ascontiguousarray(filtered.T), strict=True):
+            known[key] = rows
+            if key.sign is None:
+                samples.kept[key] = rows
+            elif key.sign in SIGNS:
+                samples.led_rows[key] = rows
+    count = sum(len(trial.rows) for trial in samples.trials)
+    return [
+        np.column_stack([known[key] for key in columns]) if columns else np.zeros((count, 0))
+        for columns in asked
+    ]
+
+
+class _Key(NamedTuple):
+    """What tells a column of a joint's own.
+
+    Attributes:
+        term: words of its term; none for the damping of bristles.
+        motor: the motor's row.
+        sign: how dry friction changes sign, where the column follows that.
+    """
+
+    term: tuple[str, ...]
+    motor: int
+    sign: SignChange | None
+
+
+def _columns(
+    samples: ArmSamples, terms: Sequence[OwnTerm], joint: int, sign: SignChange
+) -> dict[_Key, Callable[[], Array]]:
+    """What makes the columns of :func:`own_signals`, in their order."""
+    bend = sign._replace(damped_below=0.0)
+    made: dict[_Key, Callable[[], Array]] = {}
+    for motor in samples.motors(joint):
+        for term in terms:
+            if motor == joint or not term.once:
+                key = _Key(term.words, motor, bend if term.by_sign else None)
+                made[key] = partial(term.column, samples, motor, bend)
+    if sign.damped and COULOMB in terms:
+        made[_Key((), joint, sign)] = partial(damping_of_bristles, samples, joint, sign)
+    return made
 
 
 def best_sign(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -13,22 +13,8 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
-from excite.diagnosis.equations.standstill import rows_of_motion, standstill_speed
-from excite.errors import LogError
-from excite.logs.log import Log, Trial
-from excite.logs.signals.butterworth import lowpass
-from excite.logs.signals.coupling import coupling_matrix, joint_torques
-from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Robot
-from excite.rows.kinematics import (
-    forces_on_grid,
-    in_configurations,
-    in_velocities,
-    positions_on_grid,
-    trial_grid,
-    trial_rate,
-)
 
 _ORDER = 4
 
@@ -143,9 +129,27 @@ class ArmSamples:
         """Index of each row's trial, ``(n_rows,)``."""
         return np.concatenate([np.full(len(t.rows), k) for k, t in enumerate(self.trials)])
 
+    @cached_property
+    def kept(self) -> dict[Hashable, Array]:
+        """What follows from the motion alone, worked out when it is first asked for; not to be written to."""
+        return {}
+
+    @cached_property
+    def led_rows(self) -> dict[Hashable, Array]:
+        """Rows that follow the lead too, kept as long as it is the same."""
+        return {}
+
+    def with_lead(self, lead: float) -> ArmSamples:
+        """The same motion with dry friction earlier by another time [s]."""
+        moved = replace(self, lead=lead)
+        moved.__dict__["kept"] = self.kept
+        return moved
+
     def stacked(self, name: str) -> Array:
-        """A channel of all trials at full rate below each other."""
-        return np.concatenate([getattr(trial, name) for trial in self.trials])
+        """A channel of all trials at full rate below each other; not to be written to."""
+        if name not in self.kept:
+            self.kept[name] = np.concatenate([getattr(trial, name) for trial in self.trials])
+        return self.kept[name]
 
     def of_joints(self, values: Array) -> Array:
         """Those of ``values (n, nv, …)`` that belong to the joints with torque, no copy where these are all."""
@@ -154,94 +158,3 @@ class ArmSamples:
     def split(self, values: Array) -> list[Array]:
         """Full-rate values of all trials, back into trials."""
         return np.split(values, self._layout.ends[:-1])
-
-
-def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | None = None) -> ArmSamples:
-    """Resample, filter and differentiate the trials of an arm.
-
-    Standstill before and after a trial's motion makes no rows: friction holds the joints there with any torque.
-
-    Args:
-        robot: the robot in the log.
-        log: the log, for its header.
-        trials: repaired trials.
-        bands: frequencies.
-
-    Returns:
-        The samples.
-
-    Raises:
-        LogError: a trial has no torques or is too short for the filter.
-    """
-    bands = bands or Bands()
-    header = log.header
-    joints = tuple(name for name in robot.joint_names if name in header.torque_joints)
-    places = _Places(
-        header.joints,
-        tuple(header.joints.index(name) for name in joints),
-        coupling_matrix(joints, header.coupling),
-    )
-    rate = float(np.median([trial_rate(log.header, trial) for trial in trials]))
-    starts = [trial.start_s for trial in trials]
-    known = all(start is not None for start in starts)
-    made, clock = [], 0.0
-    for trial in trials:
-        start = float(trial.start_s) if known and trial.start_s is not None else clock
-        made.append(_arm_trial(robot, trial, places, rate, bands, start))
-        clock += float(made[-1].time[-1])
-    index = tuple(robot.joint_index(name) for name in joints)
-    still = np.array(
-        [standstill_speed([t.q[:, k] for t in trials], bands.kinematics_hz) for k in places.torques]
-    )
-    return ArmSamples(robot, joints, index, tuple(made), rate, bands, places.coupling, still)
-
-
-@dataclass(frozen=True, eq=False)
-class _Places:
-    """Where a log's columns belong.
-
-    Attributes:
-        logged: joints of the columns of ``q``.
-        torques: columns of ``tau`` of those with torque, in the robot's order; ``coupling``, of their motors.
-    """
-
-    logged: tuple[str, ...]
-    torques: tuple[int, ...]
-    coupling: Array
-
-
-def _arm_trial(
-    robot: Robot,
-    trial: Trial,
-    places: _Places,
-    rate: float,
-    bands: Bands,
-    start: float,
-) -> ArmTrial:
-    if trial.tau is None:
-        raise LogError("has no torques", source=trial.name, field="tau", remedy="log tau.* for a diagnosis")
-    grid = trial_grid(trial, rate)
-    motor = trial.tau[:, list(places.torques)]
-    tau = joint_torques(forces_on_grid(trial.time, motor, grid), places.coupling)
-    positions = positions_on_grid(trial.time, trial.q, grid)
-    d = central_differences(lowpass(positions, rate, bands.kinematics_hz), rate)
-    q = in_configurations(robot, places.logged, d.value)
-    v, a = (in_velocities(robot, places.logged, values) for values in (d.first, d.second))
-    commanded = None
-    if trial.q_cmd is not None:
-        q_cmd = positions_on_grid(trial.time, trial.q_cmd, grid)
-        commanded = in_configurations(robot, places.logged, q_cmd)
-    rows = rows_of_motion(v, rate, bands, trial.name)
-    return ArmTrial(
-        name=trial.name,
-        identification=trial.role == "identification",
-        repeats=trial.repeats,
-        time=grid - grid[0],
-        session_s=start + grid - grid[0],
-        q=q,
-        v=v,
-        a=a,
-        tau=tau,
-        rows=rows,
-        q_cmd=commanded,
-    )

@@ -16,7 +16,8 @@ from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.effects.readings.torque_gain import TorqueGain
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.servo.closed_loop import ClosedLoop
 from excite.diagnosis.servo.confirmation import confirmed, position_gap, with_twin
 from excite.diagnosis.servo.cycle import acting, servo_cycle

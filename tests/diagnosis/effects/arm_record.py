@@ -19,7 +19,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.noise_floor import spectral_floor
-from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.rollout_compare import errors
 from excite.diagnosis.simulator.rollout_drives import Drive, LoggedTorque

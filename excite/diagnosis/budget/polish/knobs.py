@@ -18,7 +18,7 @@ from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
     COULOMB,
     WIDTH_BOUNDS,
-    own_signals,
+    own_rows,
     own_terms,
 )
 
@@ -129,9 +129,8 @@ class Moved:
             full = full.with_signs(signs, lead)
             own = list(rows.own)
             for j in turned:
-                columns = own_signals(full.samples, own_terms(self.library.modelled), j, signs[j])
-                if columns.shape[1]:
-                    own[j] = full.samples.rows(columns) * full.strict[j][:, None]
+                made = own_rows(full.samples, own_terms(self.library.modelled), j, [signs[j]])[0]
+                own[j] = made * full.strict[j][:, None]
             rows = replace(rows, own=tuple(own))
             begun = {t.key: t for t in self.library.begun(TermMaker(Context(full), full.strict))}
         for k, term in enumerate(terms):

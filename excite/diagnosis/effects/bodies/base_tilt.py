@@ -9,11 +9,11 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.bodies.level_axes import level_axes
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.forces.torque_ripple import Wave
 from excite.diagnosis.effects.form import Form, Sizes
-from excite.diagnosis.equations.horizontal import level_axes
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.units import slides
 from excite.doctor.doubt import Doubt
