@@ -75,8 +75,7 @@ class Library:
 
     def candidates(self, maker: TermMaker) -> list[Term]:
         """Every effect at every place where it can be told, at every point of its grid."""
-        made = (maker.make(*form) for form in self._places(maker.context))
-        return [term for term in made if term is not None]
+        return maker.make_all(self._places(maker.context))
 
     def bodies(self, context: Context) -> Iterable[tuple[Effect, str]]:
         """Every effect that is a body, at every link."""

@@ -23,7 +23,7 @@ class Derived:
     Attributes:
         trials: the motion.
         phi: the parameters.
-        values: by row of the joint and name, full rate; what is of no joint has the row −1.
+        values: by row of the joint and name, full rate.
     """
 
     trials: tuple[ArmTrial, ...] = ()

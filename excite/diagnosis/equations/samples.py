@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,7 +130,7 @@ class ArmSamples:
         return np.concatenate([np.full(len(t.rows), k) for k, t in enumerate(self.trials)])
 
     @cached_property
-    def kept(self) -> dict[Hashable, Array]:
+    def kept(self) -> dict[Hashable, Any]:
         """What follows from the motion alone, worked out when it is first asked for; not to be written to."""
         return {}
 
@@ -149,7 +149,7 @@ class ArmSamples:
         """A channel of all trials at full rate below each other; not to be written to."""
         if name not in self.kept:
             self.kept[name] = np.concatenate([getattr(trial, name) for trial in self.trials])
-        return self.kept[name]
+        return np.asarray(self.kept[name])
 
     def of_joints(self, values: Array) -> Array:
         """Those of ``values (n, nv, …)`` that belong to the joints with torque, no copy where these are all."""

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.lazy_kernel import LazyKernel
 
 # Signals that go through together: enough for the processor to work on several, few enough for its cache.
-_SIDE_BY_SIDE = 64
+SIDE_BY_SIDE = 64
 
 
 @lru_cache(maxsize=64)
@@ -72,8 +72,8 @@ def both_ways(
         ``(n_rows, n_signals)``.
     """
     longest = int(np.diff(ends, prepend=0).max())
-    columns = max(1, min(values.shape[1], _SIDE_BY_SIDE))
-    trials = min(len(ends), max(1, _SIDE_BY_SIDE // columns))
+    columns = max(1, min(values.shape[1], SIDE_BY_SIDE))
+    trials = min(len(ends), max(1, SIDE_BY_SIDE // columns))
     room = np.empty((longest, trials * columns))
     out = np.empty((len(rows), values.shape[1]))
     _filter(np.ascontiguousarray(values), ends, rows, row_ends, sections, states, columns, room, out)

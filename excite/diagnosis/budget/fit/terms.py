@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.effect import Effect, Shape, Theta
+from excite.diagnosis.effects.effect import Effect, Theta
+from excite.logs.signals.sections import SIDE_BY_SIDE
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +114,72 @@ class TermMaker:
         self, effect: Effect, location: str, theta: Theta, kept: tuple[int, ...] | None = None
     ) -> Term | None:
         """The term; None where no joint feels it or it is not finite."""
-        joints = self.context.joints
-        own = joints.index(location) if location in joints and not effect.timing else None
+        if effect.is_body:
+            return self._term(*self._of_body(effect, location), kept)
+        signals = self._signals(effect, location, theta)
+        return self._term(signals, self._rows([signals])[0], kept)
+
+    def make_all(self, forms: Iterable[tuple[Effect, str, Theta]]) -> list[Term]:
+        """The terms of effects at places and non-linear parameters, without those that :meth:`make` makes none of.
+
+        Their columns go through the filter side by side.
+        """
+        made: list[Term | None] = []
+        waiting: list[_Signals] = []
+        for form in forms:
+            waiting.append(self._signals(*form))
+            if sum(signals.values.shape[1] for signals in waiting) >= SIDE_BY_SIDE:
+                made += map(self._term, waiting, self._rows(waiting))
+                waiting = []
+        made += map(self._term, waiting, self._rows(waiting))
+        return [term for term in made if term is not None]
+
+    def again(self, term: Term) -> Term | None:
+        """A term made anew at these predictions."""
+        whole = len(term.kept) == len(term.effect.linear)
+        return self.make(term.effect, term.location, term.theta, None if whole else term.kept)
+
+    def _context_for(self, effect: Effect) -> Context:
+        """Effects of the load are told from the rigid bodies' torque: friction would explain itself."""
+        if not effect.by_load:
+            return self.context
+        if "load" not in self._loaded:
+            base = self.context.baseline
+            self._loaded["load"] = Context(replace(base, total=base.rigid))
+        return self._loaded["load"]
+
+    def _signals(self, effect: Effect, location: str, theta: Theta) -> _Signals:
         context = self._context_for(effect)
         shape = effect.shape(context, location, theta)
-        known = bool(shape.offset)
-        columns = self._rows(shape)
+        blocks = shape.columns or {j: values[:, None] for j, values in shape.offset.items()}
+        felt = [j for j in sorted(blocks) if blocks[j].any()]
+        values = np.concatenate([blocks[j] for j in felt], axis=1) if felt else np.zeros((0, 0))
+        return _Signals(effect, location, theta, context, bool(shape.offset), felt, values)
+
+    def _of_body(self, effect: Effect, location: str) -> tuple[_Signals, Array]:
+        """Signals and rows of a body, which follow the motion alone and are kept with it."""
+        kept, key = self.context.baseline.samples.kept, (effect.name, location)
+        if key not in kept:
+            signals = self._signals(effect, location, ())
+            kept[key] = replace(signals, values=signals.values[:0]), self._rows([signals])[0]
+        signals, rows = kept[key]
+        return replace(signals, context=self.context), rows
+
+    def _rows(self, several: Sequence[_Signals]) -> list[Array]:
+        """What the filter makes of signals, ``(n_rows, n)`` each."""
+        filled = [signals.values for signals in several if signals.felt]
+        if not filled:
+            return [np.zeros((0, 0)) for _ in several]
+        rows = self.context.baseline.samples.rows(np.concatenate(filled, axis=1))
+        ends = np.cumsum([signals.values.shape[1] for signals in several])
+        return np.split(rows, ends[:-1], axis=1)
+
+    def _term(self, signals: _Signals, rows: Array, kept: tuple[int, ...] | None = None) -> Term | None:
+        effect, location, theta, context = signals.effect, signals.location, signals.theta, signals.context
+        joints, known = self.context.joints, signals.known
+        own = joints.index(location) if location in joints and not effect.timing else None
+        blocks = np.split(rows, len(signals.felt), axis=1) if signals.felt else []
+        columns = {j: block * self.weight[j][:, None] for j, block in zip(signals.felt, blocks, strict=True)}
         if kept is not None and not known:
             columns = {j: block[:, list(kept)] for j, block in columns.items()}
         if not columns or not all(np.isfinite(block).all() for block in columns.values()):
@@ -142,26 +204,25 @@ class TermMaker:
             own=own,
         )
 
-    def again(self, term: Term) -> Term | None:
-        """A term made anew at these predictions."""
-        whole = len(term.kept) == len(term.effect.linear)
-        return self.make(term.effect, term.location, term.theta, None if whole else term.kept)
 
-    def _context_for(self, effect: Effect) -> Context:
-        """Effects of the load are told from the rigid bodies' torque: friction would explain itself."""
-        if not effect.by_load:
-            return self.context
-        if "load" not in self._loaded:
-            base = self.context.baseline
-            self._loaded["load"] = Context(replace(base, total=base.rigid))
-        return self._loaded["load"]
+@dataclass(frozen=True, eq=False)
+class _Signals:
+    """What an effect adds to the torques, on its way to the rows.
 
-    def _rows(self, shape: Shape) -> dict[int, Array]:
-        samples = self.context.baseline.samples
-        blocks = shape.columns or {j: values[:, None] for j, values in shape.offset.items()}
-        keys = [j for j in sorted(blocks) if blocks[j].any()]
-        if not keys:
-            return {}
-        width = blocks[keys[0]].shape[1]
-        rows = samples.rows(np.concatenate([blocks[j] for j in keys], axis=1))
-        return {j: rows[:, k * width : (k + 1) * width] * self.weight[j][:, None] for k, j in enumerate(keys)}
+    Attributes:
+        effect: the effect.
+        location: its place.
+        theta: non-linear parameters.
+        context: predictions at which it was made.
+        known: whether its size is.
+        felt: indices of the joints' rows that feel it.
+        values: ``(n_samples, n_felt·n_linear)`` at full rate, joint by joint.
+    """
+
+    effect: Effect
+    location: str
+    theta: Theta
+    context: Context
+    known: bool
+    felt: list[int]
+    values: Array

@@ -129,8 +129,8 @@ class Moved:
             full = full.with_signs(signs, lead)
             own = list(rows.own)
             for j in turned:
-                made = own_rows(full.samples, own_terms(self.library.modelled), j, [signs[j]])[0]
-                own[j] = made * full.strict[j][:, None]
+                drive = own_rows(full.samples, own_terms(self.library.modelled), j, [signs[j]])[0]
+                own[j] = drive * full.strict[j][:, None]
             rows = replace(rows, own=tuple(own))
             begun = {t.key: t for t in self.library.begun(TermMaker(Context(full), full.strict))}
         for k, term in enumerate(terms):

@@ -26,21 +26,21 @@ _REACH = 0.6
 
 def link_columns(context: Context, joint: int) -> Array:
     """Torques per unit of the ten inertial parameters of the body after a joint, ``(n, n_joints, 10)``."""
-    key, kept = (-1, "regressor"), context.baseline.derived.values
+    s = context.baseline.samples
+    key, kept = "regressor", s.kept
     if key not in kept:
-        s = context.baseline.samples
         motion = (s.stacked(name) for name in ("q", "v", "a"))
         kept[key] = s.of_joints(joint_torque_regressor(s.robot.model, *motion))
-    return kept[key][:, :, 10 * (joint - 1) : 10 * joint]
+    return np.asarray(kept[key][:, :, 10 * (joint - 1) : 10 * joint])
 
 
 def _power(context: Context, joint: int) -> Array:
     """Products of these columns with each other, over all samples and joints, ``(10, 10)``."""
-    key, kept = (joint, "power of a body"), context.baseline.derived.values
+    key, kept = ("power of a body", joint), context.baseline.samples.kept
     if key not in kept:
         columns = link_columns(context, joint).reshape(-1, 10)
         kept[key] = columns.T @ columns
-    return kept[key]
+    return np.asarray(kept[key])
 
 
 class Payload(Effect):

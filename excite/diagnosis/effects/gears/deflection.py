@@ -10,6 +10,11 @@ from excite.lazy_kernel import LazyKernel
 
 # No gear gives way further [rad].
 _FURTHEST = 1.0
+# Trials that go side by side: the processor works on several at a time, where one would wait for itself. Of 4, 8 and
+# 16 lanes on an AVX-512 machine, 8 take .48 of the time of one after the other for 8 trials, .74 for 4 and 1.5 for 1.
+LANES = 8
+# What is known of each lane, one after the other in one array: the compiler then sees that they are apart.
+_X, _S, _MEAN, _NOW, _THEN, _INERTIA, _TURN, _DRAG, _BEND, _TWIST = range(10)
 
 
 @LazyKernel
@@ -29,54 +34,89 @@ def deflect(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
     Returns δ, δ̇, δ̈ as the rows of ``(3, n)``.
     """
     load, stiffness, gap, cubic = behind.load, gear.stiffness, gear.gap, gear.cubic
-    n = len(load)
-    out = np.empty((3, n))
+    out = np.empty((3, len(load)))
     first, lengths = _trials(starts)
-    count, longest = len(first), 0
-    # All trials go side by side: the processor works on several, where one would wait for itself.
-    x, s, mean = np.empty(count), np.empty(count), np.empty(count)
-    now, then, m = np.empty(count), np.empty(count), np.empty(count)
-    turn, drag = np.empty(count), np.empty(count)
-    bend, twist = np.empty(count), np.empty(count)
-    for k in range(count):
-        now[k], longest = load[first[k]], max(longest, lengths[k])
-        # A load that falls as the link gives way softens the gear; it is not let carry all of it.
-        held = max(1.0 + behind.by_q[first[k]] / stiffness, 0.2)
-        x[k] = _settled(-now[k] / (stiffness * held), gap, cubic / held) + begin[k, 0]
-        s[k] = begin[k, 1]
-    h = dt / 4
-    for i in range(longest):
-        for k in range(count):
-            # A trial that has ended goes on under its last load, unrecorded.
-            here = first[k] + min(i, lengths[k] - 1)
-            if i < lengths[k]:
-                out[0, here], out[1, here] = x[k], s[k]
-            now[k], m[k], mean[k] = load[here], behind.inertia[here], 0.0
-            turn[k], drag[k] = behind.by_q[here], behind.by_v[here]
-            bend[k], twist[k] = behind.by_qq[here], behind.by_qv[here]
-            then[k] = load[first[k] + min(i + 1, lengths[k] - 1)]
-        for part in range(4):
-            share = (part + 0.5) / 4
-            for k in range(count):
-                held, kk, dd = _gear(x[k], s[k], gear)
-                held += (turn[k] + 0.5 * bend[k] * x[k]) * x[k]
-                kk += turn[k] + bend[k] * x[k] + twist[k] * s[k]
-                dd += drag[k] + twist[k] * x[k]
-                tau = now[k] * (1.0 - share) + then[k] * share
-                # The midpoint's spring and damper lose no energy of their own; those of the step's end are stable
-                # where contacts are stiff for it.
-                at = h if h * h * kk > 0.25 * m[k] else 0.5 * h
-                acc = -(tau + held + kk * at * s[k] + dd * s[k]) / (m[k] + at * dd + at * at * kk)
-                x[k] += h * (s[k] + at * acc)
-                s[k] += h * acc
-                mean[k] += acc / 4
-                # A gear softer than gravity pulls lets its link fall: no gear, but no number without end either.
-                if abs(x[k]) > _FURTHEST:
-                    x[k], s[k] = math.copysign(_FURTHEST, x[k]), 0.0
-        for k in range(count):
-            if i < lengths[k]:
-                out[2, first[k] + i] = mean[k]
+    flat = gear.soft == 0.0 and gear.depth == 0.0
+    room = np.empty(10 * LANES)
+    for group in range(0, len(first), LANES):
+        # Lanes that no trial is left for go through the last one again.
+        width, longest = min(LANES, len(first) - group), 0
+        for k in range(LANES):
+            trial = group + min(k, width - 1)
+            start, longest = first[trial], max(longest, lengths[trial])
+            # A load that falls as the link gives way softens the gear; it is not let carry all of it.
+            held = max(1.0 + behind.by_q[start] / stiffness, 0.2)
+            rest = _settled(-load[start] / (stiffness * held), gap, cubic / held)
+            room[_X * LANES + k], room[_S * LANES + k] = rest + begin[trial, 0], begin[trial, 1]
+        for i in range(longest):
+            for k in range(LANES):
+                trial = group + min(k, width - 1)
+                # A trial that has ended goes on under its last load, unrecorded.
+                last = lengths[trial] - 1
+                here = first[trial] + min(i, last)
+                if i <= last:
+                    out[0, here], out[1, here] = room[_X * LANES + k], room[_S * LANES + k]
+                room[_NOW * LANES + k], room[_THEN * LANES + k] = (
+                    load[here],
+                    load[first[trial] + min(i + 1, last)],
+                )
+                room[_INERTIA * LANES + k], room[_MEAN * LANES + k] = behind.inertia[here], 0.0
+                room[_TURN * LANES + k], room[_DRAG * LANES + k] = behind.by_q[here], behind.by_v[here]
+                room[_BEND * LANES + k], room[_TWIST * LANES + k] = behind.by_qq[here], behind.by_qv[here]
+            for part in range(4):
+                if flat:
+                    _flat_step(room, stiffness, gear.damping, gap, cubic, (part + 0.5) / 4, dt / 4)
+                else:
+                    _round_step(room, gear, (part + 0.5) / 4, dt / 4)
+            for k in range(width):
+                if i < lengths[group + k]:
+                    out[2, first[group + k] + i] = room[_MEAN * LANES + k]
     return out
+
+
+@LazyKernel
+def _flat_step(room, stiffness, damping, gap, cubic, share, h):  # pragma: no cover - compiled
+    """A quarter of a sample of all lanes, flanks flat: no branches, so that lanes go together."""
+    for k in range(LANES):
+        x, s = room[_X * LANES + k], room[_S * LANES + k]
+        beyond = (x - gap if x > gap else 0.0) + (x + gap if x + gap < 0.0 else 0.0)
+        grown = cubic * beyond * beyond
+        held, kk = stiffness * (1.0 + grown) * beyond, stiffness * (1.0 + 3.0 * grown)
+        apart = (beyond == 0.0) | ((gap > 0.0) & ((held + damping * s) * beyond < 0.0))
+        held, kk, dd = 0.0 if apart else held, 0.0 if apart else kk, 0.0 if apart else damping
+        _midpoint(room, k, held, kk, dd, share, h)
+
+
+@LazyKernel
+def _round_step(room, gear, share, h):  # pragma: no cover - compiled
+    """A quarter of a sample of all lanes, flanks soft or round."""
+    for k in range(LANES):
+        held, kk, dd = _gear(room[_X * LANES + k], room[_S * LANES + k], gear)
+        _midpoint(room, k, held, kk, dd, share, h)
+
+
+@LazyKernel
+def _midpoint(room, k, held, kk, dd, share, h):  # pragma: no cover - compiled
+    """A step of a lane whose gear holds ``held`` with a stiffness ``kk`` and a damping ``dd``."""
+    x, s, m = room[_X * LANES + k], room[_S * LANES + k], room[_INERTIA * LANES + k]
+    turn, drag = room[_TURN * LANES + k], room[_DRAG * LANES + k]
+    bend, twist = room[_BEND * LANES + k], room[_TWIST * LANES + k]
+    held += (turn + 0.5 * bend * x) * x
+    kk += turn + bend * x + twist * s
+    dd += drag + twist * x
+    tau = room[_NOW * LANES + k] * (1.0 - share) + room[_THEN * LANES + k] * share
+    # The midpoint's spring and damper lose no energy of their own; those of the step's end are stable where contacts
+    # are stiff for it.
+    at = h if h * h * kk > 0.25 * m else 0.5 * h
+    acc = -(tau + held + kk * at * s + dd * s) / (m + at * dd + at * at * kk)
+    x, s = x + h * (s + at * acc), s + h * acc
+    # A gear softer than gravity pulls lets its link fall: no gear, but no number without end either.
+    beyond = abs(x) > _FURTHEST
+    room[_X * LANES + k], room[_S * LANES + k] = (
+        math.copysign(_FURTHEST, x) if beyond else x,
+        0.0 if beyond else s,
+    )
+    room[_MEAN * LANES + k] += acc / 4
 
 
 @LazyKernel
