@@ -92,6 +92,7 @@ class Effect(ABC):
         by_load: whether it is a share of what the rigid bodies ask of its joint.
         patches: whether its shape bends to what the forms of others leave: it has to be a large part of a joint's gap.
         is_body: whether its linear parameters are the ten of a body.
+        by_motion: whether its columns follow the motion and the inertial parameters alone, whatever else is found.
         of_channel: whether it is of the torque channel alone: a log without one has none of it.
         twins_without_torque: other names that mean the same where only commands and positions are known.
         twins_of_a_gain: other names for what a servo's gain does that was estimated wrongly.
@@ -119,6 +120,7 @@ class Effect(ABC):
     by_load: ClassVar[bool] = False
     patches: ClassVar[bool] = False
     is_body: ClassVar[bool] = False
+    by_motion: ClassVar[bool] = False
     of_channel: ClassVar[bool] = False
     twins_without_torque: ClassVar[tuple[str, ...]] = ()
     twins_of_a_gain: ClassVar[tuple[str, ...]] = ()

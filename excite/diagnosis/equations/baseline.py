@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +25,13 @@ class Derived:
         trials: the motion.
         phi: the parameters.
         values: by row of the joint and name, full rate.
+        rows: by effect, place and non-linear parameters, what an effect that follows nothing else adds.
     """
 
     trials: tuple[ArmTrial, ...] = ()
     phi: Array | None = None
     values: dict[tuple[int, str], Array] = field(default_factory=dict)
+    rows: dict[Hashable, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

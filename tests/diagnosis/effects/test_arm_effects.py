@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import ClassVar
 
 import mujoco
@@ -31,6 +32,8 @@ from excite.diagnosis.effects.note import Beyond, JointStep, Note
 from excite.diagnosis.effects.readings.encoder_offset import EncoderOffset
 from excite.diagnosis.effects.readings.time_delay import TimeDelay
 from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.equations.baseline import Derived
+from excite.diagnosis.equations.friction_sign import SignChange
 from excite.diagnosis.servo.encoders import LoggedOffset
 from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
 from excite.diagnosis.simulator.found import Found
@@ -112,6 +115,32 @@ def test_columns_are_torques_of_joints_per_unit_of_its_parameters(name: str) -> 
         assert parameter.low <= t <= parameter.high
     estimates = effect.estimates(context, made.location, made.theta, made.fit)
     assert estimates and all(item.unit and np.isfinite(item.value) for item in estimates.values())
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_what_follows_the_motion_alone_is_the_same_whatever_else_was_found(name: str) -> None:
+    """Columns that are kept with a motion are not made again when friction, its lead, bodies or gains are found."""
+    made = case(FORMS[name])
+    base = made.context.baseline
+    more = 0.2 * base.rigid
+    other = replace(
+        base,
+        samples=base.samples.with_lead(0.004),
+        signs=tuple(SignChange(0.02, 1e-3) for _ in base.signs),
+        rigid=base.rigid + more,
+        added=base.added + more,
+        total=1.3 * base.total,
+    )
+    before = made.effect.shape(made.context, made.location, made.theta)
+    # Nothing that the first context has kept is found again.
+    object.__setattr__(other, "derived", Derived(base.samples.trials, base.phi))
+    after = made.effect.shape(Context(other), made.location, made.theta)
+    alike = all(
+        np.allclose(values, now[j], rtol=1e-6, atol=1e-9)
+        for values_of, now in ((before.columns, after.columns), (before.offset, after.offset))
+        for j, values in values_of.items()
+    )
+    assert alike or not made.effect.by_motion
 
 
 @pytest.mark.parametrize("name", FORMS)

@@ -13,6 +13,8 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
 from excite.logs.signals.sections import SIDE_BY_SIDE
 
+_Form = tuple[Effect, str, Theta]
+
 
 @dataclass(frozen=True, eq=False)
 class Term:
@@ -114,25 +116,35 @@ class TermMaker:
         self, effect: Effect, location: str, theta: Theta, kept: tuple[int, ...] | None = None
     ) -> Term | None:
         """The term; None where no joint feels it or it is not finite."""
-        if effect.is_body:
-            return self._term(*self._of_body(effect, location), kept)
-        signals = self._signals(effect, location, theta)
-        return self._term(signals, self._rows([signals])[0], kept)
+        form = effect, location, theta
+        return self._term(
+            *(self._kept(form) or self._filtered([self._signals(form)], keep=not theta)[0]), kept
+        )
 
-    def make_all(self, forms: Iterable[tuple[Effect, str, Theta]]) -> list[Term]:
+    def make_all(self, forms: Iterable[_Form]) -> list[Term]:
         """The terms of effects at places and non-linear parameters, without those that :meth:`make` makes none of.
 
-        Their columns go through the filter side by side.
+        Their columns go through the filter side by side; those of the motion alone are kept with it.
         """
-        made: list[Term | None] = []
-        waiting: list[_Signals] = []
-        for form in forms:
-            waiting.append(self._signals(*form))
-            if sum(signals.values.shape[1] for signals in waiting) >= SIDE_BY_SIDE:
-                made += map(self._term, waiting, self._rows(waiting))
-                waiting = []
-        made += map(self._term, waiting, self._rows(waiting))
-        return [term for term in made if term is not None]
+        made: dict[int, Term | None] = {}
+        waiting: dict[int, _Signals] = {}
+
+        def filtered() -> None:
+            rows = self._filtered(list(waiting.values()), keep=True)
+            made.update((k, self._term(*one)) for k, one in zip(waiting, rows, strict=True))
+            waiting.clear()
+
+        for k, form in enumerate(forms):
+            known = self._kept(form)
+            if known is not None:
+                made[k] = self._term(*known)
+                continue
+            signals = self._signals(form)
+            if sum(other.values.shape[1] for other in (*waiting.values(), signals)) > SIDE_BY_SIDE:
+                filtered()
+            waiting[k] = signals
+        filtered()
+        return [term for _, term in sorted(made.items()) if term is not None]
 
     def again(self, term: Term) -> Term | None:
         """A term made anew at these predictions."""
@@ -148,7 +160,8 @@ class TermMaker:
             self._loaded["load"] = Context(replace(base, total=base.rigid))
         return self._loaded["load"]
 
-    def _signals(self, effect: Effect, location: str, theta: Theta) -> _Signals:
+    def _signals(self, form: _Form) -> _Signals:
+        effect, location, theta = form
         context = self._context_for(effect)
         shape = effect.shape(context, location, theta)
         blocks = shape.columns or {j: values[:, None] for j, values in shape.offset.items()}
@@ -156,23 +169,25 @@ class TermMaker:
         values = np.concatenate([blocks[j] for j in felt], axis=1) if felt else np.zeros((0, 0))
         return _Signals(effect, location, theta, context, bool(shape.offset), felt, values)
 
-    def _of_body(self, effect: Effect, location: str) -> tuple[_Signals, Array]:
-        """Signals and rows of a body, which follow the motion alone and are kept with it."""
-        kept, key = self.context.baseline.samples.kept, (effect.name, location)
-        if key not in kept:
-            signals = self._signals(effect, location, ())
-            kept[key] = replace(signals, values=signals.values[:0]), self._rows([signals])[0]
-        signals, rows = kept[key]
-        return replace(signals, context=self.context), rows
+    def _kept(self, form: _Form) -> tuple[_Signals, Array] | None:
+        """Signals and rows of the motion alone that were made before, whatever else has been found since."""
+        signals, rows = self.context.baseline.derived.rows.get((type(form[0]), *form[1:]), (None, None))
+        return None if signals is None else (replace(signals, context=self.context), rows)
 
-    def _rows(self, several: Sequence[_Signals]) -> list[Array]:
-        """What the filter makes of signals, ``(n_rows, n)`` each."""
+    def _filtered(self, several: Sequence[_Signals], *, keep: bool) -> list[tuple[_Signals, Array]]:
+        """Signals with what the filter makes of them, ``(n_rows, n)`` each; ``keep`` those of the motion alone."""
         filled = [signals.values for signals in several if signals.felt]
         if not filled:
-            return [np.zeros((0, 0)) for _ in several]
-        rows = self.context.baseline.samples.rows(np.concatenate(filled, axis=1))
+            return [(signals, np.zeros((0, 0))) for signals in several]
+        together = self.context.baseline.samples.rows(np.concatenate(filled, axis=1))
         ends = np.cumsum([signals.values.shape[1] for signals in several])
-        return np.split(rows, ends[:-1], axis=1)
+        made = list(zip(several, np.split(together, ends[:-1], axis=1), strict=True))
+        for signals, rows in made if keep else ():
+            if signals.effect.by_motion:
+                key = type(signals.effect), signals.location, signals.theta
+                bare = replace(signals, values=signals.values[:0])
+                self.context.baseline.derived.rows[key] = bare, rows.copy()
+        return made
 
     def _term(self, signals: _Signals, rows: Array, kept: tuple[int, ...] | None = None) -> Term | None:
         effect, location, theta, context = signals.effect, signals.location, signals.theta, signals.context

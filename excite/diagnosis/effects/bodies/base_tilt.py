@@ -54,6 +54,7 @@ class BaseTilt(Effect):
     separating_motion = "a wide range of joint 1; the arm on a base that is turned"
     mujoco = "option gravity"
     moves = True
+    by_motion = True
     note = Wave
 
     @property

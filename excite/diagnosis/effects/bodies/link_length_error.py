@@ -21,6 +21,7 @@ class LinkLengthError(Effect):
     separating_motion = "fast motion of the joints before it, in several postures"
     mujoco = "body pos"
     moves = True
+    by_motion = True
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         # Free inertial parameters take up nearly all of it.

@@ -62,6 +62,7 @@ class Payload(Effect):
     separating_motion = "the same motion without the load; wide wrist motion for the place"
     mujoco = "body mass, pos and inertia"
     moves = True
+    by_motion = True
     is_body = True
 
     def offered(self, modelled: tuple[str, ...]) -> bool:

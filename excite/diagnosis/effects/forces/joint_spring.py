@@ -69,6 +69,7 @@ class JointSpring(Effect):
     confusable_with = ("torque_bias", "encoder_offset", "base_tilt")
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
     mujoco = "joint stiffness and springref; with slack, a tendon of that joint alone"
+    by_motion = True
     note = Spring
     spans: ClassVar[tuple[str, ...]] = ("q", "1")
 
@@ -169,6 +170,7 @@ class HardeningSpring(JointSpring):
 class RubbingSpring(HardeningSpring):
     """The same with a dry rubbing that builds up over a deflection."""
 
+    by_motion = False
     linear = (*HardeningSpring.linear, Parameter("rubbing", "N·m"))
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("breakaway", "rad", 1e-3, 0.3),)
 

@@ -26,6 +26,7 @@ class OneSided(Effect):
 
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("stiffness", "N·m/rad", 0.0),)
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("depth", "rad", 1e-3, 12.0),)
+    by_motion = True
     side: ClassVar[float] = 1.0
     first: ClassVar[tuple[float, ...]] = ()
     within: ClassVar[tuple[float, float]] = (0.0, 1.0)

@@ -60,6 +60,7 @@ class TorqueRipple(Effect):
     confusable_with = ("joint_spring",)
     separating_motion = "a slow sweep of the joint at constant speed"
     mujoco = "none of its own: a control callback"
+    by_motion = True
     note = Wave
 
     @property
@@ -115,6 +116,7 @@ def _projections(periods: Array, q: Array, residual: Array) -> Array:
 class RippleHarmonics(TorqueRipple):
     """The same with a second harmonic, and an amplitude that grows with the load on the gear."""
 
+    by_motion = False
     linear = (
         *TorqueRipple.linear,
         *(Parameter(name, "N·m") for name in ("cosine_2", "sine_2")),

@@ -18,6 +18,7 @@ class ViscousFriction(Effect):
     confusable_with = ("coulomb_friction", "actuator_lag")
     separating_motion = "constant speeds from slow to fast, both ways"
     mujoco = "joint damping"
+    by_motion = True
     term = VISCOUS
     twins_of_a_gain = ("torque_gain",)
 

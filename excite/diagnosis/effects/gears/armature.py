@@ -18,6 +18,7 @@ class Armature(Effect):
     confusable_with = ("link_inertia", "payload", "joint_elasticity")
     separating_motion = "fast motion of that joint in two postures with different link inertia"
     mujoco = "joint armature"
+    by_motion = True
     term = ARMATURE
     twins_of_a_gain = ("torque_gain",)
 

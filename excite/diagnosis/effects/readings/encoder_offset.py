@@ -52,6 +52,7 @@ class EncoderOffset(Effect):
     separating_motion = "elbow up and elbow down"
     mujoco = "joint ref"
     moves = True
+    by_motion = True
     note = LoggedAlone
 
     def grid(self, context: Context, location: str) -> list[Theta]:

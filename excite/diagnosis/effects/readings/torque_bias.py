@@ -26,6 +26,7 @@ class TorqueBias(Effect):
     confusable_with = ("coulomb_asymmetry", "encoder_offset", "base_tilt", "joint_spring")
     separating_motion = "a reading at zero torque"
     mujoco = "added to the actuator's force"
+    by_motion = True
     term = CONSTANT
     spans = ("1",)
 
