@@ -39,7 +39,7 @@ class Simulator:
         self._qpos = np.array([self.model.joint(name).qposadr[0] for name in joints])
         self._dof = np.array([self.model.joint(name).dofadr[0] for name in joints])
         self._motor = np.array([self.model.actuator(name).id for name in joints])
-        self._friction = self.model.dof_frictionloss.copy()
+        self._constant: list[float] = self.model.dof_frictionloss[self._dof].tolist()
         self._damping = self.model.dof_damping.copy()
         # MuJoCo's own arrays: asking for them at every step would take as long as the step.
         self._levels, self._dampings = self.model.dof_frictionloss, self.model.dof_damping
@@ -80,45 +80,57 @@ class Simulator:
         filtered, lagged = self._filtered(window, drive, delay)
         if model.na:
             data.act[:] = lagged[: model.na]
-        # Damping by the servo is part of the implicit step where no lag stands between it and the joint.
-        implicit = isinstance(drive, PositionServo) and model.na == 0
-        added = np.zeros(model.nv)
-        if isinstance(drive, PositionServo) and implicit:
-            added[self._dof] = drive.kd * model.actuator_gainprm[self._motor, 0]
-            drive = replace(drive, undamped=True)
-        held = self._damping + added
+        drive, held = self._damped(drive)
         model.dof_damping[:] = held
         share = _share(model.opt.timestep, self._before)
         with without_log_file():
             offered = drive.offers(window.time + delay)
-            if isinstance(drive, LoggedTorque) and not self._stepwise:
-                return self._open_loop(window, offered, filtered, share, keep)
+            known = self._controls(offered, filtered, share) if isinstance(drive, LoggedTorque) else None
+            if known is not None and not self._stepwise:
+                return self._open_loop(window, known, keep)
             kept, positions, velocities = [window.q], data.qpos, data.qvel
-            for step, time in enumerate(window.time):
-                q, v = positions[self._qpos], velocities[self._dof]
-                asked = drive.answer(offered[step], q - self._logged, v)
-                filtered = filtered + share * (asked - filtered)
-                data.ctrl[self._motor] = filtered
+            for step, elapsed in enumerate((window.time - window.time[0]).tolist()):
+                if known is None:
+                    answer = drive.answer(
+                        offered[step], positions[self._qpos] - self._logged, velocities[self._dof]
+                    )
+                    filtered = filtered + share * (answer - filtered)
+                    data.ctrl[self._motor] = filtered
+                else:
+                    data.ctrl[:] = known[step]
                 if self._stepwise:
-                    self._apply(q, v, window, float(time - window.time[0]), held)
+                    self._apply(window, elapsed, held)
                 mujoco.mj_step(model, data)
                 if self._dry.bristles:
-                    self._dry.move(velocities[self._dof], model.opt.timestep)
+                    self._dry.move(velocities[self._dof].tolist(), model.opt.timestep)
                 if (step + 1) % keep == 0:
                     kept.append(positions[self._qpos])
         if diverged(data):
             kept[-1] = np.full(len(self.joints), np.nan)
         return np.array(kept)
 
-    def _open_loop(self, window: Window, torques: Array, filtered: Array, share: float, keep: int) -> Array:
-        """:meth:`run` where nothing has to be looked at on the way: all steps at once."""
-        import mujoco
-        from mujoco.rollout import rollout
+    def _damped(self, drive: Drive) -> tuple[Drive, Array]:
+        """A drive without the damping that the implicit step may do for it, and the damping of that step, ``(nv,)``."""
+        # Behind a lag the servo damps late: that is no part of the implicit step.
+        if not isinstance(drive, PositionServo) or self.model.na:
+            return drive, self._damping
+        held = self._damping.copy()
+        held[self._dof] += drive.kd * self.model.actuator_gainprm[self._motor, 0]
+        return replace(drive, undamped=True), held
 
+    def _controls(self, torques: Array, filtered: Array, share: float) -> Array:
+        """What the motors are told at every step where nothing is fed back, ``(n_steps, nu)``."""
         control = np.zeros((len(torques), self.model.nu))
         for k, torque in enumerate(torques):
             filtered = filtered + share * (torque - filtered)
             control[k, self._motor] = filtered
+        return control
+
+    def _open_loop(self, window: Window, control: Array, keep: int) -> Array:
+        """:meth:`run` where nothing has to be looked at on the way: all steps at once."""
+        import mujoco
+        from mujoco.rollout import rollout
+
         whole = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty(mujoco.mj_stateSize(self.model, whole))
         mujoco.mj_getState(self.model, self.data, start, whole)
@@ -156,27 +168,26 @@ class Simulator:
             angle, speed = window.deflected.get(self.joints[j], (resting, 0.0))
             self.data.qpos[joint.qposadr[0]], self.data.qvel[joint.dofadr[0]] = angle, speed
 
-    def _apply(self, q: Array, v: Array, window: Window, elapsed: float, held: Array) -> None:
+    def _apply(self, window: Window, elapsed: float, held: Array) -> None:
         """Set friction and torques of the coming step; ``held`` is the damping that does not change."""
-        dof, bent = self._dof, np.zeros(len(self.joints))
+        dof, bent = self._dof, dict.fromkeys(self._asked, 0.0)
         trial_s, session_s = float(window.time[0]) + elapsed, window.session_s + elapsed
         # Numbers of a list are reckoned with sooner than those of an array.
-        positions, speeds = q.tolist(), v.tolist()
+        positions, speeds = self.data.qpos[self._qpos].tolist(), self.data.qvel[dof].tolist()
         self._borne = None
         for j in self._asked:
             step = self._steps[j]
             step.q, step.v, step.trial_s, step.session_s = positions[j], speeds[j], trial_s, session_s
-        if self._dry.acts:
-            level, viscous = self._dry.levels(self._friction[dof])
-            bent, stiff = self._dry.bent(level, v, self.model.opt.timestep)
-            self._levels[dof] = level
-            self._dampings[:] = held
-            self._dampings[dof] += viscous + stiff
+        for rubbing in self._dry.acting(self._constant, speeds, self.model.opt.timestep):
+            j = rubbing.joint
+            self._levels[dof[j]] = rubbing.level
+            self._dampings[dof[j]] = held[dof[j]] + rubbing.damping
+            bent[j] = rubbing.force
         # What gears carry is asked for on the way: the last step's torques stay until all notes have spoken.
         for j, note in self._notes:
             bent[j] += note.torque(self._steps[j])
-        self._applied[:] = 0.0
-        self._applied[dof] = bent
+        for j, torque in bent.items():
+            self._applied[dof[j]] = torque
 
     def _carried_by(self, j: int) -> float:
         # All notes of a step ask for the last one's torques.

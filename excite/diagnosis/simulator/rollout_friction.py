@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from excite.arrays import Array
 from excite.diagnosis.effects.bristle import Bristle
 from excite.diagnosis.effects.note import JointStep, Note
 from excite.diagnosis.simulator.rollout_drives import Window
@@ -30,12 +30,29 @@ class _Part:
     held: float = 0.0
 
 
+class Rubbing(NamedTuple):
+    """Friction of a joint over a step.
+
+    Attributes:
+        joint: index of the joint.
+        level: dry friction that no bristles hold [N·m].
+        damping: viscous friction and damping of bristles, beside the joint's constant damping [N·m·s/rad].
+        force: torque of bristles [N·m].
+    """
+
+    joint: int
+    level: float
+    damping: float
+    force: float
+
+
 class JointFriction:
     """Friction levels of all joints at every step, and the bristles of those that have some.
 
+    Numbers, not arrays: a joint or two have some, and a step of the simulation takes a few microseconds.
+
     Attributes:
         bristles: by joint, those of all joints.
-        acts: whether anything changes from step to step.
     """
 
     def __init__(self, notes: Sequence[tuple[int, Note]], steps: Sequence[JointStep]):
@@ -60,9 +77,11 @@ class JointFriction:
                 self._whole[part.joint].static = part.note.static
         for j in self._whole:
             steps[j].bends = True
-        self._own = [(part, part.bristle) for part in self._parts if part.bristle is not None]
-        self.bristles = (*self._whole.items(), *((part.joint, bristle) for part, bristle in self._own))
-        self.acts = bool(self._parts)
+        own = ((part.joint, part.bristle) for part in self._parts if part.bristle is not None)
+        self.bristles = (*self._whole.items(), *own)
+        self._by_joint: dict[int, list[_Part]] = {}
+        for part in self._parts:
+            self._by_joint.setdefault(part.joint, []).append(part)
 
     def start(self, window: Window) -> None:
         """Begin a window, bristles bent as the record before it did."""
@@ -73,35 +92,34 @@ class JointFriction:
             else:
                 bristle.start(np.ascontiguousarray(past.v[:, j]), float(past.time[1] - past.time[0]))
 
-    def levels(self, level: Array) -> tuple[Array, Array]:
-        """Coulomb levels and added viscous friction of all joints, ``(n_joints,)`` each, from constant levels."""
-        level, viscous = level.copy(), np.zeros(len(level))
-        for part in self._parts:
-            j = part.joint
-            if part.bristle is not None:
-                part.held = part.note.held(float(level[j]))
-            level[j], more = part.note.friction(level[j], self._steps[j])
-            viscous[j] += more
-        return np.maximum(level, 0.0), viscous
+    def acting(self, level: Sequence[float], v: Sequence[float], step: float) -> Iterator[Rubbing]:
+        """What rubs at each joint that a note is about, over the coming step.
 
-    def bent(self, level: Array, v: Array, step: float) -> tuple[Array, Array]:
-        """Torque and damping of all bristles; levels that they take over are taken off ``level`` in place."""
-        force, damping = np.zeros(len(level)), np.zeros(len(level))
-        if not self.bristles:
-            return force, damping
-        parts = [(j, b, level[j]) for j, b in self._whole.items()]
-        for j in self._whole:
-            level[j] = 0.0
-        parts += [(part.joint, bristle, part.held) for part, bristle in self._own]
-        speeds = v.tolist()
-        for j, bristle, size in parts:
-            f, d = bristle.force(max(float(size), 0.0), speeds[j], step)
-            force[j] += f
-            damping[j] += d
-        return force, damping
+        Args:
+            level: constant levels of dry friction of all joints [N·m].
+            v: their speeds [rad/s].
+            step: length of the step [s].
+        """
+        for j, parts in self._by_joint.items():
+            here, viscous = level[j], 0.0
+            for part in parts:
+                if part.bristle is not None:
+                    part.held = part.note.held(here)
+                here, more = part.note.friction(here, self._steps[j])
+                viscous += more
+            here = max(here, 0.0)
+            force = damping = 0.0
+            whole = self._whole.get(j)
+            if whole is not None:
+                force, damping = whole.force(here, v[j], step)
+                here = 0.0
+            for part in parts:
+                if part.bristle is not None:
+                    f, d = part.bristle.force(max(part.held, 0.0), v[j], step)
+                    force, damping = force + f, damping + d
+            yield Rubbing(j, here, viscous + damping, force)
 
-    def move(self, v: Array, step: float) -> None:
-        """Bend all bristles by the step that was made."""
-        speeds = v.tolist()
+    def move(self, v: Sequence[float], step: float) -> None:
+        """Bend all bristles by the step that was made at speeds of all joints [rad/s]."""
         for j, bristle in self.bristles:
-            bristle.move(speeds[j], step)
+            bristle.move(v[j], step)
