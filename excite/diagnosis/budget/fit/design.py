@@ -90,15 +90,21 @@ class Design:
         n_shared = self.rows.shared.shape[2]
         for j in range(self.rows.n_joints):
             parts, at = [self.rows.shared[j], self.rows.own[j]], n_shared + self.rows.own[j].shape[1]
+            begin = [0, n_shared]
             for k, term in enumerate(self.terms):
                 block = term.columns.get(j)
                 if block is None:
                     continue
                 self.place[k][j] = np.arange(at, at + block.shape[1])
                 parts.append(block)
+                begin.append(at)
                 at += block.shape[1]
             # By columns: models take some of them.
-            self.matrices.append(np.asfortranarray(np.column_stack([*parts, self.rows.y[j]])))
+            matrix = np.empty((self.rows.y.shape[1], at + 1), order="F")
+            for first, part in zip(begin, parts, strict=True):
+                matrix[:, first : first + part.shape[1]] = part
+            matrix[:, at] = self.rows.y[j]
+            self.matrices.append(matrix)
         self.fitted = self._grams(self.rows.block)
 
     @cached_property
@@ -134,7 +140,7 @@ class Design:
     def _grams(self, block: NDArray[np.int64]) -> Grams:
         n = int(block.max()) + 1
         members = [np.flatnonzero(block == b) for b in range(n)]
-        made = [np.stack([m[rows].T @ m[rows] for rows in members]) for m in self.matrices]
+        made = [np.stack([part.T @ part for part in (m[rows] for rows in members)]) for m in self.matrices]
         count = np.array([len(rows) for rows in members], dtype=float)
         return Grams(tuple(made), count, tuple(g.sum(axis=0) for g in made))
 

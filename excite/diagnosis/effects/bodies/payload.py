@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
@@ -32,6 +33,15 @@ def link_columns(context: Context, joint: int) -> Array:
         motion = (s.stacked(name) for name in ("q", "v", "a"))
         kept[key] = s.of_joints(joint_torque_regressor(s.robot.model, *motion))
     return np.asarray(kept[key][:, :, 10 * (joint - 1) : 10 * joint])
+
+
+def _felt(context: Context, joint: int) -> NDArray[np.bool_]:
+    """Which joints feel which of these parameters, ``(n_joints, 10)``."""
+    kept = context.baseline.samples.kept
+    key = "felt of a body", joint
+    if key not in kept:
+        kept[key] = np.abs(link_columns(context, joint)).max(axis=0) > 1e-12
+    return np.asarray(kept[key])
 
 
 def _power(context: Context, joint: int) -> Array:
@@ -73,9 +83,9 @@ class Payload(Effect):
         return tuple(carried_link(model, k) for k in range(1, model.njoints))
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        columns = link_columns(context, self.locations(context).index(location) + 1)
-        used = np.abs(columns).max(axis=0) > 1e-12
-        return Shape({j: columns[:, j] for j in range(columns.shape[1]) if used[j].any()})
+        joint = self.locations(context).index(location) + 1
+        columns, felt = link_columns(context, joint), _felt(context, joint)
+        return Shape({j: columns[:, j] for j in range(columns.shape[1]) if felt[j].any()})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Whether it has weight: one that has inertia alone is a rotor that the model lacks."""
@@ -109,8 +119,7 @@ class Payload(Effect):
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """What the joints feel of the body; where they do not feel its mass, its first moment comes first."""
         found = super().estimates(context, location, theta, fit)
-        columns = link_columns(context, self.locations(context).index(location) + 1)
-        felt = np.abs(columns).max(axis=(0, 1)) > 1e-12
+        felt = np.any(_felt(context, self.locations(context).index(location) + 1), axis=0)
         shown = {name: item for (name, item), here in zip(found.items(), felt, strict=True) if here}
         if felt[0] or not felt[1:4].any():
             return shown
