@@ -33,10 +33,8 @@ def test_a_body_without_weight_is_a_rotor_that_the_model_lacks(modelled: tuple[s
     robot = load_robot("panda")
     rng = np.random.default_rng(0)
     motion = {name: rng.normal(size=(50, robot.n_joints)) for name in ("q", "v", "a")}
-    samples = SimpleNamespace(robot=robot, stacked=motion.get, of_joints=lambda values: values)
-    context = SimpleNamespace(
-        baseline=SimpleNamespace(modelled=modelled, samples=samples, derived=SimpleNamespace(values={}))
-    )
+    samples = SimpleNamespace(robot=robot, stacked=motion.get, of_joints=lambda values: values, kept={})
+    context = SimpleNamespace(baseline=SimpleNamespace(modelled=modelled, samples=samples))
     link = Payload().locations(context)[1]
     flywheel = 0.5 * np.eye(10)[9]
     assert Payload().admissible(context, link, (), flywheel) is may

@@ -11,7 +11,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.effects.form import Form, Sizes, Told
 from excite.diagnosis.effects.note import Beyond, Note, Noted
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
@@ -52,19 +52,6 @@ class Shape:
 
     columns: dict[int, Array] = field(default_factory=dict)
     offset: dict[int, Array] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class Told:
-    """What a record tells of an effect's own state, for roll-outs that begin within it, one array a trial.
-
-    Attributes:
-        growth: how far friction that drifts has come, ``(n,)``.
-        deflection: deflection of a gear [rad] and its speed [rad/s], ``(n, 2)``.
-    """
-
-    growth: list[Array] | None = None
-    deflection: list[Array] | None = None
 
 
 class Effect(ABC):

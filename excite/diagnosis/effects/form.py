@@ -90,3 +90,16 @@ class Form:
     finish: Change | None = None
     notes: tuple[Noted, ...] = field(default=())
     absent: Beyond | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What a record tells of an effect's own state, for roll-outs that begin within it, one array a trial.
+
+    Attributes:
+        growth: how far friction that drifts has come, ``(n,)``.
+        deflection: deflection of a gear [rad] and its speed [rad/s], ``(n, 2)``.
+    """
+
+    growth: list[Array] | None = None
+    deflection: list[Array] | None = None

@@ -9,7 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.attribution.attribution import Attribution, Scored
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.effect import Told
+from excite.diagnosis.effects.form import Told
 from excite.diagnosis.simulator.found import Found
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta, Told
-from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes, Told
 from excite.diagnosis.effects.note import Beyond, JointStep, Note
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import COULOMB, VISCOUS, coulomb_level

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from excite.arrays import Array
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.effect import Effect, Shape, Theta, Told
-from excite.diagnosis.effects.form import DEFLECTION, Draft
+from excite.diagnosis.effects.effect import Effect, Shape, Theta
+from excite.diagnosis.effects.form import DEFLECTION, Draft, Told
 from excite.diagnosis.effects.gears.deflection import deflect
 from excite.diagnosis.effects.gears.gear import Behind, Gear
 from excite.diagnosis.effects.gears.gear_start import first_states
