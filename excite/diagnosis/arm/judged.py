@@ -78,7 +78,7 @@ def judged_record(record: TorqueRecord) -> Judged:
     together = unison(full)
     # On one path any list of effects could stand for any other.
     effects = record.effects if together is None else _own_terms(record.effects)
-    found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least)
+    found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least, sigma)
     budget = budget_of(found, spectral, scale)
     model, context = found.search.model, found.prediction.context
     said = (*(() if together is None else (together,)), *other_machine(model))

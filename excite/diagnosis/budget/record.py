@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import bodies_again, bodies_at
 from excite.diagnosis.budget.evidence import LARGE
@@ -14,6 +16,7 @@ from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.likely import likely_beside
 from excite.diagnosis.budget.merge import merge
+from excite.diagnosis.budget.polish.errors_in_variables import without_noise
 from excite.diagnosis.budget.polish.polisher import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import refined_terms
@@ -56,6 +59,7 @@ def model_of_gap(
     modelled: tuple[str, ...],
     effects: tuple[Effect, ...],
     floor: Array,
+    sigma: Array | None = None,
 ) -> Found:
     """Search for the model of a record's gap.
 
@@ -64,6 +68,7 @@ def model_of_gap(
         modelled: words of ``modelled``.
         effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
+        sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad]; None for none.
     """
     library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
     maker = TermMaker(Context(full), full.strict)
@@ -96,6 +101,8 @@ def model_of_gap(
             again = library.candidates(TermMaker(loads, full.strict))
             candidates = [term for term in again if term.key in told]
     last, full = _settled(full, search, kept, near, library)
+    if sigma is not None:
+        without_noise(last, full, sigma, np.random.default_rng(0))
     return Found(last, full, predicted(full, last.model), likely)
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.known_motion import noise_density
 from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass
-from excite.logs.signals.differentiate import central_differences
+from excite.logs.signals.differentiate import Derivatives, central_differences
 from excite.regressor.kernels import inverse_dynamics
 from excite.rows.kinematics import positions_on_grid, trial_grid
 
@@ -46,9 +48,7 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
     terms = own_terms(baseline.modelled)
     parts = []
     for trial in samples.trials:
-        e = np.zeros_like(trial.q)
-        e[:, index] = sigma * rng.standard_normal((len(trial.q), len(index)))
-        d = central_differences(lowpass(e, samples.rate_hz, samples.bands.kinematics_hz), samples.rate_hz)
+        d = _drawn(samples, trial, sigma, rng)
         model = samples.robot.model
         moved = inverse_dynamics(model, trial.q, trial.v, trial.a + d.second, baseline.phi)
         change = (moved - inverse_dynamics(model, trial.q, trial.v, trial.a, baseline.phi))[:, index]
@@ -62,3 +62,25 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
                 change[:, j] += own.get(COULOMB, 0.0) * (np.tanh((v + rate) / width) - np.tanh(v / width))
         parts.append(change)
     return samples.rows(parts).T
+
+
+def noisy_motion(samples: ArmSamples, sigma: Array, rng: np.random.Generator) -> ArmSamples:
+    """The samples with as much noise again in their positions, and what the filter and differences make of it.
+
+    Args:
+        samples: the samples.
+        sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
+        rng: source of the noise.
+    """
+    trials = []
+    for trial in samples.trials:
+        d = _drawn(samples, trial, sigma, rng)
+        trials.append(replace(trial, q=trial.q + d.value, v=trial.v + d.first, a=trial.a + d.second))
+    return replace(samples, trials=tuple(trials))
+
+
+def _drawn(samples: ArmSamples, trial: ArmTrial, sigma: Array, rng: np.random.Generator) -> Derivatives:
+    """White noise of a trial's positions on its way through the filter and the differences."""
+    e, index = np.zeros_like(trial.v), list(samples.index)
+    e[:, index] = sigma * rng.standard_normal((len(e), len(index)))
+    return central_differences(lowpass(e, samples.rate_hz, samples.bands.kinematics_hz), samples.rate_hz)

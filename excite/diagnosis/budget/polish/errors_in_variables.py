@@ -1,0 +1,108 @@
+"""Terms that only damp the noise of the measured motion, taken out again.
+
+Predicted torques follow measured positions, and so does what a term makes of them: both have the same noise. A term
+that damps its own motion where noise is strong, a soft gear or a body that takes inertia away, then predicts torques
+better without being there: the attenuation of errors in variables (Carroll et al. 2006, chapter 3). With the motion
+moved by as much noise again and all parameters held, what a model leaves grows by the part that is noise's; by as much
+less as it grows with a term than without, the term has gained nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.budget.evidence import merit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.terms import Term
+from excite.diagnosis.budget.prediction import predicted, torque_of
+from excite.diagnosis.budget.search import Search
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.kinematic_noise import noisy_motion
+from excite.diagnosis.equations.own_columns import own_signals, own_terms
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.regressor.kernels import inverse_dynamics
+
+# Standard deviations that noise may stray by.
+_DEVIATIONS = 2.0
+
+
+def without_noise(search: Search, full: Baseline, sigma: Array, rng: np.random.Generator) -> None:
+    """Drop the terms of a search's model whose gain is not worth its price once that from noise is taken off.
+
+    Args:
+        search: settled; the weakest of its terms are judged first.
+        full: what every model begins with, fitted.
+        sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
+        rng: source of the noise.
+    """
+    moved = noisy_motion(full.samples, sigma, rng)
+    for k in sorted(search.model.chosen, key=search.model.taken_by):
+        term = search.design.terms[k]
+        if term.started or term.effect.timing:
+            continue
+        others = [i for i in search.model.chosen if i != k]
+        without = fit(search.design, others, search.model.weight)
+        noise = _likely(_noise(full, without, moved) - _noise(full, search.model, moved))
+        if not merit(_quieter(without, search.model, noise), search.model, term, search.candidates).passes:
+            search.model = without
+            search.merits.pop(k, None)
+            search.rivals.pop(k, None)
+
+
+def _likely(drawn: Array) -> Array:
+    """What noise may well have changed in all blocks, ``(n_joints,)``, from one draw by block ``(n_blocks, n_joints)``.
+
+    The record's own noise strays from the mean as far as the drawn noise does: two standard deviations of both.
+    """
+    return np.asarray(drawn.sum(axis=0) + _DEVIATIONS * np.sqrt(2.0 * len(drawn)) * drawn.std(axis=0))
+
+
+def _quieter(without: Model, with_it: Model, noise: Array) -> Model:
+    """A model less what another leaves less of noise alone, ``(n_joints,)``; no better than that one becomes of it."""
+    share = without.design.fitted.count / without.design.fitted.count.sum()
+    least = np.minimum(without.predicted, with_it.predicted)
+    return replace(
+        without, predicted=np.maximum(without.predicted - share[:, None] * np.maximum(noise, 0.0), least)
+    )
+
+
+def _noise(full: Baseline, model: Model, moved: ArmSamples) -> Array:
+    """Sums of squares of what noise changes in a model's predictions, ``(n_blocks, n_joints)``."""
+    base = predicted(full, model).baseline
+    rigid, own = _change(base, moved)
+    change = rigid + own
+    for k in model.chosen:
+        term = model.design.terms[k]
+        if not term.started and not term.effect.timing:
+            x = model.parameters(k)
+            change = change + torque_of(_in(term, moved), x) - torque_of(term, x)
+    power, block = (full.samples.rows(change).T * full.strict) ** 2, model.design.rows.block
+    return np.array([power[:, block == b].sum(axis=1) for b in range(int(block.max()) + 1)])
+
+
+def _change(base: Baseline, moved: ArmSamples) -> tuple[Array, Array]:
+    """What a moved motion changes in the torques of rigid bodies and of drives, ``(n_samples, n_joints)`` each."""
+    terms, model, still = own_terms(base.modelled), moved.robot.model, base.samples
+    here, there = (
+        s.of_joints(inverse_dynamics(model, s.stacked("q"), s.stacked("v"), s.stacked("a"), base.phi))
+        for s in (still, moved)
+    )
+    led = moved.with_lead(still.lead)
+    own = [
+        (own_signals(led, terms, j, sign) - own_signals(still, terms, j, sign)) @ size
+        for j, (sign, size) in enumerate(zip(base.signs, base.fit.own, strict=True))
+    ]
+    return there - here, np.column_stack(own)
+
+
+def _in(term: Term, moved: ArmSamples) -> Term:
+    """A term in a moved motion, all else as it was."""
+    base = term.context.baseline
+    rigid, own = _change(base, moved)
+    samples = moved.with_lead(base.samples.lead)
+    there = replace(base, samples=samples, rigid=base.rigid + rigid, total=base.total + rigid + own)
+    return replace(term, context=Context(there))
