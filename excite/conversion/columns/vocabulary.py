@@ -18,7 +18,7 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "time": tuple(
         (
             "time timestamp timestamps ipoc t stamp tstamp clock tick ticks zeit times ts sec secs seconds "
-            "millis msec usec nsec tm elapsed uptime utime"
+            "millis msec usec nsec tm elapsed uptime utime date datenum datetime zeitstempel horodatage fecha"
         ).split()
     ),
     "a": tuple(
