@@ -1,4 +1,4 @@
-"""Tables whose names stand in several lines, and whose plates are sampled faster than their markers, or slower."""
+"""Names of a laboratory's table in several lines; plates sampled faster than markers, or slower."""
 
 from __future__ import annotations
 

@@ -43,7 +43,8 @@ class CsvReader(RecordingReader):
             raise LogError(
                 "has no column time",
                 source=path,
-                remedy="name the columns above the rows, one of them time; of Motive or Nexus export C3D, which holds the plates too",
+                remedy="name the columns above the rows, one of them time; of Motive or Nexus export C3D, which holds "
+                "the plates too",
             )
         check_labels([label for label in labels if label], path)
         rows = []

@@ -1,4 +1,4 @@
-"""Where a laboratory's table begins, and what its columns are called: names in one line, or below headings, above units."""
+"""Where a laboratory's table begins, and what its columns are called: in one line, below headings, above units."""
 
 from __future__ import annotations
 
