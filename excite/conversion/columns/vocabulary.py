@@ -48,7 +48,7 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
         (
             "q pos position positions angle angles theta qpos jointpos encoder enc qs displacement disp p th "
             "ang winkel phi posn jpos coord rotation lage posicion posizione thetas jointpositions qposs qin "
-            "qout"
+            "qout pulse pulses impulse impulses inkrement inkremente increments impulsions"
         ).split()
     ),
 }
