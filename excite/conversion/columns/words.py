@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -169,7 +170,7 @@ def _axis_letter(words: list[str]) -> str:
     So are a motor's q-axis current and no position; d is left, which asks for something elsewhere, and A, which is what
     controllers call each axis.
     """
-    pairs = zip(words, words[1:], strict=False)
+    pairs = itertools.pairwise(words)
     return next(
         (one for one, after in pairs if len(one) == 1 and one not in "ad" and after in ("axis", "achse")), ""
     )
