@@ -41,10 +41,17 @@ def command(
         document |= stated_origin(robot or "", log, out)
         write_json(document, out / "doctor.json")
     if chart.usable:
-        bundled = chart.robot if chart.robot in excite.bundled_robots() else "ROBOT"
-        then = command_line("identify", robot or bundled, repair or log, "--out", "result")
+        own = _robot_of(chart.robot, chart.log.header.robot, log)
+        then = command_line("identify", robot or own, repair or log, "--out", "result")
         if not chart.log.header.free_base and chart.log.header.torque == "none":
             # Nothing is identified of a fixed base without torques; `convert` says so, too.
             then = command_line("diagnose", repair or log, "--out", "diagnosis")
         emit(chart.summary(repaired=repair), document, as_json=as_json, then=then)
     chart.check_usable()
+
+
+def _robot_of(name: str, file: str, log: Path) -> str | Path:
+    """The robot of a log as a command names it: a bundled name, else the file that the log brings."""
+    if name in excite.bundled_robots():
+        return name
+    return (log if log.is_dir() else log.parent) / file

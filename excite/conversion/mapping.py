@@ -53,6 +53,7 @@ Unit = Literal[
     "ms",
     "us",
     "ns",
+    "d",
 ]
 
 

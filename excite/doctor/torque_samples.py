@@ -14,6 +14,7 @@ from excite.doctor import families
 from excite.doctor.drive_fit import WIDTH, Drive, Predicted, beside_drives, shares_across, shares_left
 from excite.doctor.likely_bodies import LikelyBodies, half_log
 from excite.doctor.reading import Reading
+from excite.doctor.rows_within import rows_within
 from excite.errors import LogError
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
@@ -50,6 +51,7 @@ class TorqueSamples:
         rows: ``(n,)`` where in ``torque`` the samples are; ``first``, ``last`` the ends of their trials there.
         rate_hz: of ``torque``, and of the stamps; ``stated_hz`` what the log's header says.
         speeds: whether every trial has logged velocities, with which the clock agrees by now.
+        within: share of the rows in which each torque is not at an end of its range, ``(n_torques,)``.
     """
 
     robot: Robot
@@ -66,6 +68,7 @@ class TorqueSamples:
     rate_hz: float
     stated_hz: float
     speeds: bool
+    within: Array
     _models: dict[bytes, Predicted] = field(default_factory=dict, repr=False)
 
     @property
@@ -243,4 +246,5 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
         rate,
         log.header.rate_hz,
         all(trial.v is not None for trial in log.trials),
+        rows_within(log),
     )

@@ -237,7 +237,7 @@ def on_wheels(solid: str = "", yaw: str = "0 0 1") -> str:
 def test_what_wheels_do_is_held(tmp_path: Path) -> None:
     robot = written(on_wheels(), tmp_path)
     assert not {"x", "y", "yaw"} & set(robot.joint_names) and "lift" in robot.joint_names
-    assert "what its wheels do" in " ".join(str(one) for one in robot.description.assumed)
+    assert "what its wheels or legs do" in " ".join(str(one) for one in robot.description.assumed)
 
 
 @pytest.mark.parametrize("made", [on_wheels('<box size="0.1 0.1 0.1"/>'), on_wheels(yaw="1 0 0")])

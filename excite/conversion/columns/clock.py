@@ -12,7 +12,10 @@ from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.columns.words import Clue
 from excite.conversion.recording import Stream
 
-TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
+# Days that spreadsheets and MATLAB count (from 1900 and from the year 0): dates of 1954 to 2119 are numbers from here
+# to there. Steps of rows in days are those of no other unit.
+_SERIAL_DATES = ((20_000.0, 80_000.0), (714_000.0, 774_000.0))
 # Rates that robots are recorded at [Hz]. Three powers of ten lie between units, so that at most two of them fit.
 _SLOWEST_HZ, _FASTEST_HZ = 4.0, 20_000.0
 # Share of intervals that have to be positive: loggers repeat stamps, and write some rows out of order.
@@ -124,6 +127,8 @@ def tick(values: Array, stated: str) -> tuple[float | None, str]:
     steps = np.diff(values[np.isfinite(values)])
     step = float(np.median(steps[steps > 0.0]))
     possible = [unit for unit, tick in TICKS.items() if _SLOWEST_HZ <= 1.0 / (step * tick) <= _FASTEST_HZ]
+    if possible == ["d"] and stated != "d" and not _is_serial_date(values):
+        possible = []
     if stated in TICKS and (stated in possible or not possible):
         return TICKS[stated], f"{stated} by its name: {1.0 / (step * TICKS[stated]):.4g} Hz"
     if not possible:
@@ -134,6 +139,11 @@ def tick(values: Array, stated: str) -> tuple[float | None, str]:
         )
     unit = possible[0]
     return TICKS[unit], f"{unit}: rows are {step:.4g} apart, {1.0 / (step * TICKS[unit]):.4g} Hz"
+
+
+def _is_serial_date(values: Array) -> bool:
+    first = float(values[np.isfinite(values)][0])
+    return any(low < first < high for low, high in _SERIAL_DATES)
 
 
 def row_seconds(time: Array) -> float | None:

@@ -143,15 +143,18 @@ def _unit(
         unit, why = named_unit(items, columns) or "rad", "motors' positions"
     elif stated:
         unit = stated
-    elif not unit and channel in mapping.scale:
+    elif not unit and (channel in mapping.scale or all(item.target in mapping.scale for item in items)):
         unit, why = "rad", "scaled by the map"
     elif maybe_shares and unit == "deg" and not named_unit(items, columns):
         _ask_for_shares(found, items, values_of(items, columns))
     if not unit:
+        values = values_of(items, columns)
+        if (values == np.round(values)).all():
+            why += "; whole numbers: an encoder's counts, whose number a turn the maker states for each joint"
         found.ask(
             f"the unit of {items[0].source} … cannot be told: {why}",
             f"units: {{{channel}: deg}} (or rev, counts/4096), or motors: [[RATIO, 0 …], …] where they are "
-            f"motors' positions, or scale: {{{channel}: FACTOR}}",
+            f"motors' positions, or scale: {{{channel}: FACTOR}}, {{{items[0].target}: FACTOR, …}} where joints differ",
         )
         unit = "rad"
     return unit, why

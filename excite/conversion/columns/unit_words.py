@@ -38,6 +38,7 @@ UNITS: dict[str, str] = {
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
     **dict.fromkeys(("us", "µs", "usec", "usecs", "micros", "microseconds"), "us"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds"), "ns"),
+    **dict.fromkeys(("day", "days"), "d"),
     **dict.fromkeys(("m", "meter", "metre", "meters"), "m"),
     **dict.fromkeys(("mm", "millimeter"), "mm"),
     **dict.fromkeys(("m/s", "mps"), "m/s"),
@@ -58,5 +59,5 @@ QUANTITY_OF_UNIT = {
     "N·cm": "tau", "kN·m": "tau", "kgf·cm": "tau", "ozf·in": "tau", "lbf·in": "tau", "lbf·ft": "tau", "kN": "tau",
     "rev": "q", "mrad": "q", "cm": "q", "rev/s": "v", "mrad/s": "v",
     "A": "i", "mA": "i", "V": "volt",
-    "s": "time", "ms": "time", "us": "time", "ns": "time",
+    "s": "time", "ms": "time", "us": "time", "ns": "time", "d": "time",
 }  # fmt: skip

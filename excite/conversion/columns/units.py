@@ -17,7 +17,7 @@ TO_SI = {
     "N·cm": 0.01, "kN·m": 1e3, "kN": 1e3, "kgf·cm": 0.0980665, "ozf·in": 0.0070615518, "lbf·in": 0.11298483,
     "lbf·ft": 1.3558179, "mrad": 1e-3, "cm": 0.01, "rev/s": 2.0 * math.pi, "mrad/s": 1e-3,
     "lb": 4.4482216, "kip": 4448.2216, "in": 0.0254, "in/s": 0.0254,
-    "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0,
     "counts/4096": 2.0 * math.pi / 4096.0, "counts/1024": math.radians(300.0) / 1024.0,
 }  # fmt: skip
 # Servos count from the end of their range, with zero in its middle: Dynamixel's X and MX, Feetech's STS over a turn;

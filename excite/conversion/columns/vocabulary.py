@@ -18,7 +18,7 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "time": tuple(
         (
             "time timestamp timestamps ipoc t stamp tstamp clock tick ticks zeit times ts sec secs seconds "
-            "millis msec usec nsec tm elapsed uptime utime"
+            "millis msec usec nsec tm elapsed uptime utime date datenum datetime zeitstempel horodatage fecha"
         ).split()
     ),
     "a": tuple(
@@ -48,7 +48,7 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
         (
             "q pos position positions angle angles theta qpos jointpos encoder enc qs displacement disp p th "
             "ang winkel phi posn jpos coord rotation lage posicion posizione thetas jointpositions qposs qin "
-            "qout"
+            "qout pulse pulses impulse impulses inkrement inkremente increments impulsions"
         ).split()
     ),
 }

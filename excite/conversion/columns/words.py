@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -58,8 +59,9 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     if not found and len(words) > 1 and (not tokens[-1].isdigit() or len(words[-1]) > 1):
         words, found = _trailing_unit(words)
     words = _joined(words)
-    quantity = _quantity(words, found, bool(exact or numbers))
-    left = [w for w in words if w not in OF_WORD and w not in COMMANDED | MEASURED | NOISE]
+    axis = _axis_letter(words)
+    quantity = _quantity([word for word in words if word != axis], found, bool(exact or numbers or axis))
+    left = [w for w in words if w == axis or (w not in OF_WORD and w not in COMMANDED | MEASURED | NOISE)]
     return Clue(
         quantity=quantity,
         commanded=_is_commanded(words, quantity),
@@ -160,6 +162,18 @@ def _joined(words: list[str]) -> list[str]:
         else:
             found.append(word)
     return found
+
+
+def _axis_letter(words: list[str]) -> str:
+    """The letter that names an axis, as ``S-axis … T-axis`` of Yaskawa's arms; empty for none.
+
+    So are a motor's q-axis current and no position; d is left, which asks for something elsewhere, and A, which is what
+    controllers call each axis.
+    """
+    pairs = itertools.pairwise(words)
+    return next(
+        (one for one, after in pairs if len(one) == 1 and one not in "ad" and after in ("axis", "achse")), ""
+    )
 
 
 def _parts(word: str) -> list[str]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.conversion.columns.words import clue
 from excite.conversion.recording import Column, Stream
 from excite.conversion.shapes.labels import in_one_order, with_labels, word_lists
 
@@ -44,6 +46,7 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
         found = lengths.setdefault(len(array), [])
         found += [Column(label, np.asarray(column, dtype=float)) for label, column in columns]
     names = word_lists(arrays)
+    _with_one_row_less(lengths)
     return [
         with_labels(
             Stream(
@@ -56,6 +59,21 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
         )
         for n, columns in lengths.items()
     ]
+
+
+def _with_one_row_less(lengths: dict[int, list[Column]]) -> None:
+    """Arrays of one row less stand with those that have it, the last row not known.
+
+    Optimal control has a control between two states: xs of 101 rows, us of 100.
+    """
+    for n in sorted(lengths, reverse=True):
+        fewer = lengths.get(n - 1)
+        if fewer is None or n not in lengths or n <= _MOST_LABELS:
+            continue
+        if any(clue(column.name, ()).quantity == "time" for column in fewer):
+            continue
+        lengths[n] += [replace(column, values=np.append(column.values, np.nan)) for column in fewer]
+        del lengths[n - 1]
 
 
 def batched(arrays: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

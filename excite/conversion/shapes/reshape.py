@@ -10,6 +10,7 @@ from excite.conversion.shapes.episodes import by_episode
 from excite.conversion.shapes.labels import labelled
 from excite.conversion.shapes.long import widened
 from excite.conversion.shapes.melted import spread
+from excite.conversion.shapes.motor_states import with_motors_named
 from excite.conversion.shapes.own_clocks import by_clock
 from excite.conversion.shapes.split_stamps import with_whole_stamps
 
@@ -31,4 +32,8 @@ def reshaped(recording: Recording) -> list[Recording]:
         streams.append(stream)
     if not any(stream.columns for stream in streams):
         raise nothing_there(recording.source)
-    return by_episode(replace(recording, streams=tuple(streams), notes=tuple(dict.fromkeys(notes))))
+    streams, said = with_motors_named(streams)
+    said = {**recording.said, **said}
+    return by_episode(
+        replace(recording, streams=tuple(streams), said=said, notes=tuple(dict.fromkeys(notes)))
+    )

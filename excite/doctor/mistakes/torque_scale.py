@@ -74,7 +74,10 @@ class TorqueScale(Mistake[TorqueSamples]):
         if len(joints) == 1:
             return
         for j in np.flatnonzero(told):
-            if 1.0 / _ONE_OFF < gains[j] < _ONE_OFF:
+            # What an end of the range cuts off makes a torque smaller, by the share of rows in which it does where
+            # values are spread as in a bell (Bussgang 1952). That is no unit.
+            uncut = gains[j] / samples.within[j]
+            if 1.0 / _ONE_OFF < uncut and gains[j] < _ONE_OFF:
                 continue
             text = f"the torque of {joints[j]} is {gains[j]:.3g} times what the nominal masses need, unlike the others'"
             scaled = reading.with_torque([int(j)], 1.0 / float(gains[j]))

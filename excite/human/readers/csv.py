@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.finding import Finding
 from excite.human.readers.column_names import Column, Plate, columns_of
 from excite.human.readers.reader import RecordingReader, check_labels, checked_time, numbers, read_lines
+from excite.human.readers.table_header import header_of
 from excite.human.recording import PlateRecording, Recording
 
 _SEPARATORS = (",", ";", "\t")
+# Lines that tell the separator.
+_FIRST = 20
 
 
 class CsvReader(RecordingReader):
-    """One row a frame; an empty field is a missing marker; plates at the markers' rate.
+    """One row a frame; an empty field is a missing marker; of what is sampled less often, rows between are empty.
 
     Names are those of :func:`~excite.human.readers.column_names.columns_of`. Moments are about the file's origin; where
     there is a centre of pressure, moments are its force's, and the torque that there is besides.
@@ -31,22 +36,25 @@ class CsvReader(RecordingReader):
     def read(self, path: Path) -> Recording:
         """See :meth:`RecordingReader.read`."""
         lines = read_lines(path)
-        separator = max(_SEPARATORS, key=lambda one: lines[0].count(one)) if lines else ","
-        labels = [label.strip().strip('"') for label in lines[0].split(separator)] if lines else []
+        separator = max(_SEPARATORS, key=lambda one: sum(line.count(one) for line in lines[:_FIRST]))
+        labels, skip = header_of(lines, separator)
         named = columns_of(labels)
         if named.time is None:
             raise LogError(
                 "has no column time",
                 source=path,
-                remedy="name the columns in the first line; of Motive or Nexus export C3D, which holds the plates too",
+                remedy="name the columns above the rows, one of them time; of Motive or Nexus export C3D, which holds "
+                "the plates too",
             )
-        check_labels(labels, path)
+        check_labels([label for label in labels if label], path)
         rows = []
-        for place, line in enumerate(lines[1:], start=2):
+        for place, line in enumerate(lines[skip:], start=skip + 1):
             if not line.strip():
                 continue
             # Where commas do not separate, they are a decimal point's.
             fields = (line if separator == "," else line.replace(",", ".")).split(separator)
+            if len(fields) == len(labels) + 1 and not fields[-1].strip():
+                fields = fields[:-1]
             if len(fields) != len(labels):
                 raise LogError(
                     f"line {place} has {len(fields)} fields for {len(labels)} columns",
@@ -60,7 +68,30 @@ class CsvReader(RecordingReader):
         markers = {stem: _vector(table, axes, stem, path) for stem, axes in named.markers.items()}
         found: list[Finding] = []
         plates = tuple(_plate(table, plate, time, path, found) for plate in named.plates)
-        return Recording(path, time, markers, plates, tuple(found))
+        frames = _frames(list(markers.values()), len(time))
+        markers = {stem: values[frames] for stem, values in markers.items()}
+        plates = tuple(_own_rows(plate) for plate in plates)
+        return Recording(path, time[frames], markers, plates, tuple(found))
+
+
+def _frames(channels: Sequence[Array], n: int) -> NDArray[np.int64]:
+    """Rows in which channels were sampled: every k-th where those between are always empty, else all ``n``."""
+    every = np.arange(n)
+    if not channels:
+        return every
+    there = np.flatnonzero(np.isfinite(np.column_stack(channels)).any(axis=1))
+    if len(there) < 3:
+        return every
+    step = int(np.median(np.diff(there)))
+    # Frames in which nothing was seen stand between others, on the same grid.
+    if step < 2 or ((there - there[0]) % step).any():
+        return every
+    return np.arange(there[0] % step, n, step)
+
+
+def _own_rows(plate: PlateRecording) -> PlateRecording:
+    rows = _frames([plate.force], len(plate.time))
+    return replace(plate, time=plate.time[rows], force=plate.force[rows], moment=plate.moment[rows])
 
 
 def _plate(

@@ -67,7 +67,7 @@ def held_joints(
         elif slides and guess.position is None and guess.name not in closing:
             hard[guess.name] = Held(0.0, "a slide without limits")
         elif guess.name in rolling:
-            soft[guess.name] = Held(nearest(guess), "what its wheels do, which have no such drives")
+            soft[guess.name] = Held(nearest(guess), "what its wheels or legs do: it has no drive")
         elif _WHEEL.search(called):
             soft[guess.name] = Held(nearest(guess), "a wheel")
         elif (_FINGER.search(called) and not _LIMB.search(guess.name)) or guess.name in of_hands:

@@ -1,0 +1,33 @@
+"""A torque that is cut off in most rows is smaller than the model's, and in no other unit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.doctor.examine import examine
+from excite.logs.files import load_log, save_log
+from excite.robot.loading import load_robot
+from tests.identification.practice_log import arm_log
+
+
+@pytest.mark.parametrize(("factor", "kinds"), [(1.0, {"clipped"}), (0.1, {"clipped", "torque_scale"})])
+def test_a_torque_clipped_in_most_rows(factor: float, kinds: set[str], tmp_path: Path) -> None:
+    robot = load_robot("ur10")
+    log = arm_log(robot, 3, duration=10.0)
+    j = 2
+    most = float(np.quantile(np.abs(np.concatenate([t.tau[:, j] for t in log.trials])), 0.1))
+    trials = []
+    for trial in log.trials:
+        tau = np.array(trial.tau)
+        tau[:, j] = factor * np.clip(tau[:, j], -most, most)
+        trials.append(replace(trial, tau=tau))
+    ill = load_log(
+        save_log(replace(log, trials=tuple(trials), robot_text=robot.urdf), tmp_path / "log"), robot
+    )
+    assert all(2 * sum(trial.cleaning.clipped.values()) > len(trial.time) for trial in ill.trials)
+    found = examine(robot, ill).findings
+    assert {finding.kind for finding in found} - {"quantised"} == kinds
