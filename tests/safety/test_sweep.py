@@ -73,9 +73,9 @@ def test_control_points_are_those_of_the_interpolation(humanoid: Robot, squattin
         for u in (0.0, 0.3, 0.8):
             there = interpolate(sweep.fine, humanoid, np.array([grid[k] + u * (grid[k + 1] - grid[k])]))
             for values, expected in (
-                (points.position[k], there.joint_positions()[0]),
-                (points.velocity[k], there.joint_velocities()[0]),
-                (points.acceleration[k], there.joint_accelerations()[0]),
+                (points.position[:, k], there.joint_positions()[0]),
+                (points.velocity[:, k], there.joint_velocities()[0]),
+                (points.acceleration[:, k], there.joint_accelerations()[0]),
             ):
                 while len(values) > 1:
                     values = (1.0 - u) * values[:-1] + u * values[1:]
