@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, wraps
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-import scipy.linalg  # noqa: F401  (its BLAS has to be loaded before the controller looks)
 from threadpoolctl import ThreadpoolController
 
 _P = ParamSpec("_P")
@@ -30,12 +30,19 @@ def one_blas_thread(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 @cache
 def _controller() -> ThreadpoolController:
+    # Its BLAS has to be loaded before the controller looks.
+    import scipy.linalg  # noqa: F401
+
     return ThreadpoolController()
 
 
 @cache
 def blas_kernels() -> str:
-    """The kernels that BLAS has chosen for this machine's processor: with others, the last bits are others."""
-    return " ".join(
-        sorted({f"{one.get('version')} {one.get('architecture')}" for one in _controller().info()})
-    )
+    """The kernels that numpy's BLAS has chosen for this machine's processor: with others, the last bits are others.
+
+    That of scipy's wheels, which many processes never load, is left out.
+    """
+    libraries = [
+        one for one in ThreadpoolController().info() if Path(one["filepath"]).parent.name != "scipy.libs"
+    ]
+    return " ".join(sorted({f"{one.get('version')} {one.get('architecture')}" for one in libraries}))

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.robot.robot import Robot
 
+# Times at which a motion is evaluated together: their polynomials stay in the processor's cache.
+_BLOCK = 256
+
 
 @dataclass(frozen=True)
 class MotionMetadata:
@@ -133,14 +136,19 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
         The motion at ``time``.
     """
     index = np.clip(np.searchsorted(motion.time, time, side="right") - 1, 0, motion.n_samples - 2)
-    h = (motion.time[index + 1] - motion.time[index])[:, None]
-    s = np.clip((time - motion.time[index])[:, None] / h, 0.0, 1.0)
+    steps = (motion.time[index + 1] - motion.time[index])[:, None]
+    shares = np.clip((time - motion.time[index])[:, None] / steps, 0.0, 1.0)
     # Polynomials of the intervals that are met, once each however many times lie in them.
-    met = np.unique(index)
-    c1, c2, c3, c4, c5 = (part[np.searchsorted(met, index)] for part in _polynomials(motion, robot, met))
-    d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
-    v = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
-    a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
+    met, interval = np.unique(index, return_inverse=True)
+    coefficients = _polynomials(motion, robot, met)
+    d, v, a = np.empty((3, len(index), motion.v.shape[1]))
+    for first in range(0, len(index), _BLOCK):
+        part = slice(first, first + _BLOCK)
+        c1, c2, c3, c4, c5 = (values[interval[part]] for values in coefficients)
+        s, h = shares[part], steps[part]
+        d[part] = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+        v[part] = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
+        a[part] = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
     if motion.floating:
         q = np.array([pin.integrate(robot.model, motion.q[i], row) for i, row in zip(index, d, strict=True)])
     else:

@@ -13,6 +13,7 @@ from excite.parallel.local import LocalCrew, ready_for
 from excite.parallel.round import Round
 from excite.parallel.shared import Shared
 from excite.progress import Progress, silent
+from excite.threads import one_blas_thread
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -81,8 +82,6 @@ def _told(results: Iterator[Result], total: int | None, stage: str, progress: Pr
 
 
 def _here(function: Callable[[Any, Task], Result], tasks: Iterable[Task], shared: Any) -> Iterator[Result]:
-    from excite.threads import one_blas_thread  # lazy: scipy
-
     call = one_blas_thread(function)
     for task in tasks:
         yield call(shared, task)

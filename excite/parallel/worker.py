@@ -14,6 +14,7 @@ from typing import Any
 from excite.errors import ExciteError
 from excite.lifetime import die_with_parent
 from excite.parallel.shared import SharedFile, load_shared
+from excite.threads import one_blas_thread
 
 # How often a worker's objects are looked through for some that nothing refers to but themselves [s]: 0.1 s each time.
 _COLLECTED_S = 60.0
@@ -46,8 +47,6 @@ def perform(function: Callable[[Any, Any], Any], shared: SharedFile | None, task
 
     What an executor raises is then its own trouble (a process that was killed, a connection that broke).
     """
-    from excite.threads import one_blas_thread  # lazy: scipy
-
     try:
         with _TURN:
             return Answer(one_blas_thread(function)(None if shared is None else load_shared(shared), task))

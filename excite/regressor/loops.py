@@ -192,33 +192,42 @@ def body_wrench(state, j, phi, first, forces):
 
 
 @LazyKernel
+def inward(kinds, parents, idx_v, phi, state, forces, tau):
+    """Inward pass of recursive Newton-Euler in one sample, into ``tau (nv,)``; ``forces (n_joints + 1, 6)`` is scratch.
+
+    A free base gets the whole wrench, about the root's origin.
+    """
+    n_joints = state.shape[0]
+    for j in range(n_joints):
+        for i in range(6):
+            forces[j, i] = 0.0
+    for j in range(n_joints - 1, 0, -1):
+        body_wrench(state, j, phi, 10 * (j - 1), forces)
+        for i in range(6):
+            forces[parents[j], i] += forces[j, i]
+        if kinds[j] == FREE_FLYER:
+            for i in range(6):
+                tau[idx_v[j] + i] = forces[j, i]
+            continue
+        z0, z1, z2 = state[j, AXIS], state[j, AXIS + 1], state[j, AXIS + 2]
+        if kinds[j] == PRISMATIC:
+            tau[idx_v[j]] = z0 * forces[j, 0] + z1 * forces[j, 1] + z2 * forces[j, 2]
+            continue
+        p0, p1, p2 = state[j, POS], state[j, POS + 1], state[j, POS + 2]
+        tau[idx_v[j]] = (
+            z0 * (forces[j, 3] - p1 * forces[j, 2] + p2 * forces[j, 1])
+            + z1 * (forces[j, 4] - p2 * forces[j, 0] + p0 * forces[j, 2])
+            + z2 * (forces[j, 5] - p0 * forces[j, 1] + p1 * forces[j, 0])
+        )
+
+
+@LazyKernel
 def torques(structure, gravity, q, v, a, phi, state, forces, out):
     """Recursive Newton-Euler; ``forces (n_joints + 1, 6)`` is scratch, ``out (n, nv)``."""
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
-    n_joints = state.shape[0]
     for t in range(q.shape[0]):
         move(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q[t], v[t], a[t], state,
         )  # fmt: skip
-        for j in range(n_joints):
-            for i in range(6):
-                forces[j, i] = 0.0
-        for j in range(n_joints - 1, 0, -1):
-            body_wrench(state, j, phi, 10 * (j - 1), forces)
-            for i in range(6):
-                forces[parents[j], i] += forces[j, i]
-            if kinds[j] == FREE_FLYER:
-                for i in range(6):
-                    out[t, idx_v[j] + i] = forces[j, i]
-                continue
-            z0, z1, z2 = state[j, AXIS], state[j, AXIS + 1], state[j, AXIS + 2]
-            if kinds[j] == PRISMATIC:
-                out[t, idx_v[j]] = z0 * forces[j, 0] + z1 * forces[j, 1] + z2 * forces[j, 2]
-                continue
-            p0, p1, p2 = state[j, POS], state[j, POS + 1], state[j, POS + 2]
-            out[t, idx_v[j]] = (
-                z0 * (forces[j, 3] - p1 * forces[j, 2] + p2 * forces[j, 1])
-                + z1 * (forces[j, 4] - p2 * forces[j, 0] + p0 * forces[j, 2])
-                + z2 * (forces[j, 5] - p0 * forces[j, 1] + p1 * forces[j, 0])
-            )
+        inward(kinds, parents, idx_v, phi, state, forces, out[t])

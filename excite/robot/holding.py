@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pinocchio as pin
 
@@ -46,12 +48,19 @@ def holding_torques(robot: Robot, joints: Array, data: pin.Data | None = None) -
     data = robot.model.createData() if data is None else data
     tau = np.array([pin.computeGeneralizedGravity(robot.model, data, row).copy() for row in q])
     tau = robot.on_motors(q, tau.reshape(len(q), robot.model.nv))
-    if robot.floating:
-        for foot in robot.feet:
-            carrying = list(robot.model.supports[foot.joint])[1:]
-            columns = [robot.model.idx_vs[joint] for joint in carrying if robot.model.nvs[joint] == 1]
-            if robot.mechanism is not None:
-                moves = robot.mechanism.motion_maps(robot.rest[None])[0][columns]
-                columns += list(robot.mechanism.driven[np.abs(moves).max(axis=0) > 0.0])
-            tau[:, columns] = 0.0
+    tau[:, _carrying(robot)] = 0.0
     return np.asarray(tau.reshape(len(joints), robot.model.nv)[:, robot.n_base_v :])
+
+
+@lru_cache(maxsize=4)
+def _carrying(robot: Robot) -> list[int]:
+    """Velocities of the joints between a floating base and a foot, and of motors that move these."""
+    columns: list[int] = []
+    for foot in robot.feet if robot.floating else ():
+        carrying = list(robot.model.supports[foot.joint])[1:]
+        of_foot = [robot.model.idx_vs[joint] for joint in carrying if robot.model.nvs[joint] == 1]
+        if robot.mechanism is not None:
+            moves = robot.mechanism.motion_maps(robot.rest[None])[0][of_foot]
+            of_foot += list(robot.mechanism.driven[np.abs(moves).max(axis=0) > 0.0])
+        columns += of_foot
+    return columns

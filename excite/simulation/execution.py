@@ -97,8 +97,9 @@ def execute(
             for _ in range(clock.settle):
                 plant.advance()
             machine.remember(begun, data)
+        commanded = data.ctrl
         for step in range((clock.samples - 1) * clock.per_sample + 1):
-            data.ctrl[:] = controls[step]
+            commanded[:] = controls[step]
             if step % clock.per_sample:
                 plant.advance()
                 continue

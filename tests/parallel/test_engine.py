@@ -205,3 +205,8 @@ def test_the_engine_loads_nothing_heavy() -> None:
     code = "import sys, excite.parallel.engine; print([m for m in ('numpy', 'joblib', 'scipy') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="glibc's settings")
+def test_workers_keep_memory_that_arrays_have_freed() -> None:
+    assert max(in_order(work.pages_fetched, [10, 10], jobs=2)) < 4096, "all of them: nine times 4096 pages"

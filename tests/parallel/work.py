@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import time
 from collections.abc import Iterator
@@ -77,3 +78,14 @@ def counted(count: int, taken: list[int]) -> Iterator[int]:
     for number in range(count):
         taken.append(number)
         yield number
+
+
+def pages_fetched(shared: None, rounds: int) -> int:
+    """Pages that the system hands out while 16 arrays of a megabyte are made and freed, after a first time."""
+    before = 0
+    for k in range(rounds):
+        if k == 1:
+            before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        arrays = [np.ones(1 << 17) for _ in range(16)]
+        del arrays
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before

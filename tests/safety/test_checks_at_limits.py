@@ -83,7 +83,7 @@ def test_each_column_is_reported_once_at_its_first_bad_row() -> None:
 def limited(robot: Robot, **points: np.ndarray) -> SimpleNamespace:
     """A sweep of two intervals with control points at rest but for some."""
     shape = {"position": 6, "velocity": 5, "acceleration": 4}
-    values = {name: np.zeros((2, count, robot.n_joints)) for name, count in shape.items()}
+    values = {name: np.zeros((count, 2, robot.n_joints)) for name, count in shape.items()}
     values["position"] += robot.rest
     for name, change in points.items():
         values[name] = change
@@ -98,14 +98,14 @@ def test_positions_keep_to_both_ends_of_their_range(arm: Robot) -> None:
     lower, upper = arm.limits.position_lower, arm.limits.position_upper
     for limit, outwards in ((lower, -1.0), (upper, 1.0)):
         for excess, bad in ((0.9e-6, False), (1.1e-6, True), (0.1, True)):
-            points = np.tile(arm.rest, (2, 6, 1))
-            points[1, 3, 2] = limit[2] + outwards * excess * (upper - lower)[2]
+            points = np.tile(arm.rest, (6, 2, 1))
+            points[3, 1, 2] = limit[2] + outwards * excess * (upper - lower)[2]
             result = JointPositionCheck().judge(limited(arm, position=points))
             assert result.margin == pytest.approx(-excess * (upper - lower)[2], abs=1e-12)
             assert bool(result.violations) is bad
             if bad:
                 assert only(result) == Violation(
-                    "joint_position", 0.1, arm.joint_names[2], points[1, 3, 2], limit[2]
+                    "joint_position", 0.1, arm.joint_names[2], points[3, 1, 2], limit[2]
                 )
     rest = JointPositionCheck().judge(limited(arm))
     assert rest.margin == pytest.approx(np.minimum(arm.rest - lower, upper - arm.rest).min())
@@ -118,8 +118,8 @@ def test_positions_keep_to_both_ends_of_their_range(arm: Robot) -> None:
 def test_speeds_and_accelerations_keep_below_their_limits(check, name: str, sign: float, arm: Robot) -> None:
     limit = getattr(arm.limits, name)
     for excess, bad in ((-0.5, False), (0.9e-6, False), (1.1e-6, True)):
-        points = np.zeros((2, 5 if name == "velocity" else 4, arm.n_joints))
-        points[1, 2, 3] = sign * limit[3] * (1.0 + excess)
+        points = np.zeros((5 if name == "velocity" else 4, 2, arm.n_joints))
+        points[2, 1, 3] = sign * limit[3] * (1.0 + excess)
         result = check().judge(limited(arm, **{name: points}))
         others = np.delete(limit, 3).min()
         assert result.margin == pytest.approx(min(others, -excess * limit[3]), abs=1e-12)
@@ -127,7 +127,7 @@ def test_speeds_and_accelerations_keep_below_their_limits(check, name: str, sign
             [(f"joint_{name}", 0.1, arm.joint_names[3])] if bad else []
         )
         if bad:
-            assert (only(result).value, only(result).limit) == (abs(points[1, 2, 3]), limit[3])
+            assert (only(result).value, only(result).limit) == (abs(points[2, 1, 3]), limit[3])
 
 
 def torques(robot: Robot, tau: np.ndarray, residual: float = 0.0) -> SimpleNamespace:

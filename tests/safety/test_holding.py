@@ -10,7 +10,7 @@ import pytest
 
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.registry import make_generator
-from excite.robot.holding import holding_torques
+from excite.robot.holding import _carrying, holding_torques
 from excite.robot.loading import build_robot
 from excite.robot.per_joint import Torques
 from excite.robot.robot import Robot
@@ -23,6 +23,14 @@ def weak_arm(arm: Robot) -> Robot:
     weak = Torques(joints={"shoulder_lift_joint": 75.0}, source="weaker for a test")
     limits = arm.description.limits.model_copy(update={"torque": weak})
     return build_robot(arm.description.model_copy(update={"limits": limits}), Path(arm.source))
+
+
+def test_which_joints_carry_is_looked_up_once_a_robot(humanoid: Robot) -> None:
+    for _ in range(3):
+        holding_torques(humanoid, humanoid.rest[None, humanoid.n_base_q :])
+    before = _carrying.cache_info()
+    holding_torques(humanoid, humanoid.rest[None, humanoid.n_base_q :])
+    assert _carrying.cache_info().misses == before.misses
 
 
 def test_holding_torques_are_those_of_inverse_dynamics_at_rest(arm: Robot, humanoid: Robot) -> None:

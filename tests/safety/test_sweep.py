@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.lazy_kernel import LazyKernel
 from excite.motion.motion import Motion, interpolate
 from excite.robot.per_joint import PerJoint
 from excite.robot.robot import Robot
@@ -72,9 +73,9 @@ def test_control_points_are_those_of_the_interpolation(humanoid: Robot, squattin
         for u in (0.0, 0.3, 0.8):
             there = interpolate(sweep.fine, humanoid, np.array([grid[k] + u * (grid[k + 1] - grid[k])]))
             for values, expected in (
-                (points.position[k], there.joint_positions()[0]),
-                (points.velocity[k], there.joint_velocities()[0]),
-                (points.acceleration[k], there.joint_accelerations()[0]),
+                (points.position[:, k], there.joint_positions()[0]),
+                (points.velocity[:, k], there.joint_velocities()[0]),
+                (points.acceleration[:, k], there.joint_accelerations()[0]),
             ):
                 while len(values) > 1:
                     values = (1.0 - u) * values[:-1] + u * values[1:]
@@ -105,7 +106,28 @@ def test_poses_and_wrench_of_a_turned_base(humanoid: Robot, squatting: Motion) -
             assert np.allclose(corners[k], [data.oMi[foot.joint].act(corner) for corner in foot.sole])
         row = int(np.flatnonzero(sweep.torque_samples == k)[0])
         jacobian = pin.computeJointJacobians(model, data, q)
-        assert np.allclose(sweep.dynamics.jacobian[row], jacobian)
+        assert np.allclose(sweep.dynamics.screws[row, 2:].T, jacobian[:, 6:])
+
+
+def test_an_arm_is_judged_without_compiled_loops(
+    arm: Robot, swinging: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They take a third of a second to load, and few samples of an arm none."""
+    monkeypatch.setattr(LazyKernel, "__call__", None)
+    sweep = Sweep(arm, swinging)
+    k = int(sweep.torque_samples[20])
+    data = arm.model.createData()
+    assert np.allclose(
+        sweep.dynamics.tau[k], pin.rnea(arm.model, data, sweep.fine.q[k], sweep.fine.v[k], sweep.fine.a[k])
+    )
+    assert np.allclose(sweep.dynamics.com[k], pin.centerOfMass(arm.model, data, sweep.fine.q[k]))
+
+
+def test_of_a_robot_on_feet_pinocchio_computes_nothing(
+    humanoid: Robot, squatting: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pin, "rnea", None)
+    assert np.isfinite(Sweep(humanoid, squatting).dynamics.tau).all()
 
 
 def test_joint_torques_hold_against_the_feet_s_forces(humanoid: Robot, squatting: Motion) -> None:

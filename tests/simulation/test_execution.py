@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,6 +16,7 @@ from excite.errors import MotionError
 from excite.robot.robot import Robot
 from excite.simulation.clock import clock_of, steady_step
 from excite.simulation.execution import execute
+from excite.simulation.machine import Machine
 from excite.simulation.plant import Plant
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
@@ -163,3 +165,13 @@ def test_soles_stand_still_however_stiffly_their_joints_are_damped(g1: Robot) ->
     short, long = (clock_of(one, motion, 1.0) for one in (stiff, creeping))
     assert short.step <= steady_step(stiff) < long.step == stiff.world.timestep
     assert short.samples == long.samples and short.settle * short.step == pytest.approx(1.0)
+
+
+def test_a_single_tree_is_not_searched_for_islands_and_moves_the_same(changed_g1: VirtualRobot) -> None:
+    machine, searching = Machine(changed_g1), Machine(changed_g1)
+    assert machine.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ISLAND
+    searching.model.opt.disableflags = 0
+    motion = squatting(changed_g1.robot)
+    ours, theirs = (execute(changed_g1, motion, machine=each) for each in (machine, searching))
+    assert np.array_equal(ours.q, theirs.q)
+    assert np.array_equal(ours.tau_link, theirs.tau_link)

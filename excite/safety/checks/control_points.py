@@ -9,8 +9,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.motion.motion import Motion
 
-# Intervals whose control points are looked at together: half a megabyte of them stays in the processor's cache.
-_BLOCK = 128
+# Intervals whose control points are looked at together: a megabyte of them stays in the processor's cache.
+_BLOCK = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +38,9 @@ class ControlPoints:
     points (Farin 2002, section 4.3), so bounds on these hold at every instant, not only at samples.
 
     Attributes:
-        position: ``(m, 6, n_joints)`` [rad or m].
-        velocity: ``(m, 5, n_joints)`` [rad/s or m/s].
-        acceleration: ``(m, 4, n_joints)`` [rad/s² or m/s²].
+        position: ``(6, m, n_joints)`` [rad or m].
+        velocity: ``(5, m, n_joints)`` [rad/s or m/s].
+        acceleration: ``(4, m, n_joints)`` [rad/s² or m/s²].
     """
 
     position: Array
@@ -50,10 +50,10 @@ class ControlPoints:
     def bounds(self) -> JointBounds:
         """Bounds on the same intervals."""
         return JointBounds(
-            self.position.min(axis=1),
-            self.position.max(axis=1),
-            np.abs(self.velocity).max(axis=1),
-            np.abs(self.acceleration).max(axis=1),
+            self.position.min(axis=0),
+            self.position.max(axis=0),
+            np.abs(self.velocity).max(axis=0),
+            np.abs(self.acceleration).max(axis=0),
         )
 
 
@@ -74,12 +74,11 @@ def control_points(motion: Motion, first: int, last: int) -> ControlPoints:
             step - 2.0 * h * v[1:] / 5.0 + h**2 * a[1:] / 20.0,
             step - h * v[1:] / 5.0,
             step,
-        ],
-        axis=1,
+        ]
     )
-    velocity = 5.0 * np.diff(offsets, axis=1) / h[:, None]
-    acceleration = 4.0 * np.diff(velocity, axis=1) / h[:, None]
-    return ControlPoints(q[:-1, None] + offsets, velocity, acceleration)
+    velocity = 5.0 * np.diff(offsets, axis=0) / h
+    acceleration = 4.0 * np.diff(velocity, axis=0) / h
+    return ControlPoints(q[:-1] + offsets, velocity, acceleration)
 
 
 def joint_bounds(motion: Motion) -> JointBounds:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array, distinct_rows
@@ -15,7 +14,8 @@ from excite.errors import InputError
 from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Robot
 from excite.safety.checks.control_points import JointBounds, joint_bounds
-from excite.safety.contact_wrench import wrench_at_world_origin, zero_moment_point
+from excite.safety.checks.dynamics import Dynamics, dynamics
+from excite.safety.contact_wrench import zero_moment_point
 from excite.safety.force_distribution import ContactForces, distribute_wrench
 
 # Grid of the judgement: this many times the motion's own rate, and never below MIN_RATE_HZ.
@@ -26,27 +26,6 @@ MIN_RATE_HZ = 200.0
 _EVEN, _APART = 1e-6, 0.3
 # Contact forces and joint torques, smoother and dearer, are evaluated at about this rate.
 TORQUE_RATE_HZ = 200.0
-
-
-@dataclass(frozen=True, eq=False)
-class Dynamics:
-    """Rigid-body quantities at the samples of the finer grid, world frame.
-
-    Attributes:
-        tau: ``(n, nv)`` inverse dynamics without contacts; base rows in the base frame [N, N·m].
-        jacobian: ``(m, 6, nv)`` at the sweep's ``torque_samples``; columns are the joints' spatial axes,
-            linear then angular, about the world origin.
-        com: ``(n, 3)`` centre of mass [m].
-        rotation: ``(n, n_feet + 1, 3, 3)`` of the base (first; identity for a fixed one) and of the joints
-            that carry the feet.
-        position: ``(n, n_feet + 1, 3)`` of the same [m].
-    """
-
-    tau: Array
-    jacobian: Array
-    com: Array
-    rotation: Array
-    position: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,36 +73,8 @@ class Sweep:
 
     @cached_property
     def dynamics(self) -> Dynamics:
-        """Inverse dynamics, Jacobians, centre of mass and foot poses on the finer grid."""
-        model, fine = self.robot.model, self.fine
-        data = model.createData()
-        joints = [1 if self.robot.floating else 0] + [foot.joint for foot in self.robot.feet]
-        # Views of what pinocchio fills in at each sample.
-        placed = [(data.oMi[joint].rotation, data.oMi[joint].translation) for joint in joints]
-        centre, level = data.com[0], pin.POSITION
-        n = fine.n_samples
-        asked = np.zeros(n, dtype=bool)
-        asked[self.torque_samples] = True
-        tau, jacobian, com = (
-            np.empty((n, model.nv)),
-            np.empty((int(asked.sum()), 6, model.nv)),
-            np.empty((n, 3)),
-        )
-        rotation, position = np.empty((n, len(joints), 3, 3)), np.empty((n, len(joints), 3))
-        row = 0
-        for k, with_jacobian in enumerate(asked.tolist()):
-            tau[k] = pin.rnea(model, data, fine.q[k], fine.v[k], fine.a[k])
-            # Where each joint is in its parent is known from there.
-            pin.updateGlobalPlacements(model, data)
-            if with_jacobian:
-                # Of one velocity, pinocchio returns no matrix.
-                jacobian[row] = pin.computeJointJacobians(model, data).reshape(6, model.nv)
-                row += 1
-            pin.centerOfMass(model, data, level, False)
-            com[k] = centre
-            for i, (turned, moved) in enumerate(placed):
-                rotation[k, i], position[k, i] = turned, moved
-        return Dynamics(tau, jacobian, com, rotation, position)
+        """Inverse dynamics, centre of mass, feet; screws at ``torque_samples``."""
+        return dynamics(self.robot, self.fine, self.torque_samples)
 
     @cached_property
     def contacts(self) -> NDArray[np.bool_]:
@@ -134,17 +85,16 @@ class Sweep:
     @cached_property
     def sole_corners(self) -> tuple[Array, ...]:
         """Corners of each foot's sole, ``(n, n_corners, 3)`` [m], world frame."""
-        dynamics = self.dynamics
+        places = self.dynamics
         return tuple(
-            np.einsum("nij,cj->nci", dynamics.rotation[:, i], foot.sole) + dynamics.position[:, i, None]
-            for i, foot in enumerate(self.robot.feet, start=1)
+            np.einsum("nij,cj->nci", places.rotation[:, i], foot.sole) + places.position[:, i, None]
+            for i, foot in enumerate(self.robot.feet)
         )
 
     @cached_property
     def wrench(self) -> Array:
         """Total contact wrench that the motion requires, ``(n, 6)`` about the world origin [N, N·m]."""
-        dynamics = self.dynamics
-        return wrench_at_world_origin(dynamics.tau[:, :6], dynamics.rotation[:, 0], dynamics.position[:, 0])
+        return self.dynamics.tau[:, :6]
 
     @cached_property
     def zmp(self) -> Array:

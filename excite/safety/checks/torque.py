@@ -49,12 +49,10 @@ def drive_torques(sweep: Sweep) -> Array:
         forces = sweep.contact_forces[i].forces
         corners = sweep.sole_corners[i][samples]
         force, moment = forces.sum(axis=1), np.cross(corners, forces).sum(axis=1)
-        support = np.zeros(robot.model.nv, dtype=bool)
-        for joint in list(robot.model.supports[foot.joint])[1:]:
-            start = robot.model.idx_vs[joint]
-            support[start : start + robot.model.nvs[joint]] = True
-        jacobian = sweep.dynamics.jacobian * support
-        tau -= np.einsum("nkv,nk->nv", jacobian, np.hstack([force, moment]))
+        # The joints between the base and the foot, of one coordinate each.
+        legs = list(robot.model.supports[foot.joint])[2:]
+        carried = np.einsum("njk,nk->nj", sweep.dynamics.screws[:, legs], np.hstack([force, moment]))
+        tau[:, [robot.model.idx_vs[joint] for joint in legs]] -= carried
     tau = robot.on_motors(sweep.fine.q[samples], tau)
     v, a = sweep.fine.joint_velocities()[samples], sweep.fine.joint_accelerations()[samples]
     drives, nothing = robot.description.drives, np.zeros(robot.n_joints)

@@ -40,9 +40,9 @@ class CollisionProbe:
         self._geometry = collision_model(robot).copy()
         self._state = geometry_data(self._geometry)
         self._set_margins(robot)
-        self._manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
-            self._model, self._geometry, self._state
-        )
+        # Of a few dozen bodies, boxes about all pairs are compared sooner than a tree of boxes is brought up to date: a
+        # posture of a G1 takes 31 us (with the tree 39), of a UR10 4 (9), of a Talos 50 (55).
+        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(self._model, self._geometry, self._state)
 
     def _set_margins(self, robot: Robot) -> None:
         margin = robot.description.collision.margin

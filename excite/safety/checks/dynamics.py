@@ -1,0 +1,107 @@
+"""Forces, centre of mass and places of a robot's bodies along a motion, which several checks want to know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.lazy_kernel import LazyKernel
+from excite.motion.motion import Motion
+from excite.regressor.loops import inward, write_screw
+from excite.regressor.motion_loops import POS, STATE_SIZE, move
+from excite.regressor.tree import KinematicTree, read_tree
+from excite.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """Rigid-body quantities at the samples of a motion, world frame.
+
+    Attributes:
+        tau: ``(n, nv)`` inverse dynamics without contacts [N·m or N]; of a robot on feet the base's rows are the wrench
+            (force, moment) that the ground has to supply, about the world's origin.
+        com: ``(n, 3)`` centre of mass [m].
+        screws: ``(m, n_joints + 1, 6)`` at the samples asked for, by pinocchio's index: what each joint carries of a
+            wrench about the world's origin on what it moves. None of a robot without feet.
+        rotation: ``(n, n_feet, 3, 3)`` of the joints that carry the feet.
+        position: ``(n, n_feet, 3)`` of the same [m].
+    """
+
+    tau: Array
+    com: Array
+    screws: Array
+    rotation: Array
+    position: Array
+
+
+def dynamics(robot: Robot, motion: Motion, asked: NDArray[np.intp]) -> Dynamics:
+    """Inverse dynamics of a motion and what comes with it; ``asked`` are the samples at which screws are wanted.
+
+    A robot without feet is left to pinocchio: few samples of an arm are done before compiled loops are loaded. One on
+    feet needs those anyway, for its balance, and each of a G1's samples takes them a third of pinocchio's time.
+    """
+    n, feet, moved = motion.n_samples, robot.feet, (motion.q, motion.v, motion.a)
+    found = Dynamics(
+        tau=np.empty((n, robot.model.nv)),
+        com=np.empty((n, 3)),
+        screws=np.zeros((len(asked), robot.model.njoints, 6)) if feet else np.zeros((0, 0, 6)),
+        rotation=np.empty((n, len(feet), 3, 3)),
+        position=np.empty((n, len(feet), 3)),
+    )
+    if not feet:
+        data = robot.model.createData()
+        for k, (q, v, a) in enumerate(zip(*moved, strict=True)):
+            found.tau[k] = pin.rnea(robot.model, data, q, v, a)
+            found.com[k] = pin.centerOfMass(robot.model, data, q)
+        return found
+    tree, rows = _tree(robot), np.full(n, -1)
+    rows[asked] = np.arange(len(asked))
+    _stand(
+        tree.structure, tree.gravity, *(np.ascontiguousarray(part, dtype=float) for part in moved), tree.phi,
+        np.array([foot.joint for foot in feet]), rows,
+        np.empty((tree.n_segments + 1, STATE_SIZE)), np.empty((tree.n_segments + 1, 6)),
+        found.tau, found.com, found.screws, found.rotation, found.position,
+    )  # fmt: skip
+    return found
+
+
+@lru_cache(maxsize=4)
+def _tree(robot: Robot) -> KinematicTree:
+    return read_tree(robot.model)
+
+
+@LazyKernel
+def _stand(structure, gravity, q, v, a, phi, feet, rows, state, forces, tau, com, screws, rotation, position):
+    """Fill in what :class:`Dynamics` has of a robot on feet; ``state`` and ``forces`` are scratch of one sample.
+
+    ``rows (n,)`` says which row of ``screws`` is a sample's, none if negative.
+    """
+    kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
+    for t in range(q.shape[0]):
+        move(
+            kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, True,
+            q[t], v[t], a[t], state,
+        )  # fmt: skip
+        inward(kinds, parents, idx_v, phi, state, forces, tau[t])
+        mass, x, y, z = 0.0, 0.0, 0.0, 0.0
+        for j in range(1, state.shape[0]):
+            first = 10 * (j - 1)
+            m, hx, hy, hz = phi[first], phi[first + 1], phi[first + 2], phi[first + 3]
+            mass += m
+            x += m * state[j, POS] + state[j, 0] * hx + state[j, 1] * hy + state[j, 2] * hz
+            y += m * state[j, POS + 1] + state[j, 3] * hx + state[j, 4] * hy + state[j, 5] * hz
+            z += m * state[j, POS + 2] + state[j, 6] * hx + state[j, 7] * hy + state[j, 8] * hz
+        com[t, 0], com[t, 1], com[t, 2] = x / mass, y / mass, z / mass
+        for k in range(feet.shape[0]):
+            for i in range(3):
+                position[t, k, i] = state[feet[k], POS + i]
+                for c in range(3):
+                    rotation[t, k, i, c] = state[feet[k], 3 * i + c]
+        if rows[t] >= 0:
+            for j in range(1, state.shape[0]):
+                write_screw(kinds[j], state, j, screws[rows[t]])
