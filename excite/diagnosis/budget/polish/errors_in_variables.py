@@ -73,36 +73,40 @@ def _quieter(without: Model, with_it: Model, noise: Array) -> Model:
 def _noise(full: Baseline, model: Model, moved: ArmSamples) -> Array:
     """Sums of squares of what noise changes in a model's predictions, ``(n_blocks, n_joints)``."""
     base = predicted(full, model).baseline
-    rigid, own = _change(base, moved)
-    change = rigid + own
+    own = _driven(base, moved)
+    change = _carried(base, moved) + own
     for k in model.chosen:
         term = model.design.terms[k]
         if not term.started and not term.effect.timing:
             x = model.parameters(k)
-            change = change + torque_of(_in(term, moved), x) - torque_of(term, x)
+            change = change + torque_of(_in(term, moved, own), x) - torque_of(term, x)
     power, block = (full.samples.rows(change).T * full.strict) ** 2, model.design.rows.block
     return np.array([power[:, block == b].sum(axis=1) for b in range(int(block.max()) + 1)])
 
 
-def _change(base: Baseline, moved: ArmSamples) -> tuple[Array, Array]:
-    """What a moved motion changes in the torques of rigid bodies and of drives, ``(n_samples, n_joints)`` each."""
-    terms, model, still = own_terms(base.modelled), moved.robot.model, base.samples
+def _carried(base: Baseline, moved: ArmSamples) -> Array:
+    """What a moved motion changes in the torques of the rigid bodies, ``(n_samples, n_joints)``."""
     here, there = (
-        s.of_joints(inverse_dynamics(model, s.stacked("q"), s.stacked("v"), s.stacked("a"), base.phi))
-        for s in (still, moved)
+        s.of_joints(inverse_dynamics(s.robot.model, s.stacked("q"), s.stacked("v"), s.stacked("a"), base.phi))
+        for s in (base.samples, moved)
     )
-    led = moved.with_lead(still.lead)
+    return there - here
+
+
+def _driven(base: Baseline, moved: ArmSamples) -> Array:
+    """What a moved motion changes in the torques of the drives' own terms, ``(n_samples, n_joints)``."""
+    terms, still, led = own_terms(base.modelled), base.samples, moved.with_lead(base.samples.lead)
     own = [
         (own_signals(led, terms, j, sign) - own_signals(still, terms, j, sign)) @ size
         for j, (sign, size) in enumerate(zip(base.signs, base.fit.own, strict=True))
     ]
-    return there - here, np.column_stack(own)
+    return np.column_stack(own)
 
 
-def _in(term: Term, moved: ArmSamples) -> Term:
-    """A term in a moved motion, all else as it was."""
+def _in(term: Term, moved: ArmSamples, own: Array) -> Term:
+    """A term in a moved motion, at the inertial parameters that it was made at; ``own`` is the drives' change."""
     base = term.context.baseline
-    rigid, own = _change(base, moved)
+    rigid = _carried(base, moved)
     samples = moved.with_lead(base.samples.lead)
     there = replace(base, samples=samples, rigid=base.rigid + rigid, total=base.total + rigid + own)
     return replace(term, context=Context(there))
