@@ -26,7 +26,8 @@ from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.regressor.kernels import inverse_dynamics
 
-# Standard deviations that noise may stray by.
+# Standard deviations that noise may stray by. Of six simulated records of a Jaco2 without any gap one kept a soft gear
+# without them, or not, as the draw had it; with them none does. Other numbers were not tried.
 _DEVIATIONS = 2.0
 
 
@@ -39,16 +40,19 @@ def without_noise(search: Search, full: Baseline, sigma: Array, rng: np.random.G
         sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
         rng: source of the noise.
     """
+    terms = search.design.terms
+    judged = [k for k in search.model.chosen if not (terms[k].started or terms[k].effect.timing)]
+    if not judged:
+        return
     moved = noisy_motion(full.samples, sigma, rng)
-    for k in sorted(search.model.chosen, key=search.model.taken_by):
-        term = search.design.terms[k]
-        if term.started or term.effect.timing:
-            continue
+    noise = _noise(full, search.model, moved)
+    for k in sorted(judged, key=search.model.taken_by):
         others = [i for i in search.model.chosen if i != k]
         without = fit(search.design, others, search.model.weight)
-        noise = _likely(_noise(full, without, moved) - _noise(full, search.model, moved))
-        if not merit(_quieter(without, search.model, noise), search.model, term, search.candidates).passes:
-            search.model = without
+        more = _noise(full, without, moved)
+        quieter = _quieter(without, search.model, _likely(more - noise))
+        if not merit(quieter, search.model, terms[k], search.candidates).passes:
+            search.model, noise = without, more
             search.merits.pop(k, None)
             search.rivals.pop(k, None)
 
