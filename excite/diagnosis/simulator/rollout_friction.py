@@ -21,13 +21,11 @@ class _Part:
         joint: index of the joint.
         note: the note.
         bristle: bristles of its own; None where it has none, or where they hold all of the joint's dry friction.
-        held: what these hold at the coming step [N·m].
     """
 
     joint: int
     note: Note
     bristle: Bristle | None = None
-    held: float = 0.0
 
 
 class Rubbing(NamedTuple):
@@ -63,24 +61,24 @@ class JointFriction:
             steps: the joints; which of them bend is noted there.
         """
         self._steps = steps
-        self._parts = [_Part(j, note) for j, note in notes if note.rubs]
+        every = [_Part(j, note) for j, note in notes if note.rubs]
         # Bristles that hold all of a joint's dry friction.
         self._whole: dict[int, Bristle] = {}
-        for part in self._parts:
+        for part in every:
             bristle = part.note.bristle()
             if bristle is not None and part.note.takes_all:
                 self._whole[part.joint] = bristle
             else:
                 part.bristle = bristle
-        for part in self._parts:
+        for part in every:
             if part.bristle is None and part.note.static is not None and part.joint in self._whole:
                 self._whole[part.joint].static = part.note.static
         for j in self._whole:
             steps[j].bends = True
-        own = ((part.joint, part.bristle) for part in self._parts if part.bristle is not None)
+        own = ((part.joint, part.bristle) for part in every if part.bristle is not None)
         self.bristles = (*self._whole.items(), *own)
         self._by_joint: dict[int, list[_Part]] = {}
-        for part in self._parts:
+        for part in every:
             self._by_joint.setdefault(part.joint, []).append(part)
 
     def start(self, window: Window) -> None:
@@ -102,9 +100,10 @@ class JointFriction:
         """
         for j, parts in self._by_joint.items():
             here, viscous = level[j], 0.0
+            held: list[tuple[Bristle, float]] = []
             for part in parts:
                 if part.bristle is not None:
-                    part.held = part.note.held(here)
+                    held.append((part.bristle, part.note.held(here)))
                 here, more = part.note.friction(here, self._steps[j])
                 viscous += more
             here = max(here, 0.0)
@@ -113,10 +112,9 @@ class JointFriction:
             if whole is not None:
                 force, damping = whole.force(here, v[j], step)
                 here = 0.0
-            for part in parts:
-                if part.bristle is not None:
-                    f, d = part.bristle.force(max(part.held, 0.0), v[j], step)
-                    force, damping = force + f, damping + d
+            for bristle, size in held:
+                f, d = bristle.force(max(size, 0.0), v[j], step)
+                force, damping = force + f, damping + d
             yield Rubbing(j, here, viscous + damping, force)
 
     def move(self, v: Sequence[float], step: float) -> None:
