@@ -7,27 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import excite
-from excite.conversion.convert import Conversion
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
 from tests.conversion import written
-from tests.conversion.written import JOINTS
-
-
-@pytest.fixture(scope="module")
-def data() -> dict[str, np.ndarray]:
-    return written.motion(300)
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
-
-
-def whole(source: Path, arm: Path, folder: Path, **stated: object) -> Conversion:
-    rules = {"trials": {"validation": ["none"], "split": "none"}} | stated
-    return excite.convert([source], arm, folder / "log", Map.model_validate(rules))
+from tests.conversion.written import JOINTS, whole
 
 
 def in_days(file: Path, name: str, first: float, data: dict[str, np.ndarray]) -> Path:

@@ -17,7 +17,7 @@ from excite.conversion.guesses import UnclearError
 from excite.conversion.mapping import Map
 from excite.errors import LogError
 from tests.conversion import written
-from tests.conversion.written import JOINTS
+from tests.conversion.written import JOINTS, whole
 
 N = 300
 
@@ -30,12 +30,6 @@ def data() -> dict[str, np.ndarray]:
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
-
-
-def whole(source: Path, arm: Path, folder: Path, **stated: object) -> Conversion:
-    """The conversion of a recording that is kept in one piece."""
-    rules = {"trials": {"validation": ["none"], "split": "none"}} | stated
-    return excite.convert([source], arm, folder / "log", Map.model_validate(rules))
 
 
 def holds(found: Conversion, data: dict[str, np.ndarray], atol: float = 1e-5) -> None:

@@ -10,12 +10,20 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
+import excite
+from excite.conversion.convert import Conversion
 from excite.conversion.mapping import Map
 
 # A recording is one trial, all of it to identify from.
-WHOLE = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}})
+_IN_ONE = {"trials": {"validation": ["none"], "split": "none"}}
+WHOLE = Map.model_validate(_IN_ONE)
 JOINTS = ("shoulder", "elbow", "wrist")
 RATE = 100.0
+
+
+def whole(source: Path, arm: Path, folder: Path, **stated: object) -> Conversion:
+    """The conversion of a recording that is kept in one piece."""
+    return excite.convert([source], arm, folder / "log", Map.model_validate(_IN_ONE | stated))
 
 
 def arm_urdf(path: Path) -> Path:
