@@ -17,9 +17,10 @@ def test_own_terms_at_every_sign_change_are_those_of_each_alone() -> None:
     samples, terms = baseline(drives=True).samples, own_terms(FULL)
     for lead in (0.0, 0.004):
         led = samples.with_lead(lead)
-        for again in (False, True):
+        # The second time they are those that were kept.
+        for _ in range(2):
             made = own_rows(led, terms, 1, SIGNS)
-            assert len(made) == len(SIGNS), again
+            assert len(made) == len(SIGNS)
             for sign, rows in zip(SIGNS, made, strict=True):
                 np.testing.assert_allclose(rows, led.rows(own_signals(led, terms, 1, sign)), atol=1e-12)
 

@@ -149,7 +149,7 @@ def _hulls(robot: Robot, data: pin.Data, view: View, flat) -> tuple[tuple[str, A
         if len(corners) > 2:
             outlines.append((float(points.mean(axis=0) @ view.towards), shape.link, seen[corners]))
     outlines.sort(key=lambda item: item[0])
-    return tuple((link, outline) for _, link, outline in outlines)
+    return tuple((link, corners) for _, link, corners in outlines)
 
 
 def outline(points: Array) -> NDArray[np.intp]:

@@ -171,8 +171,8 @@ class TermMaker:
 
     def _kept(self, form: _Form) -> tuple[_Signals, Array] | None:
         """Signals and rows of the motion alone that were made before, whatever else has been found since."""
-        signals, rows = self.context.baseline.derived.rows.get((type(form[0]), *form[1:]), (None, None))
-        return None if signals is None else (replace(signals, context=self.context), rows)
+        known = self.context.baseline.derived.rows.get((type(form[0]), *form[1:]))
+        return None if known is None else (replace(known[0], context=self.context), known[1])
 
     def _filtered(self, several: Sequence[_Signals], *, keep: bool) -> list[tuple[_Signals, Array]]:
         """Signals with what the filter makes of them, ``(n_rows, n)`` each; ``keep`` those of the motion alone."""
