@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from excite.arrays import Array, Moved
 from excite.errors import InputError
-from excite.regressor import loops, motion_loops
+from excite.regressor import force_loops, motion_loops, row_loops
 from excite.regressor.tree import KinematicTree, read_tree
 
 
@@ -85,8 +85,8 @@ def inverse_dynamics(
     phi = checked_parameters(tree, phi)
     q, v, a = checked_trajectory(tree, q, v, a)
     out = np.empty((len(q), tree.nv))
-    forces = np.empty((tree.n_segments + 1, 6))
-    loops.torques(tree.structure, tree.gravity, q, v, a, phi, _state(tree), forces, out)
+    room, block, _ = block_of(tree)
+    force_loops.torques(tree.structure, tree.gravity, q, v, a, phi, room, block, *load_of(tree), out)
     return out
 
 
@@ -112,7 +112,7 @@ def base_link_regressor(
     tree = read_tree(model)
     q, v, a = checked_trajectory(tree, q, v, a)
     out = _output(out, (len(q), 6, 10 * tree.n_segments))
-    loops.base_rows(tree.structure, tree.gravity, q, v, a, _state(tree), out)
+    row_loops.base_rows(tree.structure, tree.gravity, q, v, a, *block_of(tree), out)
     return out
 
 
@@ -137,14 +137,23 @@ def joint_torque_regressor(
     tree = read_tree(model)
     q, v, a = checked_trajectory(tree, q, v, a)
     out = _output(out, (len(q), tree.nv, 10 * tree.n_segments))
-    scratch = _state(tree), np.empty((6, 10)), np.empty((tree.n_segments + 1, 6))
-    loops.torque_rows(tree.structure, tree.gravity, q, v, a, *scratch, out)
+    wrench, screws = np.empty((1, 6, 10)), np.empty((tree.n_segments + 1, 6))
+    row_loops.torque_rows(tree.structure, tree.gravity, q, v, a, *block_of(tree), wrench, screws, out)
     return out
 
 
-def _state(tree: KinematicTree) -> Array:
-    """Room for the state of all bodies in one sample."""
-    return np.empty((tree.n_segments + 1, motion_loops.STATE_SIZE))
+def block_of(tree: KinematicTree) -> tuple[Array, Array, Array]:
+    """What compiled loops need for the motion of a block of samples: scratch, the states of all bodies flat as
+    :func:`~excite.regressor.motion_loops.move` fills them, and the same ``(n_joints + 1, STATE_SIZE, LANES)``.
+    """
+    state = np.empty((tree.n_segments + 1, motion_loops.STATE_SIZE, motion_loops.LANES))
+    return np.empty(motion_loops.ROOM_SIZE * motion_loops.LANES), state.reshape(len(state), -1), state
+
+
+def load_of(tree: KinematicTree) -> tuple[Array, Array]:
+    """What compiled loops need for the forces of a block: those of all bodies, and scratch for one."""
+    lanes = motion_loops.LANES
+    return np.empty((tree.n_segments + 1, 6 * lanes)), np.empty(force_loops.LOAD_SIZE * lanes)
 
 
 def checked_trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> Moved:

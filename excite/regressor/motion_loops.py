@@ -1,10 +1,10 @@
 """Compiled loops that carry motion from body to body along a trajectory.
 
-They fill ``state``, of shape ``(n_joints + 1, 24)`` for each sample: for each body its rotation (9 numbers, row
-by row), position, angular velocity, angular acceleration, acceleration of its origin less gravity, and the
-axis of its joint. All are written in one frame that the whole robot shares, called the root frame: the base's
-for a floating robot (or the world's, on request), the world's for a fixed one. Wrenches on bodies can then be
-summed without any further transformation.
+They fill ``state``, of shape ``(n_joints + 1, STATE_SIZE * LANES)``, for a block of samples: for each body its rotation
+(9 numbers, row by row), position, angular velocity, angular acceleration, acceleration of its origin less gravity, and
+the axis of its joint, each number of all LANES samples in a row. All are written in one frame that the whole robot
+shares, called the root frame: the base's for a floating robot (or the world's, on request), the world's for a fixed
+one. Wrenches on bodies can then be summed without any further transformation.
 
 Recursion: Luh, Walker, Paul (1980), outward pass.
 """
@@ -13,12 +13,19 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from excite.lazy_kernel import LazyKernel
 from excite.regressor.tree import FREE_FLYER, PRISMATIC, REVOLUTE_UNBOUNDED
 
-# Offsets into a body's state. numba notices a change only in the file that it compiles: after changing these,
+# Offsets into a body's state. numba notices a change only in the file that it compiles: after changing these or LANES,
 # delete the __pycache__ folder.
 POS, OMEGA, ALPHA, ACC, AXIS, STATE_SIZE = 9, 12, 15, 18, 21, 24
+# Samples that go side by side: the processor works on several at a time, where one would wait for itself.
+LANES = 16
+# What is at hand of one joint, after the state of the body before it. That one is a copy: bodies lie in one array at
+# distances that the compiler does not know, and it works on several lanes only where it sees that they are apart.
+_COS, _SIN, _WAY, _TURN, _SLIDE, _SPIN, _THRUST, _COLUMNS, ROOM_SIZE = 24, 25, 26, 27, 28, 29, 30, 31, 35
 
 
 @LazyKernel
@@ -68,120 +75,161 @@ def start_root(rotation, translation, q, v, a, gravity, in_world, s):
 
 
 @LazyKernel
-def turn_joint(kind, rotations, axes, aligned, qc, qs, state, up, j):
-    """Rotation and axis of body ``j`` in the world from its parent's; arguments as of :func:`step_joint`."""
-    c, sn = (1.0, 0.0) if kind == PRISMATIC else (qc, qs)
+def turn_joint(rotations, axes, aligned, room, state, j):
+    """Rotation and axis of body ``j`` from the rotation of the body before it; arguments as of :func:`step_joint`."""
+    # Nearly all axes are those of a frame: columns are counted from that one on.
+    x = max(aligned, 0)
+    y, z = (x + 1) % 3, (x + 2) % 3
+    x0, x1, x2 = rotations[j, 0, x], rotations[j, 1, x], rotations[j, 2, x]
+    y0, y1, y2 = rotations[j, 0, y], rotations[j, 1, y], rotations[j, 2, y]
+    z0, z1, z2 = rotations[j, 0, z], rotations[j, 1, z], rotations[j, 2, z]
+    e0, e1, e2 = axes[j, 0], axes[j, 1], axes[j, 2]
     for i in range(3):
-        u0, u1, u2 = state[up, 3 * i], state[up, 3 * i + 1], state[up, 3 * i + 2]
-        a0 = u0 * rotations[j, 0, 0] + u1 * rotations[j, 1, 0] + u2 * rotations[j, 2, 0]
-        a1 = u0 * rotations[j, 0, 1] + u1 * rotations[j, 1, 1] + u2 * rotations[j, 2, 1]
-        a2 = u0 * rotations[j, 0, 2] + u1 * rotations[j, 1, 2] + u2 * rotations[j, 2, 2]
-        # Row of A·R(axis, angle); nearly all axes are those of a frame.
-        if aligned == 0:
-            state[j, AXIS + i] = a0
-            state[j, 3 * i], state[j, 3 * i + 1], state[j, 3 * i + 2] = a0, c * a1 + sn * a2, c * a2 - sn * a1
-        elif aligned == 1:
-            state[j, AXIS + i] = a1
-            state[j, 3 * i], state[j, 3 * i + 1], state[j, 3 * i + 2] = c * a0 - sn * a2, a1, c * a2 + sn * a0
-        elif aligned == 2:
-            state[j, AXIS + i] = a2
-            state[j, 3 * i], state[j, 3 * i + 1], state[j, 3 * i + 2] = c * a0 + sn * a1, c * a1 - sn * a0, a2
-        else:  # Rodrigues' formula
-            z = a0 * axes[j, 0] + a1 * axes[j, 1] + a2 * axes[j, 2]
-            k = (1.0 - c) * z
-            state[j, AXIS + i] = z
-            state[j, 3 * i] = c * a0 + sn * (a1 * axes[j, 2] - a2 * axes[j, 1]) + k * axes[j, 0]
-            state[j, 3 * i + 1] = c * a1 + sn * (a2 * axes[j, 0] - a0 * axes[j, 2]) + k * axes[j, 1]
-            state[j, 3 * i + 2] = c * a2 + sn * (a0 * axes[j, 1] - a1 * axes[j, 0]) + k * axes[j, 2]
+        row = 3 * i * LANES
+        for b in range(LANES):
+            u0, u1, u2 = room[row + b], room[row + LANES + b], room[row + 2 * LANES + b]
+            c, s = room[_COS * LANES + b], room[_SIN * LANES + b]
+            a0, a1, a2 = u0 * x0 + u1 * x1 + u2 * x2, u0 * y0 + u1 * y1 + u2 * y2, u0 * z0 + u1 * z1 + u2 * z2
+            # Row of A·R(axis, angle).
+            along, b0, b1, b2 = a0, a0, c * a1 + s * a2, c * a2 - s * a1
+            if aligned < 0:  # Rodrigues' formula
+                along = a0 * e0 + a1 * e1 + a2 * e2
+                k = (1.0 - c) * along
+                b0 = c * a0 + s * (a1 * e2 - a2 * e1) + k * e0
+                b1 = c * a1 + s * (a2 * e0 - a0 * e2) + k * e1
+                b2 = c * a2 + s * (a0 * e1 - a1 * e0) + k * e2
+            room[_COLUMNS * LANES + b], room[(_COLUMNS + 1) * LANES + b] = b0, b1
+            room[(_COLUMNS + 2) * LANES + b], room[(_COLUMNS + 3) * LANES + b] = b2, along
+        for b in range(LANES):
+            state[j, row + x * LANES + b] = room[_COLUMNS * LANES + b]
+        for b in range(LANES):
+            state[j, row + y * LANES + b] = room[(_COLUMNS + 1) * LANES + b]
+        for b in range(LANES):
+            state[j, row + z * LANES + b] = room[(_COLUMNS + 2) * LANES + b]
+        for b in range(LANES):
+            state[j, (AXIS + i) * LANES + b] = room[(_COLUMNS + 3) * LANES + b]
 
 
 @LazyKernel
-def step_joint(kind, rotations, translations, axes, aligned, qc, qs, qd, qdd, state, up, j):
-    """State of body ``j`` from that of its parent ``up``; ``qc, qs`` are cosine and sine of a revolute angle.
+def step_joint(rotations, translations, axes, aligned, room, state, j):
+    """State of body ``j`` from that of the body before it and from its joint's motion, both in ``room``.
 
     Arrays come whole, with indices: a view would cost more, counted in and out, than the work on it.
     """
-    turn_joint(kind, rotations, axes, aligned, qc, qs, state, up, j)
-    r0 = (
-        state[up, 0] * translations[j, 0]
-        + state[up, 1] * translations[j, 1]
-        + state[up, 2] * translations[j, 2]
-    )
-    r1 = (
-        state[up, 3] * translations[j, 0]
-        + state[up, 4] * translations[j, 1]
-        + state[up, 5] * translations[j, 2]
-    )
-    r2 = (
-        state[up, 6] * translations[j, 0]
-        + state[up, 7] * translations[j, 1]
-        + state[up, 8] * translations[j, 2]
-    )
-    z0, z1, z2 = state[j, AXIS], state[j, AXIS + 1], state[j, AXIS + 2]
-    w0, w1, w2 = state[up, OMEGA], state[up, OMEGA + 1], state[up, OMEGA + 2]
-    l0, l1, l2 = state[up, ALPHA], state[up, ALPHA + 1], state[up, ALPHA + 2]
-    x0, x1, x2 = qd * (w1 * z2 - w2 * z1), qd * (w2 * z0 - w0 * z2), qd * (w0 * z1 - w1 * z0)
-    g0, g1, g2 = state[up, ACC], state[up, ACC + 1], state[up, ACC + 2]
-    if kind == PRISMATIC:
-        r0, r1, r2 = r0 + qs * z0, r1 + qs * z1, r2 + qs * z2
-        g0, g1, g2 = g0 + 2.0 * x0 + qdd * z0, g1 + 2.0 * x1 + qdd * z1, g2 + 2.0 * x2 + qdd * z2
-        state[j, OMEGA], state[j, OMEGA + 1], state[j, OMEGA + 2] = w0, w1, w2
-        state[j, ALPHA], state[j, ALPHA + 1], state[j, ALPHA + 2] = l0, l1, l2
-    else:
-        state[j, OMEGA], state[j, OMEGA + 1], state[j, OMEGA + 2] = w0 + qd * z0, w1 + qd * z1, w2 + qd * z2
-        state[j, ALPHA], state[j, ALPHA + 1], state[j, ALPHA + 2] = (
-            l0 + qdd * z0 + x0,
-            l1 + qdd * z1 + x1,
-            l2 + qdd * z2 + x2,
+    turn_joint(rotations, axes, aligned, room, state, j)
+    t0, t1, t2 = translations[j, 0], translations[j, 1], translations[j, 2]
+    for b in range(LANES):
+        z0, z1, z2 = (
+            state[j, AXIS * LANES + b],
+            state[j, (AXIS + 1) * LANES + b],
+            state[j, (AXIS + 2) * LANES + b],
         )
-    d = w0 * r0 + w1 * r1 + w2 * r2
-    ww = w0 * w0 + w1 * w1 + w2 * w2
-    state[j, POS], state[j, POS + 1], state[j, POS + 2] = (
-        state[up, POS] + r0,
-        state[up, POS + 1] + r1,
-        state[up, POS + 2] + r2,
-    )
-    state[j, ACC] = g0 + l1 * r2 - l2 * r1 + w0 * d - ww * r0
-    state[j, ACC + 1] = g1 + l2 * r0 - l0 * r2 + w1 * d - ww * r1
-    state[j, ACC + 2] = g2 + l0 * r1 - l1 * r0 + w2 * d - ww * r2
+        w0, w1, w2 = room[OMEGA * LANES + b], room[(OMEGA + 1) * LANES + b], room[(OMEGA + 2) * LANES + b]
+        l0, l1, l2 = room[ALPHA * LANES + b], room[(ALPHA + 1) * LANES + b], room[(ALPHA + 2) * LANES + b]
+        way, turn, spin = room[_WAY * LANES + b], room[_TURN * LANES + b], room[_SPIN * LANES + b]
+        slide, thrust = 2.0 * room[_SLIDE * LANES + b], room[_THRUST * LANES + b]
+        r0 = room[b] * t0 + room[LANES + b] * t1 + room[2 * LANES + b] * t2 + way * z0
+        r1 = room[3 * LANES + b] * t0 + room[4 * LANES + b] * t1 + room[5 * LANES + b] * t2 + way * z1
+        r2 = room[6 * LANES + b] * t0 + room[7 * LANES + b] * t1 + room[8 * LANES + b] * t2 + way * z2
+        x0, x1, x2 = w1 * z2 - w2 * z1, w2 * z0 - w0 * z2, w0 * z1 - w1 * z0
+        g0 = room[ACC * LANES + b] + slide * x0 + thrust * z0
+        g1 = room[(ACC + 1) * LANES + b] + slide * x1 + thrust * z1
+        g2 = room[(ACC + 2) * LANES + b] + slide * x2 + thrust * z2
+        d, ww = w0 * r0 + w1 * r1 + w2 * r2, w0 * w0 + w1 * w1 + w2 * w2
+        state[j, POS * LANES + b] = room[POS * LANES + b] + r0
+        state[j, (POS + 1) * LANES + b] = room[(POS + 1) * LANES + b] + r1
+        state[j, (POS + 2) * LANES + b] = room[(POS + 2) * LANES + b] + r2
+        state[j, OMEGA * LANES + b] = w0 + turn * z0
+        state[j, (OMEGA + 1) * LANES + b] = w1 + turn * z1
+        state[j, (OMEGA + 2) * LANES + b] = w2 + turn * z2
+        state[j, ALPHA * LANES + b] = l0 + spin * z0 + turn * x0
+        state[j, (ALPHA + 1) * LANES + b] = l1 + spin * z1 + turn * x1
+        state[j, (ALPHA + 2) * LANES + b] = l2 + spin * z2 + turn * x2
+        state[j, ACC * LANES + b] = g0 + l1 * r2 - l2 * r1 + w0 * d - ww * r0
+        state[j, (ACC + 1) * LANES + b] = g1 + l2 * r0 - l0 * r2 + w1 * d - ww * r1
+        state[j, (ACC + 2) * LANES + b] = g2 + l0 * r1 - l1 * r0 + w2 * d - ww * r2
+
+
+@LazyKernel
+def joint_motion(kind, iq, iv, q, v, a, sample, room, b):
+    """Motion of a joint at a sample into lane ``b`` of ``room``: it turns or slides."""
+    turns = kind != PRISMATIC
+    angle, rate, second = q[sample, iq], v[sample, iv], a[sample, iv]
+    if kind == REVOLUTE_UNBOUNDED:
+        c, s = angle, q[sample, iq + 1]
+    elif turns:
+        c, s = math.cos(angle), math.sin(angle)
+    else:
+        c, s = 1.0, 0.0
+    room[_COS * LANES + b], room[_SIN * LANES + b], room[_WAY * LANES + b] = c, s, 0.0 if turns else angle
+    room[_TURN * LANES + b], room[_SPIN * LANES + b] = (rate, second) if turns else (0.0, 0.0)
+    room[_SLIDE * LANES + b], room[_THRUST * LANES + b] = (0.0, 0.0) if turns else (rate, second)
 
 
 @LazyKernel
 def move(
-    kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, in_world, q, v, a, state
+    kinds,
+    parents,
+    idx_q,
+    idx_v,
+    rotations,
+    translations,
+    axes,
+    aligned,
+    gravity,
+    in_world,
+    q,
+    v,
+    a,
+    first,
+    room,
+    state,
 ):
-    """Fill ``state (n_joints + 1, 24)`` of one sample from ``q (nq)``, ``v (nv)``, ``a (nv)``.
+    """Fill ``state (n_joints + 1, STATE_SIZE * LANES)`` of the samples of ``q (n, nq)``, ``v (n, nv)``, ``a (n, nv)``
+    from ``first`` on; ``room (ROOM_SIZE * LANES)`` is scratch.
 
-    The structure comes array by array: a tuple would be taken apart, its references counted, at each sample.
+    Lanes that no sample is left for take the last one again. The structure comes array by array: a tuple would be taken
+    apart, its references counted, at each block.
     """
-    for i in range(STATE_SIZE):
+    last = q.shape[0] - 1
+    for i in range(STATE_SIZE * LANES):
         state[0, i] = 0.0
     for i in range(3):
-        state[0, 4 * i] = 1.0
-        state[0, ACC + i] = -gravity[i]
+        for b in range(LANES):
+            state[0, 4 * i * LANES + b] = 1.0
+            state[0, (ACC + i) * LANES + b] = -gravity[i]
     for j in range(1, kinds.shape[0]):
-        iq, iv = idx_q[j], idx_v[j]
         if kinds[j] == FREE_FLYER:
-            start_root(rotations[j], translations[j], q, v, a, gravity, in_world, state[j])
+            for b in range(LANES):
+                t = min(first + b, last)
+                start_root(rotations[j], translations[j], q[t], v[t], a[t], gravity, in_world, room)
+                for i in range(STATE_SIZE):
+                    state[j, i * LANES + b] = room[i]
             continue
-        if kinds[j] == REVOLUTE_UNBOUNDED:
-            qc, qs = q[iq], q[iq + 1]
-        elif kinds[j] == PRISMATIC:
-            qc, qs = 1.0, q[iq]
-        else:
-            qc, qs = math.cos(q[iq]), math.sin(q[iq])
-        step_joint(
-            kinds[j], rotations, translations, axes, aligned[j], qc, qs, v[iv], a[iv],
-            state, parents[j], j,
-        )  # fmt: skip
+        for i in range(STATE_SIZE * LANES):
+            room[i] = state[parents[j], i]
+        for b in range(LANES):
+            joint_motion(kinds[j], idx_q[j], idx_v[j], q, v, a, min(first + b, last), room, b)
+        step_joint(rotations, translations, axes, aligned[j], room, state, j)
 
 
 @LazyKernel
-def propagate(structure, gravity, in_world, q, v, a, state):
-    """Fill ``state (n, n_joints + 1, 24)`` from ``q (n, nq)``, ``v (n, nv)``, ``a (n, nv)``."""
+def take_lane(state, b, body):
+    """State of all bodies at one sample of a block, into ``body (n_joints + 1, STATE_SIZE)``."""
+    for j in range(state.shape[0]):
+        for i in range(STATE_SIZE):
+            body[j, i] = state[j, i * LANES + b]
+
+
+@LazyKernel
+def propagate(structure, gravity, in_world, q, v, a, out):
+    """Fill ``out (n, n_joints + 1, STATE_SIZE)`` from ``q (n, nq)``, ``v (n, nv)``, ``a (n, nv)``."""
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
-    for t in range(q.shape[0]):
+    state, room = np.empty((kinds.shape[0], STATE_SIZE * LANES)), np.empty(ROOM_SIZE * LANES)
+    for first in range(0, q.shape[0], LANES):
         move(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, in_world,
-            q[t], v[t], a[t], state[t],
+            q, v, a, first, room, state,
         )  # fmt: skip
+        for b in range(min(LANES, q.shape[0] - first)):
+            take_lane(state, b, out[first + b])

@@ -11,8 +11,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.regressor.kernels import checked_parameters, checked_trajectory
-from excite.regressor.motion_loops import STATE_SIZE
+from excite.regressor.kernels import block_of, checked_parameters, checked_trajectory, load_of
 from excite.regressor.placement_loops import gradient
 from excite.regressor.tree import FREE_FLYER, KinematicTree, read_tree
 
@@ -46,6 +45,6 @@ def placement_gradient(
     for j in range(moved, bodies):
         behind[j] = j == moved or behind[tree.parents[j]]
     out = np.zeros((len(q), tree.nv, 3))
-    scratch = np.empty((bodies, STATE_SIZE)), np.empty((bodies, 6)), np.empty((bodies, 4))
+    scratch = *block_of(tree), *load_of(tree), np.empty((bodies, 4)), np.empty((len(q), tree.nv))
     gradient(tree.structure, tree.gravity, q, v, a, phi, moved, behind, *scratch, out)
     return out

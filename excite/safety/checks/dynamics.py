@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.lazy_kernel import LazyKernel
 from excite.motion.motion import Motion
-from excite.regressor.loops import inward, write_screw
-from excite.regressor.motion_loops import POS, STATE_SIZE, move
+from excite.regressor.force_loops import inward
+from excite.regressor.kernels import block_of, load_of
+from excite.regressor.motion_loops import LANES, POS, move
+from excite.regressor.row_loops import write_screw
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
 
@@ -63,8 +65,7 @@ def dynamics(robot: Robot, motion: Motion, asked: NDArray[np.intp]) -> Dynamics:
     rows[asked] = np.arange(len(asked))
     _stand(
         tree.structure, tree.gravity, *(np.ascontiguousarray(part, dtype=float) for part in moved), tree.phi,
-        np.array([foot.joint for foot in feet]), rows,
-        np.empty((tree.n_segments + 1, STATE_SIZE)), np.empty((tree.n_segments + 1, 6)),
+        np.array([foot.joint for foot in feet]), rows, *block_of(tree), *load_of(tree),
         found.tau, found.com, found.screws, found.rotation, found.position,
     )  # fmt: skip
     return found
@@ -76,32 +77,43 @@ def _tree(robot: Robot) -> KinematicTree:
 
 
 @LazyKernel
-def _stand(structure, gravity, q, v, a, phi, feet, rows, state, forces, tau, com, screws, rotation, position):
-    """Fill in what :class:`Dynamics` has of a robot on feet; ``state`` and ``forces`` are scratch of one sample.
+def _stand(
+    structure, gravity, q, v, a, phi, feet, rows, room, block, state, forces, load,
+    tau, com, screws, rotation, position,
+):  # fmt: skip
+    """Fill in what :class:`Dynamics` has of a robot on feet; arrays from ``room`` to ``load`` are scratch.
 
     ``rows (n,)`` says which row of ``screws`` is a sample's, none if negative.
     """
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
-    for t in range(q.shape[0]):
+    for first in range(0, q.shape[0], LANES):
         move(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, True,
-            q[t], v[t], a[t], state,
+            q, v, a, first, room, block,
         )  # fmt: skip
-        inward(kinds, parents, idx_v, phi, state, forces, tau[t])
-        mass, x, y, z = 0.0, 0.0, 0.0, 0.0
-        for j in range(1, state.shape[0]):
-            first = 10 * (j - 1)
-            m, hx, hy, hz = phi[first], phi[first + 1], phi[first + 2], phi[first + 3]
-            mass += m
-            x += m * state[j, POS] + state[j, 0] * hx + state[j, 1] * hy + state[j, 2] * hz
-            y += m * state[j, POS + 1] + state[j, 3] * hx + state[j, 4] * hy + state[j, 5] * hz
-            z += m * state[j, POS + 2] + state[j, 6] * hx + state[j, 7] * hy + state[j, 8] * hz
-        com[t, 0], com[t, 1], com[t, 2] = x / mass, y / mass, z / mass
-        for k in range(feet.shape[0]):
-            for i in range(3):
-                position[t, k, i] = state[feet[k], POS + i]
-                for c in range(3):
-                    rotation[t, k, i, c] = state[feet[k], 3 * i + c]
-        if rows[t] >= 0:
-            for j in range(1, state.shape[0]):
-                write_screw(kinds[j], state, j, screws[rows[t]])
+        inward(kinds, parents, idx_v, phi, block, forces, load, first, tau)
+        for b in range(min(LANES, q.shape[0] - first)):
+            t = first + b
+            _centre(phi, state, b, com[t])
+            for k in range(feet.shape[0]):
+                for i in range(3):
+                    position[t, k, i] = state[feet[k], POS + i, b]
+                    for c in range(3):
+                        rotation[t, k, i, c] = state[feet[k], 3 * i + c, b]
+            if rows[t] >= 0:
+                for j in range(1, state.shape[0]):
+                    write_screw(kinds[j], state, j, b, screws[rows[t]])
+
+
+@LazyKernel
+def _centre(phi, state, b, com):
+    """Centre of mass in lane ``b``."""
+    mass, x, y, z = 0.0, 0.0, 0.0, 0.0
+    for j in range(1, state.shape[0]):
+        first = 10 * (j - 1)
+        m, hx, hy, hz = phi[first], phi[first + 1], phi[first + 2], phi[first + 3]
+        mass += m
+        x += m * state[j, POS, b] + state[j, 0, b] * hx + state[j, 1, b] * hy + state[j, 2, b] * hz
+        y += m * state[j, POS + 1, b] + state[j, 3, b] * hx + state[j, 4, b] * hy + state[j, 5, b] * hz
+        z += m * state[j, POS + 2, b] + state[j, 6, b] * hx + state[j, 7, b] * hy + state[j, 8, b] * hz
+    com[0], com[1], com[2] = x / mass, y / mass, z / mass
