@@ -21,7 +21,8 @@ from excite.regressor.tree import FREE_FLYER, PRISMATIC, REVOLUTE_UNBOUNDED
 # Offsets into a body's state. numba notices a change only in the file that it compiles: after changing these or LANES,
 # delete the __pycache__ folder.
 POS, OMEGA, ALPHA, ACC, AXIS, STATE_SIZE = 9, 12, 15, 18, 21, 24
-# Samples that go side by side: the processor works on several at a time, where one would wait for itself.
+# Samples that go side by side: the processor works on several at a time, where one would wait for itself. Of 8, 16 and
+# 32 on an AVX-512 machine, a G1's bodies take 1.58, 1.21 and 1.57 µs a sample to move; one after the other 1.83.
 LANES = 16
 # What is at hand of one joint, after the state of the body before it. That one is a copy: bodies lie in one array at
 # distances that the compiler does not know, and it works on several lanes only where it sees that they are apart.
