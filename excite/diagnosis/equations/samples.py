@@ -83,8 +83,24 @@ class ArmSamples:
         """What follows the sign of a velocity, ``(n_samples,)``, earlier by ``lead``."""
         if self.lead == 0.0:
             return values
-        parts = zip(self.split(values), self.trials, strict=True)
-        return np.concatenate([np.interp(t.time + self.lead, t.time, part) for part, t in parts])
+        before, share = self._ahead
+        now = values[before]
+        return now + share * (values[before + 1] - now)
+
+    @cached_property
+    def _ahead(self) -> tuple[NDArray[np.int64], Array]:
+        """Between which samples a time ``lead`` later is: the first of the two, and how far on to the next, 0…1.
+
+        Trials are held at their ends.
+        """
+        firsts = np.cumsum([0, *(len(t.time) for t in self.trials)])[:-1]
+        before, share = [], []
+        for first, trial in zip(firsts, self.trials, strict=True):
+            time, later = trial.time, trial.time + self.lead
+            at = np.clip(np.searchsorted(time, later, side="right") - 1, 0, len(time) - 2)
+            before.append(first + at)
+            share.append(np.clip((later - time[at]) / (time[at + 1] - time[at]), 0.0, 1.0))
+        return np.concatenate(before), np.concatenate(share)
 
     def rows(self, signals: Array | Sequence[Array]) -> Array:
         """Signals at full rate, all trials below each other or one a trial, through the filter, ``(n_rows, …)``.

@@ -121,6 +121,9 @@ class Simulator:
     def _controls(self, torques: Array, filtered: Array, share: float) -> Array:
         """What the motors are told at every step where nothing is fed back, ``(n_steps, nu)``."""
         control = np.zeros((len(torques), self.model.nu))
+        if share == 1.0:
+            control[:, self._motor] = torques
+            return control
         for k, torque in enumerate(torques):
             filtered = filtered + share * (torque - filtered)
             control[k, self._motor] = filtered

@@ -44,7 +44,7 @@ def lowpass(values: Array, rate_hz: float, cutoff_hz: float, order: int = 4) -> 
     end, rows = np.array([len(padded)]), np.arange(needed, needed + len(values))
     sections, states = butterworth_sections(order, rate_hz, cutoff_hz)
     smooth = both_ways(padded, end, rows, np.array([len(rows)]), sections, states)
-    return smooth.reshape(values.shape)
+    return np.ascontiguousarray(smooth).reshape(values.shape)
 
 
 def settling_samples(rate_hz: float, cutoff_hz: float) -> int:

@@ -69,15 +69,15 @@ def both_ways(
         states: after a constant 1.
 
     Returns:
-        ``(n_rows, n_signals)``.
+        ``(n_rows, n_signals)``, each signal in one piece.
     """
     longest = int(np.diff(ends, prepend=0).max())
     columns = max(1, min(values.shape[1], SIDE_BY_SIDE))
     trials = min(len(ends), max(1, SIDE_BY_SIDE // columns))
     room = np.empty((longest, trials * columns))
-    out = np.empty((len(rows), values.shape[1]))
+    out = np.empty((values.shape[1], len(rows)))
     _filter(np.ascontiguousarray(values), ends, rows, row_ends, sections, states, columns, room, out)
-    return out
+    return out.T
 
 
 @LazyKernel
@@ -108,7 +108,7 @@ def _filter(
                 place = (k - trial) * columns
                 for row in range(row_ends[k - 1] if k else 0, row_ends[k]):
                     for c in range(width):
-                        out[row, column + c] = room[rows[row], place + c]
+                        out[column + c, row] = room[rows[row], place + c]
 
 
 @LazyKernel

@@ -140,7 +140,7 @@ class TermMaker:
                 made[k] = self._term(*known)
                 continue
             signals = self._signals(form)
-            if sum(other.values.shape[1] for other in (*waiting.values(), signals)) > SIDE_BY_SIDE:
+            if sum(other.width for other in (*waiting.values(), signals)) > SIDE_BY_SIDE:
                 filtered()
             waiting[k] = signals
         filtered()
@@ -166,8 +166,7 @@ class TermMaker:
         shape = effect.shape(context, location, theta)
         blocks = shape.columns or {j: values[:, None] for j, values in shape.offset.items()}
         felt = [j for j in sorted(blocks) if blocks[j].any()]
-        values = np.concatenate([blocks[j] for j in felt], axis=1) if felt else np.zeros((0, 0))
-        return _Signals(effect, location, theta, context, bool(shape.offset), felt, values)
+        return _Signals(effect, location, theta, context, bool(shape.offset), felt, [blocks[j] for j in felt])
 
     def _kept(self, form: _Form) -> tuple[_Signals, Array] | None:
         """Signals and rows of the motion alone that were made before, whatever else has been found since."""
@@ -176,16 +175,16 @@ class TermMaker:
 
     def _filtered(self, several: Sequence[_Signals], *, keep: bool) -> list[tuple[_Signals, Array]]:
         """Signals with what the filter makes of them, ``(n_rows, n)`` each; ``keep`` those of the motion alone."""
-        filled = [signals.values for signals in several if signals.felt]
-        if not filled:
+        blocks = [block for signals in several for block in signals.blocks]
+        if not blocks:
             return [(signals, np.zeros((0, 0))) for signals in several]
-        together = self.context.baseline.samples.rows(np.concatenate(filled, axis=1))
-        ends = np.cumsum([signals.values.shape[1] for signals in several])
+        together = self.context.baseline.samples.rows(np.concatenate(blocks, axis=1))
+        ends = np.cumsum([signals.width for signals in several])
         made = list(zip(several, np.split(together, ends[:-1], axis=1), strict=True))
         for signals, rows in made if keep else ():
             if signals.effect.by_motion:
                 key = type(signals.effect), signals.location, signals.theta
-                bare = replace(signals, values=signals.values[:0])
+                bare = replace(signals, blocks=[])
                 self.context.baseline.derived.rows[key] = bare, rows.copy()
         return made
 
@@ -231,7 +230,7 @@ class _Signals:
         context: predictions at which it was made.
         known: whether its size is.
         felt: indices of the joints' rows that feel it.
-        values: ``(n_samples, n_felt·n_linear)`` at full rate, joint by joint.
+        blocks: ``(n_samples, n_linear)`` of each joint that feels it, at full rate.
     """
 
     effect: Effect
@@ -240,4 +239,9 @@ class _Signals:
     context: Context
     known: bool
     felt: list[int]
-    values: Array
+    blocks: list[Array]
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return sum(block.shape[1] for block in self.blocks)

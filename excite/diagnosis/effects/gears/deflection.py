@@ -75,6 +75,19 @@ def deflect(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
 
 
 @LazyKernel
+def added_torque(by_q, by_v, mass, moved):  # pragma: no cover - compiled
+    """Torques ``(n_joints, n)`` of a deflection, its speed and its acceleration, the rows of ``moved (3, n)``.
+
+    The others are changes of all torques with the joint's motion, ``(n, n_joints)``.
+    """
+    out = np.empty((by_q.shape[1], by_q.shape[0]))
+    for i in range(by_q.shape[0]):
+        for k in range(by_q.shape[1]):
+            out[k, i] = by_q[i, k] * moved[0, i] + by_v[i, k] * moved[1, i] + mass[i, k] * moved[2, i]
+    return out
+
+
+@LazyKernel
 def _flat_step(room, stiffness, damping, gap, cubic, share, h):  # pragma: no cover - compiled
     """A quarter of a sample of all lanes, flanks flat: no branches, so that lanes go together."""
     for k in range(LANES):

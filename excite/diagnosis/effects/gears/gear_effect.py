@@ -10,7 +10,7 @@ from excite.arrays import Array
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.form import DEFLECTION, Draft, Told
-from excite.diagnosis.effects.gears.deflection import deflect
+from excite.diagnosis.effects.gears.deflection import added_torque, deflect
 from excite.diagnosis.effects.gears.gear import Behind, Gear
 from excite.diagnosis.effects.gears.gear_start import first_states
 
@@ -51,13 +51,13 @@ class GearEffect(Effect, ABC):
         joints moving as logged (Spong 1987, eq. 5, with the motor's side prescribed).
         """
         j = context.row(location)
-        x, s, acc = (row[:, None] for row in self.deflection(context, location, theta))
+        moved = self.deflection(context, location, theta)
         by_q, by_v, mass = (context.gradient(j, what) for what in ("q", "v", "a"))
         if self.second_order:
+            x, s = moved[0][:, None], moved[1][:, None]
             qq, qv, vv, qa = (context.curvature(j, what) for what in ("qq", "qv", "vv", "qa"))
             by_q, by_v, mass = by_q + 0.5 * qq * x, by_v + qv * x + 0.5 * vv * s, mass + qa * x
-        total = by_q * x + by_v * s + mass * acc
-        return Shape(offset={k: total[:, k] for k in range(total.shape[1])})
+        return Shape(offset=dict(enumerate(added_torque(by_q, by_v, mass, moved))))
 
     def deflection(self, context: Context, location: str, theta: Theta) -> Array:
         """The link's angle less the motor's, its speed and its acceleration, the rows of ``(3, n_samples)``."""
