@@ -97,10 +97,11 @@ def _filter(
             for k in range(trial, last):
                 start, place = ends[k - 1] if k else 0, (k - trial) * columns
                 n = ends[k] - start
-                for c in range(width):
-                    for i in range(n):
+                for i in range(n):
+                    for c in range(width):
                         room[i, place + c] = values[start + i, column + c]
-                    for i in range(n, longest):
+                for i in range(n, longest):
+                    for c in range(width):
                         room[i, place + c] = values[start + n - 1, column + c]
             _pass(room, sections, states, 0, 1)
             _pass(room, sections, states, longest - 1, -1)
