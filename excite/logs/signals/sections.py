@@ -95,21 +95,25 @@ def _filter(
         for trial in range(0, n_trials, at_a_time):
             last = min(trial + at_a_time, n_trials)
             for k in range(trial, last):
-                start, place = ends[k - 1] if k else 0, (k - trial) * columns
-                n = ends[k] - start
-                for i in range(n):
-                    for c in range(width):
-                        room[i, place + c] = values[start + i, column + c]
-                for i in range(n, longest):
-                    for c in range(width):
-                        room[i, place + c] = values[start + n - 1, column + c]
+                start = ends[k - 1] if k else 0
+                _lay(values, start, ends[k] - start, column, room, (k - trial) * columns, width)
             _pass(room, sections, states, 0, 1)
             _pass(room, sections, states, longest - 1, -1)
             for k in range(trial, last):
-                place = (k - trial) * columns
                 for row in range(row_ends[k - 1] if k else 0, row_ends[k]):
                     for c in range(width):
-                        out[column + c, row] = room[rows[row], place + c]
+                        out[column + c, row] = room[rows[row], (k - trial) * columns + c]
+
+
+@LazyKernel
+def _lay(values, start, n, column, room, place, width):  # pragma: no cover - compiled
+    """Lay a trial's signals out in ``room`` from column ``place`` on, held at its end."""
+    for i in range(n):
+        for c in range(width):
+            room[i, place + c] = values[start + i, column + c]
+    for i in range(n, len(room)):
+        for c in range(width):
+            room[i, place + c] = values[start + n - 1, column + c]
 
 
 @LazyKernel
