@@ -22,13 +22,8 @@ from excite.identification.result import Identification
 from excite.identification.rollout import HORIZON_S, departures
 from excite.logs.columns import BASE_POSE
 from excite.logs.log import Log, LogHeader, Trial
-from excite.report.data import (
-    ForceComparison,
-    MassComparison,
-    PathComparison,
-    ReportData,
-    save_report_data,
-)
+from excite.report.comparisons import ForceComparison, MassComparison, PathComparison
+from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
 from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings

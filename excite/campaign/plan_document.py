@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from excite.excitation.conditioning import Conditioning
-from excite.report.data import ConditioningComparison
+from excite.report.comparisons import ConditioningComparison
 from excite.robot.catalogue import data_folder
 from excite.robot.robot import Robot
 

@@ -83,12 +83,8 @@ def _checked(nominal: Robot | None, log: Path) -> Robot:
 
 def _save(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:
     """Write the curves, the document, and the page that shows both; returns the page."""
-    from excite.report.data import (  # lazy: pydantic
-        ForceComparison,
-        PathComparison,
-        ReportData,
-        save_report_data,
-    )
+    from excite.report.comparisons import ForceComparison, PathComparison  # lazy: numpy
+    from excite.report.data import ReportData, save_report_data  # lazy: pydantic
 
     c, rollouts = result.curves, result.simulation
     p = None if rollouts is None else rollouts.path

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +13,11 @@ from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOp
 from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.json_document import write_json
+
+if TYPE_CHECKING:
+    from excite.doctor.examine import Chart
+    from excite.logs.log import Log
+    from excite.robot.robot import Robot
 
 NAME = "doctor"
 
@@ -34,12 +40,16 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Say what is wrong with a log, worst first: rows, clock, units, signs, order, zeros, dead channels."""
+    from excite.doctor.doctor import doctor  # lazy: pinocchio
+    from excite.logs.files import load_log  # lazy: pinocchio
+
     model = None if robot is None else excite.robot_for_log(robot, log)
-    chart = excite.doctor(log, model, repair=repair)
+    loaded = load_log(log, model)
+    chart = doctor(loaded, model, repair=repair)
     document = chart.to_json(repaired=repair)
     if out is not None:
         document |= stated_origin(robot or "", log, out)
-        write_json(document, out / "doctor.json")
+        _save(model, loaded, chart, document, out)
     if chart.usable:
         own = _robot_of(chart.robot, chart.log.header.robot, log)
         then = command_line("identify", robot or own, repair or log, "--out", "result")
@@ -48,6 +58,29 @@ def command(
             then = command_line("diagnose", repair or log, "--out", "diagnosis")
         emit(chart.summary(repaired=repair), document, as_json=as_json, then=then)
     chart.check_usable()
+
+
+def _save(robot: Robot | None, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
+    """Write what was found, and the torques that a page of it shows beside what else is shown of the folder."""
+    from excite.doctor.beside_model import beside_model  # lazy: pinocchio
+    from excite.logs.robot import nominal_robot  # lazy: pinocchio
+    from excite.report.comparisons import ForceComparison  # lazy: numpy
+    from excite.report.data import ReportData, load_report_data, save_report_data  # lazy: pydantic
+
+    write_json(document, out / "doctor.json")
+    seen = beside_model(robot or nominal_robot(log), log, chart.log) if chart.usable else None
+    arrays = out / "report_data.npz"
+    if seen is None and not arrays.exists():
+        return
+    shown = (
+        None
+        if seen is None
+        else ForceComparison(
+            seen.trial, seen.joints, seen.units, seen.time, seen.model, seen.logged, seen.repaired
+        )
+    )
+    known = load_report_data(arrays) if arrays.exists() else ReportData()
+    save_report_data(replace(known, torques=shown), arrays)
 
 
 def _robot_of(name: str, file: str, log: Path) -> str | Path:

@@ -9,7 +9,8 @@ import numpy as np
 from excite.human.identified import IdentifiedPerson
 from excite.human.plates.ground_reaction import AXES, UNITS
 from excite.human.segment_table import STATED, SegmentTable
-from excite.report.data import ForceComparison, MassComparison, ReportData, save_report_data
+from excite.report.comparisons import ForceComparison, MassComparison
+from excite.report.data import ReportData, save_report_data
 from excite.report.plots.segment_masses import save_force_figure, save_segment_figure
 
 MASSES, REACTION = "segment_masses.png", "ground_reaction.png"

@@ -17,7 +17,8 @@ from excite.identification.rollout import HORIZON_S
 from excite.logs.files import load_log
 from excite.logs.log import Trial
 from excite.motion.collection import load_motions
-from excite.report.data import PathComparison, load_report_data
+from excite.report.comparisons import PathComparison
+from excite.report.data import load_report_data
 from excite.report.page import report
 from excite.report.record import Record
 from excite.report.sections.moving import Moving

@@ -13,7 +13,7 @@ from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
 from excite.diagnosis.answer.result import Diagnosis, NextExperiment, Rollout
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
-from excite.report.data import ForceComparison
+from excite.report.comparisons import ForceComparison
 
 
 def candidate(effect: str, place: str, evidence: float, **sizes: float) -> Candidate:

@@ -11,14 +11,8 @@ import pinocchio as pin
 from excite.logs.signals.trace import SignalStep, SignalTrace
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion, MotionMetadata
-from excite.report.data import (
-    ConditioningComparison,
-    ForceComparison,
-    MassComparison,
-    PathComparison,
-    ReportData,
-    save_report_data,
-)
+from excite.report.comparisons import ConditioningComparison, ForceComparison, MassComparison, PathComparison
+from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
 from tests.report.diagnosed import budgeted, trial
 
@@ -93,6 +87,7 @@ def sample_data(robot: Robot) -> ReportData:
             names, before, after, 18200.0, 212.0, "one motion", "6 chosen motions"
         ),
         gap=trial(),
+        torques=trial(),
         path=sample_path(robot),
     )
 

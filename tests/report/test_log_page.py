@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -12,7 +13,9 @@ import pytest
 from typer.testing import CliRunner
 
 from excite.cli.main import app
-from excite.logs.files import save_log
+from excite.logs.files import load_log, save_log
+from excite.report.comparisons import MassComparison
+from excite.report.data import ReportData, load_report_data, save_report_data
 from excite.report.page import report
 from tests.diagnosis.two_joints import moved, two_joint_log
 
@@ -31,6 +34,11 @@ def excite(*arguments: object) -> int:
 def looked_through(log: Path, out: Path) -> str:
     assert excite("doctor", log, "--out", out) == 0
     return report(out).read_text(encoding="utf-8")
+
+
+def out_of(log: Path, folder: Path) -> Path:
+    looked_through(log, folder / "sound")
+    return folder / "sound"
 
 
 def text_of(page: str, identifier: str) -> str:
@@ -73,6 +81,34 @@ def test_a_fault_is_said_first_with_what_is_to_be_done(log: Path, tmp_path: Path
         "spoils what is computed torques of <first> look like currents state the scale tau.first; in a 90 %"
         in row
     )
+
+
+def test_torques_are_shown_beside_the_model_as_logged_and_as_repaired(log: Path, tmp_path: Path) -> None:
+    turned = load_log(log)
+    trials = tuple(replace(trial, tau=trial.tau * np.array([1.0, -1.0])) for trial in turned.trials)
+    folder = save_log(replace(turned, trials=trials), tmp_path / "turned")
+    page = looked_through(folder, tmp_path / "out")
+    assert "as they were repaired" in text_of(page, "beside-model")
+    seen = load_report_data(tmp_path / "out" / "report_data.npz").torques
+    assert seen is not None and seen.units == ("N·m", "N·m")
+    away, close = (
+        np.sqrt(((values - seen.measured) ** 2).mean(axis=0)) for values in (seen.nominal, seen.identified)
+    )
+    # The joint whose sign was turned comes back to the model, the other stays where it was.
+    assert away[1] > 10.0 * close[1] and away[0] == pytest.approx(close[0])
+    # That it is drawn does not depend on the sign.
+    sound = load_report_data(out_of(log, tmp_path) / "report_data.npz").torques
+    assert sound is not None
+    np.testing.assert_allclose(sound.nominal, sound.identified)
+    np.testing.assert_allclose(seen.identified, sound.identified, atol=1e-9)
+
+
+def test_what_else_a_folder_shows_stays_there(log: Path, tmp_path: Path) -> None:
+    masses = MassComparison(("a",), np.ones(1), np.full(1, 2.0))
+    save_report_data(ReportData(masses=masses), tmp_path / "report_data.npz")
+    looked_through(log, tmp_path)
+    kept = load_report_data(tmp_path / "report_data.npz")
+    assert kept.torques is not None and kept.masses is not None and kept.masses.identified[0] == 2.0
 
 
 def test_a_check_says_of_which_robot(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from defusedxml.ElementTree import fromstring
 from PIL import Image
 
-from excite.report.data import ForceComparison
+from excite.report.comparisons import ForceComparison
 from excite.report.plots.activity import draw_activity, peak_speed_share
 from excite.report.plots.body import front_view, picture, shape_points
 from excite.report.plots.conditioning import draw_conditioning

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.report.data import ConditioningComparison
+from excite.report.comparisons import ConditioningComparison
 from excite.report.html import number
 from excite.report.plots.sketch import Outlines, Shape, Sketch, Words, length, rectangle
 from excite.report.theme import GRID, IDENTIFIED, MUTED, PALE, WIDTH_IN, Role, short

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.report.data import ForceComparison
+from excite.report.comparisons import ForceComparison
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, short
 
 if TYPE_CHECKING:
@@ -28,10 +28,12 @@ def channel_label(channel: str) -> str:
     return _TITLES.get(channel, channel.removesuffix("_joint").replace("_", " "))
 
 
-def plot_forces(data: ForceComparison) -> Figure:
+def plot_forces(
+    data: ForceComparison, labels: tuple[str, str, str] = ("measured", "nominal model", "identified model")
+) -> Figure:
     """One panel a channel, forces left and moments right for a wrench; its title says how the RMSE fell.
 
-    Of more than ``MOST_PANELS`` channels the first ones.
+    Of more than ``MOST_PANELS`` channels the first ones. ``labels`` name what is measured, nominal and identified.
     """
     n = min(len(data.channels), MOST_PANELS)
     rows = math.ceil(n / 2)
@@ -46,11 +48,12 @@ def plot_forces(data: ForceComparison) -> Figure:
                 axes.set_visible(False)
                 continue
             time = data.time[shown]
-            for values, color, line, label in (
-                (data.measured, INK, "-", "measured"),
-                (data.nominal, NOMINAL, (0, (4, 2)), "nominal model"),
-                (data.identified, IDENTIFIED, "-", "identified model"),
-            ):
+            curves = (
+                (data.measured, INK, "-"),
+                (data.nominal, NOMINAL, (0, (4, 2))),
+                (data.identified, IDENTIFIED, "-"),
+            )
+            for label, (values, color, line) in zip(labels, curves, strict=True):
                 axes.plot(time, values[shown, i], color=color.light, lw=1.0, ls=line, label=label)
             before, after = (
                 _rmse(data.measured[:, i] - model[:, i]) for model in (data.nominal, data.identified)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from excite.report.data import ForceComparison
+from excite.report.comparisons import ForceComparison
 from excite.report.plots.forces import channel_label
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, short
 

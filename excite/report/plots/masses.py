@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from excite.report.data import MassComparison
+from excite.report.comparisons import MassComparison
 from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw, short
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.atomic import atomic_path
-from excite.report.data import ForceComparison
+from excite.report.comparisons import ForceComparison
 from excite.report.plots.forces import plot_forces
 from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw, to_png
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from excite.report.data import ForceComparison, ReportData
+from excite.report.comparisons import ForceComparison
+from excite.report.data import ReportData
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, section, table
 from excite.report.live import chart

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.report.data import MassComparison
+from excite.report.comparisons import MassComparison
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, folded, section, table
 from excite.report.plots.masses import plot_masses

@@ -10,7 +10,7 @@ from excite.arrays import Array
 from excite.errors import ExciteError
 from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
-from excite.report.data import PathComparison
+from excite.report.comparisons import PathComparison
 from excite.report.folder import Findings
 from excite.report.html import paragraph, section
 from excite.report.live import replay

@@ -15,8 +15,9 @@ from excite.report.sections.diagnosed.trivial import Trivial
 from excite.report.sections.diagnosed.verdict import Verdict
 from excite.report.sections.diagnosed.where import Where
 from excite.report.sections.differences import Differences
+from excite.report.sections.doctored.beside_model import BesideModel
+from excite.report.sections.doctored.findings import LogFindings
 from excite.report.sections.excitation import Excitation
-from excite.report.sections.findings import LogFindings
 from excite.report.sections.forces import Forces
 from excite.report.sections.masses import Masses
 from excite.report.sections.motions import Motions
@@ -36,6 +37,7 @@ SECTIONS: tuple[Section, ...] = (
     Verdict(),
     Overview(),
     LogFindings(),
+    BesideModel(),
     Moving(),
     Effects(),
     BudgetByChannel(),

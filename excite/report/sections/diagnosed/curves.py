@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from excite.arrays import Array
-from excite.report.data import ForceComparison
+from excite.report.comparisons import ForceComparison
 from excite.report.folder import Findings
 from excite.report.html import figure, section
 from excite.report.live import chart

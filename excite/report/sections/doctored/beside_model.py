@@ -1,0 +1,71 @@
+"""Torques of a log that was looked through, beside what the nominal model needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from excite.report.comparisons import ForceComparison
+from excite.report.folder import Findings
+from excite.report.html import figure, section
+from excite.report.live import chart
+from excite.report.plots.forces import channel_label, plot_forces
+from excite.report.sections.section import Section
+from excite.report.theme import to_svg
+
+_MODEL, _LOGGED, _REPAIRED = "what the model needs", "as logged", "as repaired"
+# Where nothing is amiss these many joints show it.
+_SHOWN = 8
+
+
+class BesideModel(Section):
+    """A panel a joint: those that something was found at, and others up to a number that a page has room for."""
+
+    identifier = "beside-model"
+    title = "Torques beside the model"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        data = findings.data.torques
+        if data is None or findings.doctor is None:
+            return ""
+        named = {place for finding in findings.doctor["findings"] for place in finding["places"]}
+        joints = sorted(data.channels, key=lambda name: name not in named)[:_SHOWN]
+        shown = _only(data, joints)
+        lead = (
+            f"Trial {data.trial}: the torques as they stand in the log and as they were repaired, beside those of the "
+            "nominal model's bodies with an offset, friction and a rotor fitted to each joint. What is left between "
+            "them may be the model's fault as well."
+        )
+        if len(shown.channels) < len(data.channels):
+            lead += f" {len(shown.channels)} of {len(data.channels)} joints, those of the findings first."
+        svg = to_svg(
+            plot_forces(shown, (_MODEL, _LOGGED, _REPAIRED)),
+            self.identifier,
+            "Torques as logged, as repaired and as the model needs them",
+        )
+        plots = chart("beside-model-plots", shown.time, list(_panels(shown)), figure(svg))
+        return section(self.identifier, self.title, lead, plots)
+
+
+def _only(data: ForceComparison, names: list[str]) -> ForceComparison:
+    at = [data.channels.index(name) for name in names]
+    return replace(
+        data,
+        channels=tuple(names),
+        units=tuple(data.units[i] for i in at),
+        measured=data.measured[:, at],
+        nominal=data.nominal[:, at],
+        identified=data.identified[:, at],
+    )
+
+
+def _panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
+    for i, (name, unit) in enumerate(zip(data.channels, data.units, strict=True)):
+        series = [
+            ({"label": _MODEL, "role": "ink"}, data.measured[:, i]),
+            ({"label": _LOGGED, "role": "nominal", "dash": [5, 3]}, data.nominal[:, i]),
+            ({"label": _REPAIRED, "role": "identified"}, data.identified[:, i]),
+        ]
+        yield {"title": f"{channel_label(name)} [{unit}]", "unit": unit, "series": series}
