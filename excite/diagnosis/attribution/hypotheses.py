@@ -92,13 +92,13 @@ def at_rows(context: Context, shape: Shape) -> Columns:
     if shape.columns:
         keys = sorted(shape.columns)
         m = shape.columns[keys[0]].shape[1]
-        stacked = samples.rows(np.concatenate([shape.columns[k] for k in keys], axis=1))
+        stacked = samples.rows(np.concatenate([shape.columns[k].T for k in keys]).T)
         extra = np.zeros((len(context.joints), n_rows, m))
         for place, k in enumerate(keys):
             extra[k] = stacked[:, m * place : m * (place + 1)] * root[k][:, None]
     if shape.offset:
         keys = sorted(shape.offset)
-        stacked = samples.rows(np.column_stack([shape.offset[k] for k in keys]))
+        stacked = samples.rows(np.stack([shape.offset[k] for k in keys]).T)
         offset = np.zeros((len(context.joints), n_rows))
         offset[keys] = stacked.T * root[keys]
     return Columns(extra, offset)

@@ -80,7 +80,8 @@ class Context:
             moved[what][:, samples.index[j]] += step
             still = self.baseline.rigid - self.baseline.added
             change = self.torques(moved["q"], moved["v"], moved["a"]) - still
-            kept[j, what] = change / step
+            # A torque in one piece: most take one of them, or all one after the other.
+            kept[j, what] = np.asfortranarray(change / step)
         return kept[j, what]
 
     def curvature(self, j: int, what: str) -> Array:

@@ -92,7 +92,7 @@ def own_rows(
     known = {**samples.kept, **samples.led_rows}
     missing = {key: make for columns in asked for key, make in columns.items() if key not in known}
     if missing:
-        filtered = samples.rows(np.column_stack([make() for make in missing.values()]))
+        filtered = samples.rows(np.stack([make() for make in missing.values()]).T)
         for key, rows in zip(missing, np.ascontiguousarray(filtered.T), strict=True):
             known[key] = rows
             if key.sign is None:

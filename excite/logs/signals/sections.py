@@ -76,13 +76,16 @@ def both_ways(
     trials = min(len(ends), max(1, SIDE_BY_SIDE // columns))
     room = np.empty((longest, trials * columns))
     out = np.empty((values.shape[1], len(rows)))
-    _filter(np.ascontiguousarray(values), ends, rows, row_ends, sections, states, columns, room, out)
+    # Of signals in one piece each a few are laid out at a time: a line of the cache holds eight numbers.
+    pieces = values.flags.f_contiguous
+    values, at_once = (values, 8) if pieces else (np.ascontiguousarray(values), columns)
+    _filter(values, ends, rows, row_ends, sections, states, columns, at_once, room, out)
     return out.T
 
 
 @LazyKernel
 def _filter(
-    values, ends, rows, row_ends, sections, states, columns, room, out
+    values, ends, rows, row_ends, sections, states, columns, at_once, room, out
 ):  # pragma: no cover - compiled
     """:func:`both_ways`, so many columns of so many trials at a time as there is ``room`` for.
 
@@ -96,7 +99,7 @@ def _filter(
             last = min(trial + at_a_time, n_trials)
             for k in range(trial, last):
                 start = ends[k - 1] if k else 0
-                _lay(values, start, ends[k] - start, column, room, (k - trial) * columns, width)
+                _lay(values, start, ends[k] - start, column, at_once, room, (k - trial) * columns, width)
             _pass(room, sections, states, 0, 1)
             _pass(room, sections, states, longest - 1, -1)
             for k in range(trial, last):
@@ -106,11 +109,12 @@ def _filter(
 
 
 @LazyKernel
-def _lay(values, start, n, column, room, place, width):  # pragma: no cover - compiled
+def _lay(values, start, n, column, at_once, room, place, width):  # pragma: no cover - compiled
     """Lay a trial's signals out in ``room`` from column ``place`` on, held at its end."""
-    for i in range(n):
-        for c in range(width):
-            room[i, place + c] = values[start + i, column + c]
+    for group in range(0, width, at_once):
+        for i in range(n):
+            for c in range(group, min(group + at_once, width)):
+                room[i, place + c] = values[start + i, column + c]
     for i in range(n, len(room)):
         for c in range(width):
             room[i, place + c] = values[start + n - 1, column + c]

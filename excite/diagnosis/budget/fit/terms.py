@@ -178,7 +178,8 @@ class TermMaker:
         blocks = [block for signals in several for block in signals.blocks]
         if not blocks:
             return [(signals, np.zeros((0, 0))) for signals in several]
-        together = self.context.baseline.samples.rows(np.concatenate(blocks, axis=1))
+        # Each column in one piece, as most come.
+        together = self.context.baseline.samples.rows(np.concatenate([block.T for block in blocks]).T)
         ends = np.cumsum([signals.width for signals in several])
         made = list(zip(several, np.split(together, ends[:-1], axis=1), strict=True))
         for signals, rows in made if keep else ():

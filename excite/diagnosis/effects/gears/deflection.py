@@ -81,8 +81,8 @@ def added_torque(by_q, by_v, mass, moved):  # pragma: no cover - compiled
     The others are changes of all torques with the joint's motion, ``(n, n_joints)``.
     """
     out = np.empty((by_q.shape[1], by_q.shape[0]))
-    for i in range(by_q.shape[0]):
-        for k in range(by_q.shape[1]):
+    for k in range(by_q.shape[1]):
+        for i in range(by_q.shape[0]):
             out[k, i] = by_q[i, k] * moved[0, i] + by_v[i, k] * moved[1, i] + mass[i, k] * moved[2, i]
     return out
 
