@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial
@@ -30,7 +31,7 @@ class Derived:
 
     trials: tuple[ArmTrial, ...] = ()
     phi: Array | None = None
-    values: dict[tuple[int, str], Array] = field(default_factory=dict)
+    values: dict[tuple[int, str], NDArray[Any]] = field(default_factory=dict)
     rows: dict[Hashable, Any] = field(default_factory=dict)
 
 

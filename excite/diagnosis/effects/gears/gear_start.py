@@ -34,7 +34,10 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
     samples, base = context.baseline.samples, context.baseline
     begin = np.zeros((len(samples.trials), 2))
     moving = np.abs(context.v[:, j]) > samples.standstill[j]
-    counts = _before_rows(samples, j, moving)
+    kept = base.derived.values
+    if (j, "before rows") not in kept:
+        kept[j, "before rows"] = _before_rows(samples, j, moving)
+    counts = kept[j, "before rows"]
     told = np.flatnonzero(counts)
     inertia = float(behind.inertia.mean())
     length = float(counts.max()) / samples.rate_hz
