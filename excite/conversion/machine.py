@@ -17,6 +17,7 @@ from excite.robot.loading import portable_description
 from excite.robot.robot import Robot
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import parse_urdf
+from excite.rows.drive_terms import slides
 
 # Joints of the simplest leg: hip and knee.
 _LEG = 2
@@ -99,7 +100,7 @@ def _of_robot(robot: Robot, joints: tuple[str, ...]) -> Machine:
         lower=np.asarray(robot.limits.position_lower, dtype=float)[places],
         upper=np.asarray(robot.limits.position_upper, dtype=float)[places],
         torque=np.asarray(robot.limits.torque, dtype=float)[places],
-        slides=np.array([_slides(robot.model, robot.n_base_v + place) for place in places]),
+        slides=np.array([slides(robot.model, robot.n_base_v + place) for place in places]),
         floating=robot.floating,
         base_link=robot.base_link,
         gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
@@ -133,7 +134,7 @@ def _of_urdf(path: Path) -> Machine:
         lower=np.where(ends, limits(model.lowerPositionLimit, -np.inf, at), -np.inf),
         upper=np.where(ends, limits(model.upperPositionLimit, np.inf, at), np.inf),
         torque=np.where(effort > 0.0, effort, np.inf),
-        slides=np.array([_slides(model, place) for place in order]),
+        slides=np.array([slides(model, place) for place in order]),
         floating=standing is not None,
         base_link=next((link for link in links if link not in children), ""),
         gravity=(0.0, 0.0, -9.81),
@@ -152,9 +153,3 @@ def _standing(path: Path, model: pin.Model) -> Robot | None:
     except RobotError:
         return None
     return robot if robot.floating and robot.mechanism is None else None
-
-
-def _slides(model: object, place: int) -> bool:
-    joints = list(model.joints)[1:]  # type: ignore[attr-defined]
-    joint = next(joint for joint in joints if joint.idx_v <= place < joint.idx_v + joint.nv)
-    return "Prismatic" in joint.shortname() or joint.shortname().startswith("JointModelP")

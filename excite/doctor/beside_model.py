@@ -14,7 +14,6 @@ from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
-from excite.rows.drive_terms import slides
 from excite.rows.joint_rows import JointRows
 from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.rows.settings import ProblemSettings
@@ -67,20 +66,17 @@ def beside_model(robot: Robot, log: Log, repaired: Log) -> BesideModel | None:
         mechanics, settings = robot_in_log(robot, header, repaired.folder), ProblemSettings()
         filters = settings.filters(floating=False)
         k = trial_kinematics(mechanics, header, mended, settings, filters)
-        both = [
-            _torques(JointRows(mechanics, of.header, settings, filters, ()).torque(trial), trial, k)
-            for of, trial in ((log, stands), (repaired, mended))
-        ]
+        rows = [JointRows(mechanics, of.header, settings, filters, ()) for of in (log, repaired)]
+        both = [_torques(rows[0].torque(stands), stands, k), _torques(rows[1].torque(mended), mended, k)]
         smooth = [lowpass(torques, k.rate_hz, filters.cutoff_hz, filters.order) for torques in both]
     except LogError:
         return None
     columns = [mechanics.joint_index(name) for name in header.torque_joints]
     model = inverse_dynamics(mechanics.model, k.q, k.v, k.a)[:, columns]
     model = _with_drives(model, smooth[1], k, columns)
-    units = tuple("N" if slides(mechanics.model, column) else "N·m" for column in columns)
     use = k.valid
     return BesideModel(
-        mended.name, header.torque_joints, units, k.time[use] - k.time[0],
+        mended.name, header.torque_joints, rows[1].channel_units, k.time[use] - k.time[0],
         model[use], smooth[0][use], smooth[1][use],
     )  # fmt: skip
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from excite.diagnosis.answer.candidate import Estimate
 from excite.robot.robot import Robot
+from excite.rows import drive_terms
 
 _OF_SLIDES = {
     "N·m": "N",
@@ -23,10 +24,9 @@ _OF_SLIDES = {
 
 def slides(robot: Robot, joint: str | None) -> bool:
     """Whether a place is a joint that slides."""
-    model = robot.model
-    if joint is None or not model.existJointName(joint):
+    if joint is None or not robot.model.existJointName(joint):
         return False
-    return bool(model.joints[model.getJointId(joint)].shortname().startswith("JointModelP"))
+    return drive_terms.slides(robot.model, robot.model.idx_vs[robot.model.getJointId(joint)])
 
 
 def unit_at(robot: Robot, joint: str | None, unit: str) -> str:
