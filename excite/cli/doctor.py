@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,14 +41,16 @@ def command(
     """Say what is wrong with a log, worst first: rows, clock, units, signs, order, zeros, dead channels."""
     from excite.doctor.doctor import doctor  # lazy: pinocchio
     from excite.logs.files import load_log  # lazy: pinocchio
+    from excite.logs.robot import nominal_robot  # lazy: pinocchio
 
     model = None if robot is None else excite.robot_for_log(robot, log)
     loaded = load_log(log, model)
-    chart = doctor(loaded, model, repair=repair)
+    nominal = model or nominal_robot(loaded)
+    chart = doctor(loaded, nominal, repair=repair)
     document = chart.to_json(repaired=repair)
     if out is not None:
         document |= stated_origin(robot or "", log, out)
-        _save(model, loaded, chart, document, out)
+        _save(nominal, loaded, chart, document, out)
     if chart.usable:
         own = _robot_of(chart.robot, chart.log.header.robot, log)
         then = command_line("identify", robot or own, repair or log, "--out", "result")
@@ -60,27 +61,21 @@ def command(
     chart.check_usable()
 
 
-def _save(robot: Robot | None, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
-    """Write what was found, and the torques that a page of it shows beside what else is shown of the folder."""
+def _save(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
+    """Write what was found, and the torques that a page of it shows."""
     from excite.doctor.beside_model import beside_model  # lazy: pinocchio
-    from excite.logs.robot import nominal_robot  # lazy: pinocchio
     from excite.report.comparisons import ForceComparison  # lazy: numpy
-    from excite.report.data import ReportData, load_report_data, save_report_data  # lazy: pydantic
+    from excite.report.data import DOCTOR_DATA, ReportData, save_report_data  # lazy: pydantic
 
-    write_json(document, out / "doctor.json")
-    seen = beside_model(robot or nominal_robot(log), log, chart.log) if chart.usable else None
-    arrays = out / "report_data.npz"
-    if seen is None and not arrays.exists():
-        return
-    shown = (
-        None
-        if seen is None
-        else ForceComparison(
+    seen = beside_model(robot, log, chart.log) if chart.usable else None
+    shown = None
+    if seen is not None:
+        shown = ForceComparison(
             seen.trial, seen.joints, seen.units, seen.time, seen.model, seen.logged, seen.repaired
         )
-    )
-    known = load_report_data(arrays) if arrays.exists() else ReportData()
-    save_report_data(replace(known, torques=shown), arrays)
+    if shown is not None or (out / DOCTOR_DATA).exists():
+        save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
+    write_json(document, out / "doctor.json")
 
 
 def _robot_of(name: str, file: str, log: Path) -> str | Path:

@@ -44,7 +44,7 @@ class BesideModel:
 
 
 def beside_model(robot: Robot, log: Log, repaired: Log) -> BesideModel | None:
-    """The torques of the trial that judges, or of the first, beside the nominal model's.
+    """The torques of a trial beside the nominal model's: of the first that judges, or else of the first.
 
     Args:
         robot: the nominal model.
@@ -52,49 +52,64 @@ def beside_model(robot: Robot, log: Log, repaired: Log) -> BesideModel | None:
         repaired: the same as it was repaired.
 
     Returns:
-        None of robots that move freely or hold their joints together, and where a log or its repair has no torques
-        or is too poor for any.
+        None of robots that move freely or hold their joints together, and where no trial has torques or is long enough.
     """
-    header = repaired.header
-    if header.free_base or header.torque == "none" or robot.mechanism is not None:
+    if repaired.header.free_base or robot.mechanism is not None:
         return None
-    mended = (repaired.role("validation") or repaired.trials)[0]
-    stands = next((trial for trial in log.trials if trial.name == mended.name), None)
-    if stands is None or log.header.torque_joints != header.torque_joints:
+    standing = {trial.name: trial for trial in log.trials}
+    for trial in (*repaired.role("validation"), *repaired.role("identification")):
+        try:
+            seen = _of_trial(robot, (log, standing[trial.name]), (repaired, trial))
+        except (KeyError, LogError):
+            continue
+        if seen is not None:
+            return seen
+    return None
+
+
+def _of_trial(robot: Robot, stands: tuple[Log, Trial], repaired: tuple[Log, Trial]) -> BesideModel | None:
+    (log, as_logged), (mended, trial) = stands, repaired
+    mechanics, settings = robot_in_log(robot, mended.header, mended.folder), ProblemSettings()
+    filters = settings.filters(floating=False)
+    k = trial_kinematics(mechanics, mended.header, trial, settings, filters)
+    rows = [JointRows(mechanics, of.header, settings, filters, ()) for of in (log, mended)]
+    # A torque that is none is left out by the repair.
+    shown = [name for name in rows[1].channel_names if name in rows[0].channel_names]
+    if not shown or not k.valid.any():
         return None
-    try:
-        mechanics, settings = robot_in_log(robot, header, repaired.folder), ProblemSettings()
-        filters = settings.filters(floating=False)
-        k = trial_kinematics(mechanics, header, mended, settings, filters)
-        rows = [JointRows(mechanics, of.header, settings, filters, ()) for of in (log, repaired)]
-        both = [_torques(rows[0].torque(stands), stands, k), _torques(rows[1].torque(mended), mended, k)]
-        smooth = [lowpass(torques, k.rate_hz, filters.cutoff_hz, filters.order) for torques in both]
-    except LogError:
-        return None
-    columns = [mechanics.joint_index(name) for name in header.torque_joints]
-    model = inverse_dynamics(mechanics.model, k.q, k.v, k.a)[:, columns]
-    model = _with_drives(model, smooth[1], k, columns)
-    use = k.valid
+    places = [[names.channel_names.index(name) for name in shown] for names in rows]
+    # Samples that were put on another clock keep their places.
+    time = trial.time if len(trial.time) == len(as_logged.time) else as_logged.time
+    columns = [mechanics.joint_index(name) for name in shown]
+
+    def smooth(values: Array) -> Array:
+        return lowpass(values, k.rate_hz, filters.cutoff_hz, filters.order)[k.valid]
+
+    torques = smooth(forces_on_grid(trial.time, rows[1].torque(trial)[:, places[1]], k.time))
+    model = smooth(inverse_dynamics(mechanics.model, k.q, k.v, k.a)[:, columns])
+    own = [smooth(values) for values in _own(mended, k, columns)]
     return BesideModel(
-        mended.name, header.torque_joints, rows[1].channel_units, k.time[use] - k.time[0],
-        model[use], smooth[0][use], smooth[1][use],
-    )  # fmt: skip
-
-
-def _torques(torques: Array, trial: Trial, k: TrialKinematics) -> Array:
-    """At the samples of ``k``; a trial by another clock is laid out over the same time."""
-    time = k.time[0] + (trial.time - trial.time[0]) * (k.time[-1] - k.time[0]) / (
-        trial.time[-1] - trial.time[0]
+        trial.name,
+        tuple(shown),
+        tuple(rows[1].channel_units[i] for i in places[1]),
+        k.time[k.valid] - k.time[0],
+        _with_drives(model, torques, own),
+        smooth(forces_on_grid(time, rows[0].torque(as_logged)[:, places[0]], k.time)),
+        torques,
     )
-    return forces_on_grid(time, torques, k.time)
 
 
-def _with_drives(model: Array, torques: Array, k: TrialKinematics, columns: list[int]) -> Array:
-    """Torques of the bodies with what offset, friction and rotor of each joint say of what they leave."""
-    made, v, a = model.copy(), k.v[:, columns], k.a[:, columns]
-    drive = Drive.of(v, a)
+def _own(log: Log, k: TrialKinematics, columns: list[int]) -> list[Array]:
+    """What each joint's torque may hold besides the bodies': ``(n, n_joints)`` each, of a coefficient one."""
+    v, a = k.v[:, columns], k.a[:, columns]
+    # Behind the gear neither its friction nor the rotor is felt.
+    return [np.ones_like(v), *(() if log.header.torque == "link_side" else Drive.of(v, a))]
+
+
+def _with_drives(model: Array, torques: Array, own: list[Array]) -> Array:
+    """Torques of the bodies with what of each joint's own says most of what they leave."""
+    made = model.copy()
     for j in range(model.shape[1]):
-        own = np.column_stack([np.ones(len(model)), *(values[:, j] for values in drive)])
-        left = torques[:, j] - model[:, j]
-        made[:, j] += own @ np.linalg.lstsq(own[k.valid], left[k.valid], rcond=1e-10)[0]
+        columns = np.column_stack([values[:, j] for values in own])
+        made[:, j] += columns @ np.linalg.lstsq(columns, torques[:, j] - model[:, j], rcond=1e-10)[0]
     return made

@@ -1,4 +1,4 @@
-"""The arrays that a report shows and that no JSON file holds: ``report_data.npz``."""
+"""The arrays that a report shows and that no JSON file holds: ``report_data.npz``, of a log ``doctor_data.npz``."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from excite.report.comparisons import ConditioningComparison, ForceComparison, M
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything in ``report_data.npz``; what there is nothing to say about is None.
+    """Everything that is in such files; what there is nothing to say about is None.
 
-    ``gap`` is a diagnosis's, ``torques`` of a log that was looked through.
+    ``gap`` is a diagnosis's; ``torques`` are of a log that was looked through, and in a file of their own, since an
+    identification or a diagnosis of the log may be written to the same folder.
     """
 
     forces: ForceComparison | None = None
@@ -32,6 +33,7 @@ class ReportData:
     torques: ForceComparison | None = None
 
 
+DOCTOR_DATA = "doctor_data.npz"
 _PARTS: dict[str, type] = {
     "forces": ForceComparison,
     "masses": MassComparison,

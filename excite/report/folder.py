@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from excite.errors import ExciteError, InputError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.reading.file import MAX_DESCRIPTION_BYTES, check_file
-from excite.report.data import ReportData, load_report_data
+from excite.report.data import DOCTOR_DATA, ReportData, load_report_data
 from excite.report.record import Record, read_record
 from excite.robot.catalogue import find_robot
 from excite.robot.loading import load_robot
@@ -94,7 +94,7 @@ class Findings:
         diagnosis: of ``diagnosis.json``, which only ``diagnose`` writes.
         human: of ``human.json``, which only ``human`` writes.
         doctor: of ``doctor.json``.
-        data: of ``report_data.npz``; empty where there is none.
+        data: of ``report_data.npz`` and ``doctor_data.npz``; empty where there are none.
         robot: the robot, None where it cannot be found.
         record: the log that the result was made from, None where none is named or it is gone.
         motions: the plan's chosen motions that could be read, in the plan's order.
@@ -154,6 +154,9 @@ def read_folder(folder: Path) -> Findings:
         what = "curves of a trial" if alone else what
         if documents["diagnosis"] is not None or not alone:
             left_out.append(f"{what} (report_data.npz)")
+    if documents["doctor"] is not None and os.path.lexists(folder / DOCTOR_DATA):
+        data = replace(data, torques=load_report_data(folder / DOCTOR_DATA).torques)
+        files.append(DOCTOR_DATA)
     if not files:
         raise InputError(
             f"holds none of {', '.join(f'{name}.json' for name in _KINDS)}, report_data.npz",

@@ -15,7 +15,7 @@ from excite.report.sections.diagnosed.trivial import Trivial
 from excite.report.sections.diagnosed.verdict import Verdict
 from excite.report.sections.diagnosed.where import Where
 from excite.report.sections.differences import Differences
-from excite.report.sections.doctored.beside_model import BesideModel
+from excite.report.sections.doctored.beside_model import TorquesBesideModel
 from excite.report.sections.doctored.findings import LogFindings
 from excite.report.sections.excitation import Excitation
 from excite.report.sections.forces import Forces
@@ -37,7 +37,7 @@ SECTIONS: tuple[Section, ...] = (
     Verdict(),
     Overview(),
     LogFindings(),
-    BesideModel(),
+    TorquesBesideModel(),
     Moving(),
     Effects(),
     BudgetByChannel(),

@@ -186,7 +186,7 @@ class TermMaker:
             if signals.effect.by_motion:
                 key = type(signals.effect), signals.location, signals.theta
                 bare = replace(signals, blocks=[])
-                self.context.baseline.derived.rows[key] = bare, rows.copy()
+                self.context.baseline.derived.rows[key] = bare, rows.copy(order="K")
         return made
 
     def _term(self, signals: _Signals, rows: Array, kept: tuple[int, ...] | None = None) -> Term | None:

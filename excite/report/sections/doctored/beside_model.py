@@ -10,17 +10,15 @@ from excite.report.comparisons import ForceComparison
 from excite.report.folder import Findings
 from excite.report.html import figure, section
 from excite.report.live import chart
-from excite.report.plots.forces import channel_label, plot_forces
+from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
 
 _MODEL, _LOGGED, _REPAIRED = "what the model needs", "as logged", "as repaired"
-# Where nothing is amiss these many joints show it.
-_SHOWN = 8
 
 
-class BesideModel(Section):
-    """A panel a joint: those that something was found at, and others up to a number that a page has room for."""
+class TorquesBesideModel(Section):
+    """A panel a joint, those that something was found at first."""
 
     identifier = "beside-model"
     title = "Torques beside the model"
@@ -30,16 +28,19 @@ class BesideModel(Section):
         data = findings.data.torques
         if data is None or findings.doctor is None:
             return ""
-        named = {place for finding in findings.doctor["findings"] for place in finding["places"]}
-        joints = sorted(data.channels, key=lambda name: name not in named)[:_SHOWN]
-        shown = _only(data, joints)
+        # Findings name joints, or channels (``tau.elbow``).
+        named = {
+            place.rpartition(".")[2] for finding in findings.doctor["findings"] for place in finding["places"]
+        }
+        order = sorted(data.channels, key=lambda name: name not in named)
+        shown = _only(data, order[:MOST_PANELS])
         lead = (
             f"Trial {data.trial}: the torques as they stand in the log and as they were repaired, beside those of the "
-            "nominal model's bodies with an offset, friction and a rotor fitted to each joint. What is left between "
-            "them may be the model's fault as well."
+            "nominal model's bodies in the repaired motion, with an offset, friction and a rotor fitted to each joint. "
+            "What is left between them may be the model's fault as well."
         )
         if len(shown.channels) < len(data.channels):
-            lead += f" {len(shown.channels)} of {len(data.channels)} joints, those of the findings first."
+            lead += f" Drawn are {MOST_PANELS} of {len(data.channels)} joints, those of the findings first."
         svg = to_svg(
             plot_forces(shown, (_MODEL, _LOGGED, _REPAIRED)),
             self.identifier,
