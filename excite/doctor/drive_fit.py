@@ -33,13 +33,13 @@ class Drive(NamedTuple):
     a: Array
 
     @classmethod
-    def of(cls, v: Array, a: Array, tick: float = 1.0) -> Drive:
-        """From velocities and accelerations by a clock whose unit is ``tick`` seconds.
+    def of(cls, v: Array, a: Array, speed: float | Array = 1.0) -> Drive:
+        """From velocities and accelerations that are read as ``speed`` times what was logged, all or each joint's.
 
-        Dry friction changes its sign over the same rows whatever the clock: its shape is not known well enough to tell
-        how fast a joint is.
+        Dry friction changes its sign over the same rows whatever the clock and the unit: its shape is not known well
+        enough to tell how fast a joint is.
         """
-        return cls(v, smooth_sign(v, WIDTH / tick), a)
+        return cls(v, smooth_sign(v, WIDTH * speed), a)
 
 
 class Predicted(NamedTuple):

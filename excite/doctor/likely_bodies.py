@@ -64,7 +64,7 @@ class LikelyBodies:
         motion: tuple[Array, Array, Array],
         columns: NDArray[np.int64],
         torque: Array,
-        width: float,
+        width: Array,
     ) -> Array:
         """Half the logarithm of each torque's share of power that is left, and of what the fit costs.
 
@@ -73,7 +73,7 @@ class LikelyBodies:
             motion: ``q (n, nq)``, ``v``, ``a (n, nv)``.
             columns: ``(n_torques,)`` indices into ``v`` of the joints that have a torque.
             torque: ``(n, n_torques)``.
-            width: speed over which dry friction changes sign [rad/s].
+            width: ``(n_torques,)`` speed over which dry friction changes sign [rad/s].
 
         Returns:
             ``(n_torques + 1,)``: one a channel; last what the bodies' deviation from the nominal ones costs.
@@ -91,7 +91,7 @@ class LikelyBodies:
             # A joint feels the bodies beyond it alone.
             mine = np.flatnonzero(felt[j])
             speed, push = v[:, columns[j]], a[:, columns[j]]
-            drive = np.column_stack([np.ones(n), speed, smooth_sign(speed, width), push])
+            drive = np.column_stack([np.ones(n), speed, smooth_sign(speed, width[j]), push])
             drive = drive / np.maximum(np.sqrt((drive**2).mean(axis=0)), 1e-12) * _FREE
             rows = np.column_stack([body[:, j, mine] * (self.spread[mine] / scale[j]), drive])
             places.append(np.concatenate([np.searchsorted(used, mine), k + 4 * j + np.arange(4)]))

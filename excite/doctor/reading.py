@@ -24,7 +24,7 @@ class Reading:
     Attributes:
         position_of: ``(n_joints,)`` column that holds each joint's position.
         position_sign: ``(n_joints,)`` ±1.
-        unit: of positions in radians or metres: π/180 where they are degrees.
+        unit: ``(n_joints,)`` of positions in radians or metres: π/180 where they are degrees.
         zero: ``(n_joints,)`` added to positions, after sign and unit [rad or m].
         torque_of: ``(n_torques,)`` column that holds the torque of each joint that has one.
         torque_factor: ``(n_torques,)`` torques are multiplied by it, sign and all.
@@ -38,7 +38,7 @@ class Reading:
 
     position_of: NDArray[np.int64]
     position_sign: Array
-    unit: float
+    unit: Array
     zero: Array
     torque_of: NDArray[np.int64]
     torque_factor: Array
@@ -56,7 +56,7 @@ class Reading:
         return cls(
             position_of=np.arange(n),
             position_sign=np.ones(n),
-            unit=1.0,
+            unit=np.ones(n),
             zero=np.zeros(n),
             torque_of=np.arange(m),
             torque_factor=np.ones(m),
@@ -67,10 +67,19 @@ class Reading:
             wrench_map=np.tile(np.eye(6), (len(log.header.sensors), 1, 1)),
         )
 
+    def in_units(self, unit: float, slides: Sequence[bool]) -> Reading:
+        """Angles in another unit; joints that slide have none."""
+        return replace(self, unit=np.where(slides, self.unit, unit))
+
+    @property
+    def speed(self) -> Array:
+        """How fast joints are as they are read, per speed that was logged, ``(n_joints,)``."""
+        return self.unit / self.tick
+
     def motion_key(self) -> bytes:
         """Equal for readings that make the same motion of the same log."""
         pose = list(BasePose).index(self.pose)
-        parts = (self.position_of, self.position_sign, [self.unit, self.tick, pose], self.zero, self.gravity)
+        parts = (self.position_of, self.position_sign, self.unit, [self.tick, pose], self.zero, self.gravity)
         return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
 
     def with_position(self, joint: int, sign: float = 1.0, zero: float = 0.0) -> Reading:

@@ -112,7 +112,9 @@ class TorqueSamples:
             torque = inverse_dynamics(self._under(reading.gravity), q, v, a)[:, columns]
             if len(self._models) >= _REMEMBERED:
                 del self._models[next(iter(self._models))]
-            self._models[key] = Predicted(torque, Drive.of(v[:, columns], a[:, columns], reading.tick))
+            self._models[key] = Predicted(
+                torque, Drive.of(v[:, columns], a[:, columns], reading.speed[self.measured])
+            )
         return self._models[key]
 
     def measured_torque(self, reading: Reading) -> Array:
@@ -160,7 +162,7 @@ class TorqueSamples:
         torque = self.measured_torque(reading)[some]
         q, v, a = (values[some] for values in motion)
         return LikelyBodies.of(tree).left(
-            tree, (q, v, a), self.places[self.measured], torque, WIDTH / reading.tick
+            tree, (q, v, a), self.places[self.measured], torque, WIDTH * reading.speed[self.measured]
         )
 
     def across(self, reading: Reading) -> Array:
@@ -170,10 +172,8 @@ class TorqueSamples:
     def gains(self, reading: Reading) -> tuple[Array, Array]:
         """Measured torque per modelled one beside the drive, and its share of the torque, each ``(n_torques,)``."""
         torque = self.measured_torque(reading)
-        pairs, power = (
-            beside_drives(torque, *self.predicted(reading)),
-            ((torque - torque.mean(axis=0)) ** 2).sum(axis=0),
-        )
+        pairs = beside_drives(torque, *self.predicted(reading))
+        power = ((torque - torque.mean(axis=0)) ** 2).sum(axis=0)
         gains = np.array([float(x @ y) / max(float(x @ x), 1e-300) for y, x in pairs])
         return gains, gains**2 * np.array([float(x @ x) for _, x in pairs]) / np.maximum(power, 1e-300)
 

@@ -212,6 +212,25 @@ def test_lerobot_episodes_are_trials(version, data, arm, tmp_path):
     np.testing.assert_allclose(found.log.trials[1].q_cmd, data["q_cmd"][300:], atol=1e-6)
 
 
+def test_lerobot_states_may_hold_more_than_positions(data, arm, tmp_path):
+    """As OpenArm's do: the ending of each name says what it is."""
+    source = written.lerobot(tmp_path / "set", data, version="v3.0")
+    file = next(source.glob("data/*/*.parquet"))
+    table = pyarrow.parquet.read_table(file)
+    state = np.hstack([data["q"], data["v"], data["tau"]])
+    table = table.set_column(0, "observation.state", pa.array(state.tolist()))
+    pyarrow.parquet.write_table(table, file)
+    info = json.loads((source / "meta" / "info.json").read_text())
+    endings = ("pos", "vel", "torque")
+    names = [f"{joint}.{ending}" for ending in endings for joint in JOINTS]
+    info["features"]["observation.state"] = {"dtype": "float32", "shape": [9], "names": names}
+    (source / "meta" / "info.json").write_text(json.dumps(info))
+    found = excite.convert([source], arm, tmp_path / "log", Map(units={"q": "rad", "q_cmd": "rad"}))
+    trial = found.log.trials[1]
+    for attribute in ("q", "v", "tau"):
+        np.testing.assert_allclose(getattr(trial, attribute), data[attribute][300:], atol=1e-6)
+
+
 def test_joint_states_without_effort_have_no_torque(data, arm, tmp_path):
     from rosbags.rosbag2 import Writer
 

@@ -139,6 +139,20 @@ def test_our_own_exports(form, tmp_path):
     np.testing.assert_allclose(trial.q[:, 1], at, atol=1e-6)
 
 
+def test_what_kuka_records_as_measured(tmp_path):
+    """Sunrise's DataRecorder: Msr is what was measured, Cmd was asked for, two columns are one clock."""
+    data = swing(7, n=400, middle=PANDA_POSE)
+    ns = np.round(1e9 * data["time"]).astype(int)
+    columns = {"ZeitInSec": 1.6e8 + ns // 10**9, "ZeitInNanoSec": ns % 10**9}
+    fields = {"QMsr": "q", "QCmd": "q_cmd", "TauMsr": "tau", "TauExtMsr": "v"}
+    for field, name in fields.items():
+        columns |= {f"axis{field}_LBR_iiwa_7_R800_1_A{k + 1}": data[name][:, k] for k in range(7)}
+    file = save(tmp_path / "run.log", columns, " ")
+    trial = excite.convert([file], "panda", tmp_path / "log", WHOLE).log.trials[0]
+    for attribute in ("q", "q_cmd", "tau"):
+        np.testing.assert_allclose(getattr(trial, attribute), data[attribute], atol=1e-6)
+
+
 HUGE = (
     b"\x93NUMPY\x01\x00F\x00"
     + b"{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 7), }".ljust(69)

@@ -11,9 +11,13 @@ from excite.arrays import Array
 from excite.conversion.columns.scaled import named_unit
 from excite.conversion.columns.units import BEYOND, TO_SI, WIDE
 from excite.conversion.guesses import Mapped
+from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Column
 
+# Channels of how joints move, and units that a channel may have of joints that turn alone.
+MOTION = ("q", "q_cmd", "v", "a")
+ANGLES = ("deg", "mrad", "rev", "deg/s", "mrad/s", "rev/s", "rpm", "deg/s2")
 # A joint that is held is in the others' unit, and what it is called matters little. In degrees 16 of the 17 joints that
 # are held in real recordings here stay within this number (0.054 at the most, the other 0.13); in radians 95 % of the
 # 1421 joints that move in the library's motions of eleven robots go further. What is between is asked about.
@@ -26,18 +30,37 @@ _TURN = 2.0 * np.pi
 _APART = np.sqrt(180.0 / np.pi)
 
 
-def alike(items: Sequence[Mapped], columns: dict[str, Column], mapping: Map) -> list[list[Mapped]]:
-    """Columns of a channel by the unit that the map or their names state; one group where all say the same."""
-    groups: dict[tuple[str, str], list[Mapped]] = {}
+def alike(
+    items: Sequence[Mapped], columns: dict[str, Column], mapping: Map, machine: Machine
+) -> list[list[Mapped]]:
+    """Columns of a channel by the unit that the map or their names state; one group where all say the same.
+
+    Where joints are and how fast they move is no angle of joints that slide: they are a group of their own.
+    """
+    groups: dict[tuple[str, str, bool], list[Mapped]] = {}
     for item in items:
-        groups.setdefault((stated_unit([item], mapping), named_unit([item], columns)), []).append(item)
+        key = (stated_unit([item], mapping, machine), named_unit([item], columns), is_slide(item, machine))
+        groups.setdefault(key, []).append(item)
     return list(groups.values())
 
 
-def stated_unit(items: Sequence[Mapped], mapping: Map) -> str:
-    """The unit that a map states of a joint's column, or of its channel; empty for none."""
-    found = mapping.units.get(items[0].target) or mapping.units.get(items[0].channel)
-    return str(found or "")
+def is_slide(item: Mapped, machine: Machine) -> bool:
+    """Whether a column is the motion of a joint that slides."""
+    joint = item.target.partition(".")[2]
+    return (
+        item.channel in MOTION
+        and joint in machine.joints
+        and bool(machine.slides[machine.joints.index(joint)])
+    )
+
+
+def stated_unit(items: Sequence[Mapped], mapping: Map, machine: Machine) -> str:
+    """The unit that a map states of a joint's column, or of its channel; empty for none.
+
+    A part of a turn that is stated of a channel is that of its joints that turn.
+    """
+    own, common = mapping.units.get(items[0].target), mapping.units.get(items[0].channel)
+    return str(own or ("" if is_slide(items[0], machine) and common in ANGLES else common) or "")
 
 
 def in_degrees(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.columns.mixed_units import alike, apart, in_degrees, stated_unit
+from excite.conversion.columns.mixed_units import alike, apart, in_degrees, is_slide, stated_unit
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
 from excite.conversion.columns.units import BEYOND, TO_SI, position_unit
 from excite.conversion.guesses import Guesses, Mapped
@@ -42,17 +42,17 @@ def positions(
         maybe_shares: whether the format may hold shares of ranges.
     """
     result: dict[str, tuple[str, str]] = {}
-    for items in alike(found.of("q"), columns, mapping):
+    for items in alike(found.of("q"), columns, mapping, machine):
         for part, why in _by_unit(found, items, columns, machine, mapping, slope):
             units = _unit(found, part, columns, machine, mapping, maybe_shares=maybe_shares)
             if why:
                 units = (units[0], why)
             result |= {item.target: units for item in part}
     measured = {item.target: item for item in found.of("q")}
-    several = len({unit for unit, _ in result.values()}) > 1
-    for items in alike(found.of("q_cmd"), columns, mapping):
-        named = stated_unit(items, mapping) or named_unit(items, columns)
-        if several and not named:
+    several = len({result[target][0] for target, item in measured.items() if not is_slide(item, machine)}) > 1
+    for items in alike(found.of("q_cmd"), columns, mapping, machine):
+        named = stated_unit(items, mapping, machine) or named_unit(items, columns)
+        if several and not named and not is_slide(items[0], machine):
             for item in items:
                 twin = measured.get(f"q.{item.target.partition('.')[2]}")
                 unit = "rad" if twin is None else _nearer(item, twin, result[twin.target][0], columns)
@@ -74,9 +74,10 @@ def _by_unit(
     slope: Callable[[Mapped], float | None],
 ) -> list[tuple[list[Mapped], str]]:
     """Columns in one part, or in two where some are in degrees among others in radians, and why."""
-    if mapping.motors or stated_unit(items, mapping) or named_unit(items, columns) or "q" in mapping.scale:
+    stated = stated_unit(items, mapping, machine) or named_unit(items, columns)
+    if mapping.motors or stated or "q" in mapping.scale:
         return [(items, "")]
-    turning = [item for item in items if not machine.slides[_place(item, machine)]]
+    turning = [item for item in items if not is_slide(item, machine)]
     if len(turning) < 2:
         return [(items, "")]
     places = [_place(item, machine) for item in turning]
@@ -93,13 +94,13 @@ def _by_unit(
         of = f"unlike {', '.join(names[1][:MOST_NAMED])}, by their ranges and velocities"
         return [(rest, f"deg {of}"), (small, "rad: within the range, and so their velocities have it")]
     one = next(item.target for item, is_so in zip(turning, radians, strict=True) if is_so)
-    stated = ", ".join(
+    by_joint = ", ".join(
         f"{item.target}: {'deg' if is_so else 'rad'}" for item, is_so in zip(turning, degrees, strict=True)
     )
     found.ask(
         f"{', '.join(names[0][:MOST_NAMED])} can only be degrees, {', '.join(names[1][:MOST_NAMED])} may be radians: "
         f"as degrees {one.partition('.')[2]} … would turn by less than 6.3",
-        f"units: {{q: deg}} where all are degrees, or units: {{{stated}}}",
+        f"units: {{q: deg}} where all are degrees, or units: {{{by_joint}}}",
     )
     return [(items, "")]
 
@@ -135,7 +136,7 @@ def _unit(
         machine.slides[places],
         named_unit(items, columns),
     )
-    stated = stated_unit(items, mapping)
+    stated = stated_unit(items, mapping, machine)
     if not sure and like is not None:
         unit, why = like[0], "as the measured positions"
     if mapping.motors:

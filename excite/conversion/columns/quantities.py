@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.conversion.columns.clock import row_seconds
-from excite.conversion.columns.mixed_units import alike, stated_unit
+from excite.conversion.columns.mixed_units import MOTION, alike, is_slide, stated_unit
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
 from excite.conversion.columns.scaled import named_unit, of_imu, scaled, values_of, without_unit
 from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit, zero_of
@@ -25,7 +25,8 @@ _VELOCITIES = {
     "mrad/s": 1e-3,
     "in/s": 0.0254,
 }
-_FACTORS = TO_SI | _VELOCITIES | COUNT_RATES
+_SLIDING = {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 0.01, "in/s": 0.0254}
+_FACTORS = {"m/s2": 1.0, "mm/s2": 1e-3} | TO_SI | _VELOCITIES | _SLIDING | COUNT_RATES
 # Torques beyond a joint's limit by this are in another unit: gears and servos are not exceeded by an order.
 _BEYOND_LIMIT = 30.0
 # Gravity may keep the torques of one or two joints on one side; not those of three.
@@ -41,10 +42,10 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     angles = positions(found, columns, machine, mapping, _slopes(found, recording), maybe_shares=maybe_shares)
     for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "contact"):
         everything = found.of(channel)
-        if not everything or _left_out(found, channel, everything, columns, mapping):
+        if not everything or _left_out(found, everything, columns, mapping, machine):
             continue
-        for items in alike(everything, columns, mapping):
-            stated, named = stated_unit(items, mapping), named_unit(items, columns)
+        for items in alike(everything, columns, mapping, machine):
+            stated, named = stated_unit(items, mapping, machine), named_unit(items, columns)
             if channel in ("q", "q_cmd"):
                 for unit, why in dict.fromkeys(angles[item.target] for item in items):
                     part = [item for item in items if angles[item.target] == (unit, why)]
@@ -54,7 +55,7 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             if stated:
                 unit, because = stated, "unit stated in the map"
             elif channel in ("v", "a"):
-                unit, because = _rates(found, items, columns, recording, angles, named, channel)
+                unit, because = _rates(found, items, columns, recording, angles, named, machine)
             elif channel in ("tau", "tau_cmd"):
                 unit, because = _torques(items, columns, machine, named)
             else:
@@ -73,15 +74,16 @@ def _scaled_as(items: list[Mapped], mapping: Map, unit: str, because: str) -> li
 
 
 def _left_out(
-    found: Guesses, channel: str, items: list[Mapped], columns: dict[str, Column], mapping: Map
+    found: Guesses, items: list[Mapped], columns: dict[str, Column], mapping: Map, machine: Machine
 ) -> bool:
     """Whether commanded torques are none; asks for the sign of torques and currents that have none."""
-    if channel == "tau_cmd" and not mapping.columns.get(channel) and not stated_unit(items, mapping):
+    channel = items[0].channel
+    if channel == "tau_cmd" and not mapping.columns.get(channel) and not stated_unit(items, mapping, machine):
         if _of_one_sign(items, columns):
             # Feed-forward that is switched off, or a magnitude: nothing needs it.
             found.facts.append((channel, items[0].source, "left out: it is never negative"))
             return True
-    if channel not in ("q", "q_cmd", "v", "a") and not stated_unit(items, mapping):
+    if channel not in MOTION and not stated_unit(items, mapping, machine):
         _ask_for_sign(found, channel, items, columns, mapping)
     return False
 
@@ -146,21 +148,19 @@ def _rates(
     recording: Recording,
     angles: dict[str, tuple[str, str]],
     named: str,
-    channel: str,
+    machine: Machine,
 ) -> tuple[str, str]:
     """Unit of velocities or accelerations: what makes them the positions' derivative."""
+    channel, slides = items[0].channel, is_slide(items[0], machine)
     of_first = angles.get(f"q.{items[0].target.partition('.')[2]}")
     angle = (next(iter(angles.values())) if of_first is None else of_first)[0]
     if channel == "a":
-        return (
-            (named, "unit as named")
-            if named
-            else ({"deg": "deg/s2"}.get(angle, "rad/s2"), "as the positions")
-        )
+        usual = {"deg": "deg/s2", "mm": "mm/s2"}.get(angle, "m/s2" if slides else "rad/s2")
+        return (named, "unit as named") if named else (usual, "as the positions")
     expected = named or {**dict.fromkeys(COUNTS, "rad/s"), "deg": "deg/s", "m": "m/s", "mm": "mm/s"}.get(
-        angle, "rad/s"
+        angle, "m/s" if slides else "rad/s"
     )
-    ratio = _ratio(found, items, columns, recording, angles)
+    ratio = _ratio(found, items, columns, recording, angles, _SLIDING if slides else _VELOCITIES)
     if ratio is None:
         return (
             expected,
@@ -174,7 +174,7 @@ def _rates(
             expected,
             f"they differ from the positions' derivative by a factor of {value / TO_SI.get(expected, 1.0):.3g}",
         )
-    if named and abs(np.log((_VELOCITIES | COUNT_RATES)[unit] / TO_SI.get(named, 1.0))) < 0.1:
+    if named and abs(np.log((_VELOCITIES | _SLIDING | COUNT_RATES)[unit] / TO_SI.get(named, 1.0))) < 0.1:
         return named, f"as named; they are the positions' derivative (correlation {agreement:.2f})"
     said = f", though its name says {named}" if named else ""
     return unit, f"{unit}: so they are the positions' derivative (correlation {agreement:.2f}){said}"
@@ -186,6 +186,7 @@ def _ratio(
     columns: dict[str, Column],
     recording: Recording,
     angles: dict[str, tuple[str, str]],
+    usual: dict[str, float],
 ) -> tuple[str | None, float, float] | None:
     positions = {item.target[2:]: item for item in found.of("q")}
     pairs = [(positions[i.target[2:]], i) for i in items if i.target[2:] in positions]
@@ -199,7 +200,7 @@ def _ratio(
     if whole.sum() < 20:
         return None
     counted = units[0] in COUNTS and bool((v[whole] == np.round(v[whole])).all())
-    return ratio_unit(q[whole], v[whole], dt, COUNT_RATES if counted else _VELOCITIES)
+    return ratio_unit(q[whole], v[whole], dt, COUNT_RATES if counted else usual)
 
 
 def _row_seconds(found: Guesses, recording: Recording, names: list[str]) -> float | None:

@@ -64,7 +64,8 @@ COMMANDED = frozenset(
 )
 MEASURED = frozenset(
     "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "
-    "present raw sensor est mes applied ai qin tauin alphain".split()
+    # Msr and Msrd are what KUKA's Sunrise records as measured.
+    "present raw sensor est mes msr msrd messwert gemessen applied ai qin tauin alphain".split()
 )
 # Words of what is measured that name the message rather than the signal: ``state.q_d`` is the desired position in it.
 OF_MESSAGE = frozenset("state obs observation".split())
@@ -76,7 +77,7 @@ SHARES = frozenset("percent percentage pct permille permil prozent normalized no
 OF_MOTOR = frozenset("theta dtheta thetad thetadot".split())
 # Words that leave no doubt; a ``feedback`` torque may be the controller's part.
 SURELY_MEASURED = frozenset(
-    "actual act measured meas real ist istwert mes mesure mesuree reel reelle".split()
+    "actual act measured meas real ist istwert mes msr msrd messwert gemessen mesure mesuree reel reelle".split()
 )
 NOISE = frozenset(
     "joint joints jnt j motor mot m axis ax dof link robot arm data value msg states position0 deg rad".split()

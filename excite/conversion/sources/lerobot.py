@@ -22,7 +22,15 @@ _CHANNELS = {
     "observation.velocity": "v",
     "observation.effort": "tau",
 }
-_LEROBOT_WORDS = (".pos", ".vel", ".effort", ".current")
+# Names of a feature's numbers may say what each is: arms that report more than positions have it in one state
+# (``joint_1.pos``, ``joint_1.vel``, ``joint_1.torque`` of OpenArm). Commands of velocities have no channel in a log.
+_ENDINGS = {
+    ".pos": {"q": "q", "q_cmd": "q_cmd"},
+    ".vel": {"q": "v", "v": "v"},
+    ".effort": {"q": "tau", "q_cmd": "tau_cmd", "tau": "tau"},
+    ".torque": {"q": "tau", "q_cmd": "tau_cmd", "tau": "tau"},
+    ".current": {"q": "i", "tau": "i"},
+}
 
 
 class LeRobotSource(Source):
@@ -106,10 +114,10 @@ def _columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> lis
         channel = _CHANNELS.get(name, "")
         for k in range(values.shape[1]):
             label = labels[k] if k < len(labels) else str(k)
-            short = label
-            for word in _LEROBOT_WORDS:
-                short = short.removesuffix(word)
-            found.append(Column(f"{name}.{label}", values[rows, k].astype(float), channel, short))
+            ending = next((word for word in _ENDINGS if label.endswith(word)), "")
+            what = _ENDINGS[ending].get(channel, "") if ending else channel
+            numbers = values[rows, k].astype(float)
+            found.append(Column(f"{name}.{label}", numbers, what, label.removesuffix(ending)))
     return found
 
 

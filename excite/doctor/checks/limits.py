@@ -13,6 +13,7 @@ from excite.finding import Finding, listed
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import slides
 
 _DEGREE = 180.0 / np.pi
 # Positions may pass a limit by this share of the range (bent limits, calibration) before anything is said.
@@ -30,26 +31,33 @@ class Degrees(Check):
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
         reach = _Reach.of(robot, log)
+        columns = [robot.joint_index(name) for name in log.header.joints]
+        turning = np.array([not slides(robot.model, robot.n_base_v + k) for k in columns])
         inside = (reach.low / _DEGREE >= reach.lower) & (reach.high / _DEGREE <= reach.upper)
         furthest = np.maximum(np.abs(reach.low), np.abs(reach.high))
         manifold = furthest > _MANIFOLD * np.maximum(np.abs(reach.lower), np.abs(reach.upper))
-        columns = [robot.joint_index(name) for name in log.header.joints]
         speed = np.max([_speed(trial) for trial in log.trials], axis=0)
-        degrees = inside & reach.outside & (manifold | (speed > _MANIFOLD * robot.limits.velocity[columns]))
-        # Most joints in degrees: all are, also those that hardly moved. Else those alone that nothing else explains.
-        most = bool(inside.all()) and 2 * degrees.sum() > len(degrees)
-        which = np.ones_like(degrees) if most else degrees & manifold & ~reach.counted
+        degrees = (
+            turning
+            & inside
+            & reach.outside
+            & (manifold | (speed > _MANIFOLD * robot.limits.velocity[columns]))
+        )
+        # Most joints in degrees: all are that turn, also those that hardly moved. Else those alone that nothing else
+        # explains.
+        most = bool(inside[turning].all()) and 2 * degrees.sum() > turning.sum()
+        which = turning if most else degrees & manifold & ~reach.counted
         if not which.any():
             return Outcome(log)
         names = tuple(np.array(log.header.joints)[which])
         text = (
-            f"positions of {listed(names)} reach {furthest.max():.4g}, far beyond their limits in radians and inside "
-            "them in degrees: they look like degrees"
+            f"positions of {listed(names)} reach {furthest[which].max():.4g}, far beyond their limits in radians and "
+            "inside them in degrees: they look like degrees"
         )
         finding = Finding(
             "degrees",
             text,
-            {"largest": float(furthest.max())},
+            {"largest": float(furthest[which].max())},
             names,
             severity="spoils",
             repaired=True,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,9 +16,8 @@ class Degrees(Mistake[Samples]):
     name = "degrees"
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        if reading.unit == 1.0:
-            text = "positions look like degrees; convert them to radians"
-            yield Correction(self.name, replace(reading, unit=np.pi / 180.0), text, samples.joints)
+        text = "positions look like degrees; convert them to radians"
+        yield from _in_unit(self.name, samples, reading, np.pi / 180.0, text)
 
 
 class Revolutions(Mistake[Samples]):
@@ -28,6 +26,13 @@ class Revolutions(Mistake[Samples]):
     name = "revolutions"
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        if reading.unit == 1.0:
-            text = "positions look like revolutions; convert them to radians"
-            yield Correction(self.name, replace(reading, unit=2.0 * np.pi), text, samples.joints)
+        text = "positions look like revolutions; convert them to radians"
+        yield from _in_unit(self.name, samples, reading, 2.0 * np.pi, text)
+
+
+def _in_unit(kind: str, samples: Samples, reading: Reading, unit: float, text: str) -> Iterable[Correction]:
+    """All joints that turn in another unit, where none of them is yet."""
+    slides = [samples.slides(joint) for joint in range(len(samples.joints))]
+    turning = tuple(name for name, slide in zip(samples.joints, slides, strict=True) if not slide)
+    if turning and (reading.unit == 1.0).all():
+        yield Correction(kind, reading.in_units(unit, slides), text, turning)

@@ -1,0 +1,74 @@
+"""Positions of joints that slide are lengths, whatever the unit of the angles beside them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.conversion.mapping import Map
+from tests.conversion import written
+from tests.conversion.test_guesses import named, table
+from tests.conversion.written import JOINTS
+
+LIFT = JOINTS[0]
+
+
+def lifted(folder: Path) -> Path:
+    """The arm on a lift of 0.4 m in place of its first joint."""
+    path = written.arm_urdf(folder / "arm.urdf")
+    first, rest = path.read_text().split("</joint>", 1)
+    first = first.replace('type="revolute"', 'type="prismatic"').replace(
+        'axis xyz="0 1 0"', 'axis xyz="0 0 1"'
+    )
+    limits = 'lower="0" upper="0.4" effort="600"'
+    path.write_text(first.replace('lower="-2.5" upper="2.5" effort="60"', limits) + "</joint>" + rest)
+    return path
+
+
+def lift_motion() -> dict[str, np.ndarray]:
+    """A motion that keeps the lift in its range [rad and m]."""
+    data = written.motion(1200)
+    size = 0.15 / np.abs(data["q"][:, 0]).max()
+    data["q"][:, 0] = 0.2 + size * data["q"][:, 0]
+    data["v"][:, 0] *= size
+    data["q_cmd"] = data["q"] + 0.01 * data["v"]
+    return data
+
+
+@pytest.mark.parametrize("length", [1.0, 1e3], ids=["metres", "millimetres"])
+def test_degrees_beside_a_lift_are_of_the_joints_that_turn(length, tmp_path):
+    arm, data = lifted(tmp_path), lift_motion()
+    units = np.array([length, *np.degrees([1.0, 1.0])])
+    logged = data | {name: data[name] * units for name in ("q", "v", "q_cmd")}
+    file = table(
+        tmp_path / "run.csv",
+        {"t": data["time"]} | named(logged, q="pos{n}", v="vel{n}", q_cmd="pos_cmd{n}", tau="eff{n}"),
+    )
+    found = excite.convert([file], arm, tmp_path / "log")
+    again = excite.convert([file], arm, tmp_path / "again", tmp_path / "log" / "map.yaml")
+    for log in (found.log, again.log):
+        q, v = (np.concatenate([getattr(trial, name) for trial in log.trials]) for name in ("q", "v"))
+        np.testing.assert_allclose(q, data["q"], atol=1e-6)
+        np.testing.assert_allclose(v, data["v"], atol=1e-6)
+        q_cmd = np.concatenate([trial.q_cmd for trial in log.trials])
+        np.testing.assert_allclose(q_cmd, data["q_cmd"], atol=1e-6)
+
+
+def test_degrees_that_a_map_states_of_all_are_none_of_a_lift(tmp_path):
+    arm, data = lifted(tmp_path), lift_motion()
+    logged = data | {"q": data["q"] * np.array([1.0, *np.degrees([1.0, 1.0])])}
+    file = table(tmp_path / "run.csv", {"t": data["time"]} | named(logged, q="pos{n}", tau="eff{n}"))
+    found = written.whole(file, arm, tmp_path, units={"q": "deg"})
+    np.testing.assert_allclose(found.log.trials[0].q, data["q"], atol=1e-6)
+
+
+def test_the_unit_that_a_map_states_of_the_lift_is_believed(tmp_path):
+    arm, data = lifted(tmp_path), lift_motion()
+    logged = data | {"q": data["q"] * np.array([100.0, *np.degrees([1.0, 1.0])])}
+    file = table(tmp_path / "run.csv", {"t": data["time"]} | named(logged, q="pos{n}", tau="eff{n}"))
+    units = Map.model_validate({"units": {"q": "deg", f"q.{LIFT}": "in"}}).units
+    found = written.whole(file, arm, tmp_path, units=units)
+    np.testing.assert_allclose(found.log.trials[0].q[:, 0], 2.54 * data["q"][:, 0], atol=1e-6)
