@@ -124,6 +124,13 @@ class Reading:
             found[:, columns] = values[:, columns][:, self.torque_of] * self.torque_factor
             return self._shifted(trial.time, found)
 
+        def marks(flags: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+            if flags is None:
+                return None
+            found = flags.copy()
+            found[:, columns] = flags[:, columns][:, self.torque_of]
+            return self._shifted(trial.time, found.astype(float)) > 0.0
+
         read = replace(
             trial,
             time=trial.time if self.tick == 1.0 else trial.time[0] + self.tick * (trial.time - trial.time[0]),
@@ -133,6 +140,7 @@ class Reading:
             a=turned(trial.a),
             tau=forces(trial.tau),
             current=forces(trial.current),
+            beyond=marks(trial.beyond),
             base=None if trial.base is None else self.pose.read(trial.base),
             wrenches={
                 name: self._shifted(trial.time, values)

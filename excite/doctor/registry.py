@@ -12,6 +12,7 @@ from excite.doctor.checks.rate import StatedRate
 from excite.doctor.checks.rows import CountedRows, HeldRows
 from excite.doctor.checks.sensors import Constant, Range, Steps
 from excite.doctor.checks.stamps import Stamps
+from excite.doctor.checks.torque_range import TorqueRange
 from excite.doctor.checks.torques import TorqueSide, WeakTorques
 from excite.doctor.checks.velocities import Velocities
 
@@ -30,6 +31,7 @@ CHECKS: tuple[Check, ...] = (
     Channels(),
     WeakTorques(),
     TorqueSide(),
+    TorqueRange(),
     Limits(),
     Commands(),
     Unison(),

@@ -17,6 +17,7 @@ from excite.logs.signals.butterworth import settling_samples
 from excite.logs.signals.clock import Clock, find_clock
 from excite.logs.signals.outliers import replace_outliers
 from excite.logs.signals.resample import resample_noisy, resample_smooth
+from excite.rows.beyond import flags_at
 from excite.rows.settings import Filters, ProblemSettings
 
 # From the last sample of a period to the first a joint moves no further than this many of its largest steps.
@@ -76,7 +77,9 @@ def advanced(trial: Trial, delay_s: float) -> Trial:
     def shifted(values: Array) -> Array:
         return resample_noisy(trial.time, values, wanted)
 
-    return _changed(trial, _FORCES, shifted)
+    advanced = _changed(trial, _FORCES, shifted)
+    beyond = None if trial.beyond is None else flags_at(trial.time, trial.beyond, wanted)
+    return replace(advanced, beyond=beyond)
 
 
 def _without_outliers(prepared: Prepared, sigma: float) -> Prepared:
@@ -131,6 +134,9 @@ def _averaged(prepared: Prepared, settings: ProblemSettings, filters: Filters) -
     _repeats(positions.q[margin : margin + count + 1], trial.name, period)
     averaged = _changed(positions, (*_FORCES, *_OTHERS), lambda values: mean(values, resample_noisy))
     imu = None if trial.imu is None else mean(trial.imu, resample_noisy)
+    if trial.beyond is not None:
+        # A mean that holds one such torque is none.
+        averaged = replace(averaged, beyond=mean(trial.beyond.astype(float), resample_noisy) > 1e-9)
     nearest = np.minimum(np.searchsorted(trial.time, grid[: len(place)]), trial.n_samples - 1)
     contacts = {name: flags[nearest] for name, flags in trial.contacts.items()}
     start = trial.time[0] + (settings.skip_periods * count - margin) / rate

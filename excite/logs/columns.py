@@ -116,6 +116,7 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
         session=entry.session,
         start_s=entry.start_s,
         repeats=None if entry.repeats is None else Path(entry.repeats).stem,
+        beyond=None,
         cleaning=replace(cleaned.report, time_unit=unit),
         **joint_values,
     )

@@ -144,6 +144,8 @@ class Trial:
         session: session name.
         start_s: when the trial began within its session [s].
         repeats: stem of the trial whose command this one repeats.
+        beyond: ``(n, n_joints)`` where a torque or current was beyond the range of what measured it, and what stands
+            there is not what it was; None where it never was, or nobody has looked.
         cleaning: what was found and repaired when it was read.
     """
 
@@ -164,6 +166,7 @@ class Trial:
     session: str | None = None
     start_s: float | None = None
     repeats: str | None = None
+    beyond: NDArray[np.bool_] | None = None
     cleaning: Cleaning = field(default_factory=Cleaning)
 
     def __repr__(self) -> str:
@@ -194,6 +197,7 @@ class Trial:
             imu=taken(self.imu),
             wrenches={name: values[which] for name, values in self.wrenches.items()},
             contacts={name: flags[which] for name, flags in self.contacts.items()},
+            beyond=None if self.beyond is None else self.beyond[which],
         )
 
 

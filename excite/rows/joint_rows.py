@@ -20,6 +20,7 @@ from excite.regressor.contact_forces import contact_elimination
 from excite.regressor.motor_torques import motor_regressor
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
+from excite.rows.beyond import beyond_on_grid
 from excite.rows.contact_flags import away_from_changes, closed_on_grid
 from excite.rows.drive_terms import DRIVE_TERMS, JointSamples, slides
 from excite.rows.filtered_rows import TrialRows, filtered_rows
@@ -128,7 +129,7 @@ class JointRows:
             out = self._elimination(k.q[part], closed[part])
             return np.concatenate([out @ body, out[:, :, joints] @ own], axis=2)
 
-        rows = filtered_rows(source, k, self.filters, self._usable(k, joints))
+        rows = filtered_rows(source, k, self.filters, self._usable(trial, k, joints))
         if closed is not None and self.robot.feet:
             rows = replace(rows, freedom=self._freedom(rows, k, closed))
         return self._weighed(away_from_changes(rows, k, closed), k)
@@ -149,7 +150,7 @@ class JointRows:
                 return torque[part, :, None]
             return self._elimination(k.q[part], closed[part])[:, :, joints] @ torque[part, :, None]
 
-        rows = filtered_rows(source, k, self.filters, self._usable(k, joints))
+        rows = filtered_rows(source, k, self.filters, self._usable(trial, k, joints))
         return self._weighed(away_from_changes(rows, k, closed), k)
 
     def _elimination(self, q: Array, closed: NDArray[np.bool_]) -> Array:
@@ -173,9 +174,11 @@ class JointRows:
     def _joints(self) -> list[int]:
         return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.channel_names]
 
-    def _usable(self, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
-        """Samples inside the motion at which the joint itself moves: where it stands, stiction rules."""
-        use = np.repeat(k.valid[:, None], len(joints), axis=1)
+    def _usable(self, trial: Trial, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
+        """Samples inside the motion with known torques at which the joint moves: where it stands, stiction rules."""
+        # What takes contact forces out of the rows mixes all joints.
+        mixing = np.ones((len(joints),) * 2) if self.robot.floating and self.robot.feet else self.motors
+        use = k.valid[:, None] & ~beyond_on_grid(trial, self._measured, k.time, mixing)
         if k.standing:
             return use
         use[: k.moving.start] = use[k.moving.stop :] = False

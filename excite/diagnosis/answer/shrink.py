@@ -35,14 +35,14 @@ def gap_of(
     """
     outside = ~samples.identification
     rows = outside if outside.any() else samples.identification
-    old, new = ((x[:, rows] ** 2).mean(axis=1) for x in (before, after))
+    old, new = (samples.squares(x)[:, rows].mean(axis=1) for x in (before, after))
     level = floor**2 / scale**2
     first, last = (float(np.sqrt(np.mean(x / scale**2))) for x in (old, new))
     total_floor = min(float(np.sqrt(level.mean())), first, last)
     share = share_closed(first, last, total_floor)
     interval = None
     if before is not after:
-        was, now = ((x**2 / scale[:, None] ** 2).mean(axis=0) for x in (before, after))
+        was, now = ((samples.squares(x) / scale[:, None] ** 2).mean(axis=0) for x in (before, after))
         interval = _interval(samples, was, now, level, share, rng)
     lowest = np.minimum(floor, np.sqrt(np.minimum(new, old)))
     channels = {

@@ -23,10 +23,10 @@ def candidate_of(
 ) -> Candidate:
     """A scored hypothesis as it stands in the document; gaps on the validation trials."""
     h = item.hypothesis
-    rows = ~attribution.final.samples.identification
-    residual = h.baseline.plain(h.fit.residual)
-    residual = residual[:, rows] if rows.any() else residual
-    after = float(np.sqrt(np.mean((residual**2).mean(axis=1) / attribution.scale**2)))
+    samples = attribution.final.samples
+    squares, rows = samples.squares(h.baseline.plain(h.fit.residual)), ~samples.identification
+    squares = squares[:, rows] if rows.any() else squares
+    after = float(np.sqrt(np.mean(squares.mean(axis=1) / attribution.scale**2)))
     return Candidate(
         effect=item.name,
         location=item.location,

@@ -81,5 +81,6 @@ def effective_counts(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.
             stop = np.flatnonzero(pairs <= 0.0)
             pairs = pairs[: stop[0]] if len(stop) else pairs
             tau = max(1.0, 2.0 * pairs.sum() - 1.0)
-            counts[j, side] = rows.sum() / tau
+            # Rows that hold no known torque leave nothing.
+            counts[j, side] = np.count_nonzero(residual[j, rows]) / tau
     return counts

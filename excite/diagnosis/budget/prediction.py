@@ -65,7 +65,8 @@ def predicted(full: Baseline, model: Model) -> Prediction:
         q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
         rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index]
     moved, driven = np.zeros_like(rigid), full.added_drive.copy()
-    y, back = full.solver.equations.y.copy(), full.root_weight / full.strict
+    y, known = full.solver.equations.y.copy(), full.strict > 0.0
+    back = np.where(known, full.root_weight, 0.0) / np.where(known, full.strict, 1.0)
     torques, moves = {}, {}
     for k in model.chosen:
         term = model.design.terms[k]

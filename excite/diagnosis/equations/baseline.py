@@ -110,8 +110,8 @@ class Baseline:
         return max(float(self.fit.own[joint][-1]), 0.0) if self.signs[joint].damped else 0.0
 
     def plain(self, residual: Array) -> Array:
-        """Residuals without the weights, ``(n_joints, n_rows)`` [N·m]."""
-        return residual / self.root_weight
+        """Residuals without the weights, ``(n_joints, n_rows)`` [N·m]; none in rows that hold no known torque."""
+        return np.where(self.strict > 0.0, residual / self.root_weight, 0.0)
 
     def judged(self, residual: Array) -> Array:
         """Residuals with the weights that hypotheses are judged by, ``(n_joints, n_rows)`` [N·m]."""

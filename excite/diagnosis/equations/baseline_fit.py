@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
@@ -16,6 +17,8 @@ from excite.identification.inertia import central_inertia_matrices
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 
 _RELATIVE = 0.5
+# Root of the weight of a row that says nothing: rows are divided by it again.
+_NOTHING = 1e-6
 
 
 def fit_baseline(
@@ -47,6 +50,8 @@ def fit_baseline(
     tau = samples.rows([t.tau for t in samples.trials])
     nominal = inverse_dynamics(model, q, v, a)[:, index]
     root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
+    if (told := samples.told) is not None:
+        root, strict = within_range(root, told, _NOTHING), within_range(strict, told, 0.0)
     y = (tau - samples.rows(nominal)).T * root
     phi = model_phi(samples)
     if free and like is not None and like.free:
@@ -110,6 +115,18 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
     """
     root = np.clip(1.0 - slope * standing_share(samples), least, 1.0)
     return root / np.sqrt((root**2).mean(axis=1, keepdims=True))
+
+
+def within_range(root: Array, told: NDArray[np.bool_], least: float) -> Array:
+    """Roots of weights, ``(n_joints, n_rows)``, of which those of rows that hold no known torque are next to nothing.
+
+    Args:
+        root: of the weights without that.
+        told: which rows hold known torques.
+        least: what the others are multiplied by.
+    """
+    root = np.where(told, root, least * root)
+    return root / np.maximum(np.sqrt((root**2).mean(axis=1, keepdims=True)), least)
 
 
 def model_phi(samples: ArmSamples) -> Array:

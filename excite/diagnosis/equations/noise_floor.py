@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.repeats import on_the_clock_of_the_first
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.logs.signals.spectrum import welch
 
 _ABOVE = (1.5, 3.0)
+# Samples of a stretch of measured torques from which it tells a spectrum as a trial does, and without which none tells.
+_LONG, _SHORTEST = 128, 16
 
 
 def spectral_floor(samples: ArmSamples) -> Array:
@@ -43,17 +46,32 @@ def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
     for j in range(len(samples.joints)):
         densities = []
         for trial in samples.trials:
-            f, p = welch(np.diff(trial.tau[:, j]), rate, min(256, len(trial.time) // 2), median=True)
-            found = []
-            for least, most in bands:
-                high = min(most * samples.bands.rows_hz, 0.45 * rate)
-                low = min(least * samples.bands.rows_hz, 0.7 * high)
-                band = (f > low) & (f < high)
-                found.append(float(np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / rate)) ** 2)))
-            densities.append(found)
+            for tau in _stretches(trial, j):
+                f, p = welch(np.diff(tau), rate, min(256, len(tau) // 2), median=True)
+                found = []
+                for least, most in bands:
+                    high = min(most * samples.bands.rows_hz, 0.45 * rate)
+                    low = min(least * samples.bands.rows_hz, 0.7 * high)
+                    band = (f > low) & (f < high)
+                    found.append(float(np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / rate)) ** 2)))
+                densities.append(found)
         density = float(np.median(densities, axis=0).min())
         floors.append(np.sqrt(density * 0.5 * rate * width))
     return np.maximum(np.array(floors), 1e-9)
+
+
+def _stretches(trial: ArmTrial, joint: int) -> list[Array]:
+    """Torques of a joint in the stretches in which they were measured, those that are long enough or the longest."""
+    tau = trial.tau[:, joint]
+    if trial.beyond is None or not trial.beyond[:, joint].any():
+        return [tau]
+    lost = trial.beyond[:, joint]
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], lost, [True]]).astype(np.int8)))
+    runs = [tau[first:last] for first, last in zip(edges[::2], edges[1::2], strict=True)]
+    longest = max((len(run) for run in runs), default=0)
+    if longest < _SHORTEST:
+        return [tau]
+    return [run for run in runs if len(run) >= min(longest, _LONG)]
 
 
 def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:

@@ -16,7 +16,9 @@ from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.differentiate import central_differences
+from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
+from excite.rows.beyond import beyond_on_grid, bridged
 from excite.rows.kinematics import (
     forces_on_grid,
     in_configurations,
@@ -103,6 +105,11 @@ def _arm_trial(
         q_cmd = positions_on_grid(trial.time, trial.q_cmd, grid)
         commanded = in_configurations(robot, places.logged, q_cmd)
     rows = rows_of_motion(v, rate, bands, trial.name)
+    beyond = None
+    if trial.beyond is not None:
+        beyond = beyond_on_grid(trial, places.torques, grid, places.coupling)
+        columns = [robot.joint_index(places.logged[k]) for k in places.torques]
+        tau = bridged(tau, inverse_dynamics(robot.model, q, v, a)[:, columns], beyond)
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",
@@ -115,4 +122,5 @@ def _arm_trial(
         tau=tau,
         rows=rows,
         q_cmd=commanded,
+        beyond=beyond,
     )

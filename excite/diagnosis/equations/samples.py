@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
+from excite.logs.signals.butterworth import settling_samples
 from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Robot
 
@@ -144,6 +146,29 @@ class ArmSamples:
     def trial_of_row(self) -> NDArray[np.int64]:
         """Index of each row's trial, ``(n_rows,)``."""
         return np.concatenate([np.full(len(t.rows), k) for k, t in enumerate(self.trials)])
+
+    @cached_property
+    def told(self) -> NDArray[np.bool_] | None:
+        """Which rows hold no torque beyond its range, ``(n_joints, n_rows)``; None where none was."""
+        if all(trial.beyond is None for trial in self.trials):
+            return None
+        # As far as half of the filter's transient: what is left of a step there is less than a guess is off by.
+        reach = settling_samples(self.rate_hz, self.bands.rows_hz) // 2
+        parts = []
+        for trial in self.trials:
+            lost = np.zeros(trial.tau.shape, dtype=np.bool_) if trial.beyond is None else trial.beyond
+            parts.append(~binary_dilation(lost, np.ones((2 * reach + 1, 1), dtype=np.bool_))[trial.rows])
+        return np.concatenate(parts).T
+
+    def squares(self, values: Array) -> Array:
+        """Squares of residuals ``(n_joints, n_rows)``: their means are those of the rows that hold known torques."""
+        squares = values**2
+        if self.told is None:
+            return squares
+        for side in (self.identification, ~self.identification):
+            share = self.told[:, side].mean(axis=1, keepdims=True) if side.any() else 1.0
+            squares[:, side] *= self.told[:, side] / np.maximum(share, 1e-9)
+        return squares
 
     @cached_property
     def kept(self) -> dict[Hashable, Any]:

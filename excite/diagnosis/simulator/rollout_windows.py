@@ -21,6 +21,8 @@ _STEP_S = 1.25e-3
 _START_HZ = 10.0
 _EDGE_S = 0.3
 _PAST_S = 2.0
+# Where torques were beyond their range all pieces without such are simulated, or this share with the fewest.
+_KNOWN = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +110,20 @@ def _starts(samples: ArmSamples, plan: Plan) -> list[tuple[int, int]]:
     n = round(plan.horizon_s * samples.rate_hz)
     edge = round(_EDGE_S * samples.rate_hz)
     starts = [(k, i) for k in chosen for i in range(edge, len(samples.trials[k].time) - edge - n, n)]
+    if any(trial.beyond is not None for trial in samples.trials):
+        # Nobody knows what drove the robot where a torque was beyond its range.
+        guessed = np.array([_guessed(samples.trials[k], i, n) for k, i in starts])
+        starts = (
+            [starts[p] for p in np.flatnonzero(guessed <= np.quantile(guessed, _KNOWN))] if starts else starts
+        )
     most = max(1, int(plan.total_s / plan.horizon_s))
     pick = np.unique(np.linspace(0, len(starts) - 1, min(most, len(starts))).round().astype(int))
     return [starts[p] for p in pick]
+
+
+def _guessed(trial: ArmTrial, first: int, n: int) -> float:
+    """Share of a piece's samples in which some torque is a guess."""
+    return 0.0 if trial.beyond is None else float(trial.beyond[first : first + n + 1].any(axis=1).mean())
 
 
 def _smooth(samples: ArmSamples, trial: ArmTrial) -> tuple[Array, Array]:

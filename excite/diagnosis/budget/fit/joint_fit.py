@@ -65,7 +65,12 @@ class Model:
     @cached_property
     def share(self) -> Array:
         """Effective part of the rows by the autocorrelation of what is left, ``(n_joints,)``."""
-        return _share(self.correlated)
+        return _share(self.correlated) * self.told
+
+    @cached_property
+    def told(self) -> Array:
+        """Share of the rows that hold known torques, ``(n_joints,)``."""
+        return _told(self.residual, self.design.rows.block >= 0)
 
     @cached_property
     def correlated(self) -> Array:
@@ -76,7 +81,7 @@ class Model:
         """The same of what it has beside another model, or that beside it, ``(n_joints,)``."""
         rows = self.design.rows
         along = autocorrelation(other.residual - self.residual, rows.block >= 0, rows.trial)
-        return _share(self.correlated, along)
+        return _share(self.correlated, along) * self.told
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -196,7 +201,12 @@ def effective_share(
         along: ``(n_joints, n_rows)`` what was fitted; None for the mean.
     """
     rho = autocorrelation(residual, use, trial)
-    return _share(rho, None if along is None else autocorrelation(along, use, trial))
+    return _share(rho, None if along is None else autocorrelation(along, use, trial)) * _told(residual, use)
+
+
+def _told(residual: Array, use: NDArray[np.bool_]) -> Array:
+    """Share of the rows in which anything is left, ``(n_joints,)``: nothing is where the torque is not known."""
+    return np.count_nonzero(residual[:, use], axis=1) / max(int(use.sum()), 1)
 
 
 def _share(rho: Array, along: Array | None = None) -> Array:
