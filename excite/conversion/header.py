@@ -61,7 +61,9 @@ def log_header(
         found.facts.append(
             ("controller", ", ".join(name for name in gains if name != "mode"), "the recording states them")
         )
-    found.facts.append(("modelled", ", ".join(content["modelled"]), "what joints of this kind have at least"))
+    if "modelled" not in stated.log:
+        usual = "what joints of this kind have at least"
+        found.facts.append(("modelled", ", ".join(content["modelled"]), usual))
     content |= stated.log
     if torque == "none":
         content.pop("no_torque", None)

@@ -289,3 +289,12 @@ def test_what_cannot_be_understood_is_one_line(name, arm, tmp_path):
     with pytest.raises(LogError, match=said) as error:
         excite.convert([tmp_path / file], arm, tmp_path / "log")
     assert "\n" not in str(error.value) and not (tmp_path / "log").exists()
+
+
+def test_what_the_map_says_is_modelled_is_no_guess(tmp_path):
+    arm, data = written.arm_urdf(tmp_path / "arm.urdf"), written.motion()
+    file = table(tmp_path / "a.csv", {"t": data["time"]} | named(data, q="q{n}", tau="tau{n}"))
+    usual = written.whole(file, arm, tmp_path / "usual")
+    stated = written.whole(file, arm, tmp_path / "stated", log={"modelled": ["rigid_body_fixed"]})
+    assert [[what for what, *_ in found.guesses].count("modelled") for found in (usual, stated)] == [1, 0]
+    assert stated.log.header.modelled == ("rigid_body_fixed",)
