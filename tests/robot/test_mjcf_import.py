@@ -287,6 +287,20 @@ def test_a_joint_that_damping_locks_is_held_still_and_said(tmp_path: Path) -> No
     assert robot.joint_names == ("pitch", "reach")
 
 
+def test_a_joint_whose_motor_moves_it_is_left_free_though_it_carries_nothing_yet(tmp_path: Path) -> None:
+    """The last joint of an arm whose hand is another file's: its flange weighs next to nothing."""
+    flange = (
+        '<body name="flange"><joint name="turn" axis="0 0 1" damping="0.01"/>'
+        '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody>'
+    )
+    motor = '<actuator><motor joint="turn" ctrllimited="true" ctrlrange="-6.8 6.8"/></actuator></mujoco>'
+    carried = ODD.replace("</worldbody>", flange)
+    free = convert_mjcf(saved(carried.replace("</mujoco>", motor), tmp_path))
+    assert not any("damping" in note for note in free.notes)
+    held = convert_mjcf(saved(carried, tmp_path))
+    assert any("damping lets nothing move them are held still (turn)" in note for note in held.notes)
+
+
 def test_a_body_that_a_program_moves_ties_nothing(tmp_path: Path) -> None:
     """Models made for learning lead a hand by a weld to a mocap body."""
     extra = '<body name="hand" mocap="true"><geom size=".01" contype="0" conaffinity="0"/></body></worldbody>'

@@ -101,8 +101,7 @@ def own_rows(
                 samples.led_rows[key] = rows
     count = sum(len(trial.rows) for trial in samples.trials)
     return [
-        np.stack([known[key] for key in columns]).T if columns else np.zeros((count, 0))
-        for columns in asked
+        np.stack([known[key] for key in columns]).T if columns else np.zeros((count, 0)) for columns in asked
     ]
 
 

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.robot.mjcf.torques import torque_limits
+
 if TYPE_CHECKING:
     import mujoco
 
-# A joint that the weight of all that it carries, a metre away from a hinge, moves slower than this on the earth cannot
-# be made to move [m/s or rad/s, m/s²]. Dampings of joints that move end at 1e3; some of gymnasium's Fetch are locked
-# by 1e7 and 1e11.
+# A joint that neither its motor nor the weight of all that it carries, a metre away from a hinge, moves faster than this
+# on the earth cannot be made to move [m/s or rad/s, m/s²]. Dampings of joints that move end at 1e3; some of gymnasium's
+# Fetch are locked by 1e7 and 1e11. What a wrist carries may weigh nothing in a model: a hand that is yet to be added.
 _SLOWEST, _GRAVITY = 1e-3, 9.81
 
 _NAMES = ("home", "stand", "standing", "init", "rest")
@@ -34,9 +36,11 @@ def rest_keyframe(model: mujoco.MjModel, joint_name: Callable[[int], str]) -> di
 
 def damped_joints(model: mujoco.MjModel) -> set[int]:
     """Hinges and slides whose damping lets nothing move them."""
-    weight = _GRAVITY * model.body_subtreemass[model.jnt_bodyid]
+    force = _GRAVITY * model.body_subtreemass[model.jnt_bodyid]
+    for joint, torque in torque_limits(model).items():
+        force[joint] = max(force[joint], torque)
     damping = model.dof_damping[model.jnt_dofadr]
-    return {joint for joint in _single(model) if damping[joint] * _SLOWEST > weight[joint]}
+    return {joint for joint in _single(model) if damping[joint] * _SLOWEST > force[joint]}
 
 
 def _single(model: mujoco.MjModel) -> list[int]:
