@@ -79,12 +79,11 @@ def _unless_late(found: Baseline, plain: Baseline) -> Baseline:
     if not any(sign.bent for sign in found.signs):
         return found
     plain = _chosen(plain, keep=False, signs=PLAIN)
-    late, delay = _delayed(plain, plain, 0.0, PLAIN)
+    late, delay = _delayed(plain, plain, 0.0, lambda b: _chosen(b, keep=False, signs=PLAIN))
     if delay < _LEAST:
         return found
     # A robot whose torques are late may have bristles too, which have made that delay longer.
-    late, delay = _delayed(plain, _chosen(late, keep=False), delay, SIGNS)
-    late = _refined(late)
+    late, delay = _delayed(plain, _refined(_chosen(late, keep=False)), delay, _refined)
     if _loss(late) >= _loss(found) - _CLEARLY:
         return found
     moved = plain.with_signs(late.signs, 0.0)
@@ -95,7 +94,7 @@ def _unless_late(found: Baseline, plain: Baseline) -> Baseline:
 
 
 def _delayed(
-    plain: Baseline, late: Baseline, delay: float, signs: Sequence[SignChange]
+    plain: Baseline, late: Baseline, delay: float, turned: Callable[[Baseline], Baseline]
 ) -> tuple[Baseline, float]:
     """The equations at torques that are in time, and the delay [s], by Gauss and Newton's steps from one on."""
     for _ in range(2 * _ITERATIONS):
@@ -104,7 +103,7 @@ def _delayed(
         best = float(np.clip(delay + step, 0.0, _LATEST))
         if abs(best - delay) < _NEAR:
             break
-        moved = _chosen(_at_torques(late, _in_time(plain, best)), keep=False, signs=signs)
+        moved = turned(_at_torques(late, _in_time(plain, best)))
         if _loss(moved) >= _loss(late):
             break
         late, delay = moved, best
