@@ -14,11 +14,11 @@ from excite.doctor import families
 from excite.doctor.drive_fit import WIDTH, Drive, Predicted, beside_drives, shares_across, shares_left
 from excite.doctor.likely_bodies import LikelyBodies, half_log
 from excite.doctor.reading import Reading
-from excite.doctor.rows_within import rows_within
+from excite.doctor.rows_within import looked_at, rows_within
 from excite.errors import LogError
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
-from excite.logs.signals.butterworth import lowpass
+from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
@@ -218,7 +218,7 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
             torque = forces_on_grid(trial.time, source.torque(trial), k.time)
         except LogError:
             continue
-        use = k.valid.copy()
+        use = k.valid & looked_at(log, trial, k.time, settling_samples(k.rate_hz, filters.cutoff_hz) // 2)
         use[: k.moving.start] = use[k.moving.stop :] = False
         rows = np.flatnonzero(use)
         parts.append((k.q[rows], k.v[rows], k.a[rows], rows + end))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from tests.diagnosis.clipped_arm import MASS, clipped_log
+from tests.diagnosis.servo_arm import MASS, clipped_log
 
 ARMS = {"ur10": 1, "panda": 3, "iiwa14": 1}
 

@@ -10,6 +10,7 @@ import pytest
 
 from excite.doctor.examine import examine
 from excite.logs.files import load_log, save_log
+from excite.logs.robot import nominal_robot
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log
 
@@ -31,3 +32,24 @@ def test_a_torque_clipped_in_most_rows(factor: float, kinds: set[str], tmp_path:
     assert all(2 * sum(trial.cleaning.clipped.values()) > len(trial.time) for trial in ill.trials)
     found = examine(robot, ill).findings
     assert {finding.kind for finding in found} - {"quantised"} == kinds
+
+
+def test_a_torque_that_is_clipped_now_and_then_is_in_no_other_unit(gap_dir: Path, tmp_path: Path) -> None:
+    """Coulomb friction makes most of this torque, and what is cut off of it looked like a smaller unit."""
+    log = load_log(gap_dir / "arm" / "case_023")
+    most = float(np.quantile(np.abs(np.concatenate([t.tau[:, 0] for t in log.trials])), 0.8))
+    trials = []
+    for trial in log.trials:
+        tau = np.array(trial.tau)
+        tau[:, 0] = np.clip(tau[:, 0], -most, most)
+        trials.append(replace(trial, tau=tau))
+    robot = nominal_robot(log)
+    ill = load_log(
+        save_log(replace(log, trials=tuple(trials), robot_text=robot.urdf), tmp_path / "log"), robot
+    )
+    chart = examine(robot, ill)
+    assert {finding.kind for finding in chart.findings} - {"quantised"} == {"clipped"}
+    for trial, before in zip(chart.log.trials, ill.trials, strict=True):
+        assert np.array_equal(trial.tau, before.tau)
+        at = np.abs(before.tau[:, 0]) == most
+        assert np.array_equal(at, np.zeros_like(at) if trial.beyond is None else trial.beyond[:, 0])

@@ -10,7 +10,7 @@ import pytest
 from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.robot.loading import load_robot
-from tests.diagnosis.clipped_arm import clipped_log, whole
+from tests.diagnosis.servo_arm import clipped_log, whole
 
 
 @pytest.mark.parametrize(

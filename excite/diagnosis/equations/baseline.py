@@ -56,6 +56,7 @@ class Baseline:
         strict: the same where hypotheses are judged: standstill counts for next to nothing.
         added: accepted effects' part of ``rigid``.
         added_drive: accepted effects' part of ``total`` that is not in ``rigid``.
+        late: delay of the torques beside which the sign changes of friction were told [s]; 0 for none.
         derived: shared by baselines that differ in neither motion nor ``phi``.
     """
 
@@ -73,6 +74,7 @@ class Baseline:
     strict: Array
     added: Array
     added_drive: Array
+    late: float = 0.0
     derived: Derived = field(default_factory=Derived)
 
     def __post_init__(self) -> None:

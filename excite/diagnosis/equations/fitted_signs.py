@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import SIGNS, SignChange
+from excite.diagnosis.equations.friction_sign import PLAIN, SIGNS, SignChange
+from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
     COULOMB,
@@ -24,6 +26,8 @@ _LONGEST = 0.02
 # Lead that is not told from none, step of its derivative, and of the search's end [s].
 _LEAST, _STEP, _NEAR = 1e-3, 1e-3, 3e-4
 _ITERATIONS = 6
+# Torques that are 30 ms late or more the doctor has moved by then [s].
+_LATEST = 0.04
 # A lead that joints have where they have one [s], and by how much it has to lower the loss where none was found.
 _TYPICAL, _CLEARLY = 5e-3, 0.05
 
@@ -38,6 +42,7 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
     Returns:
         The baseline with its sign changes, fitted.
     """
+    plain = baseline
     for _ in range(2):
         baseline = _chosen(baseline, keep=False)
     if not leads:
@@ -48,7 +53,7 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
         # A lead found beside damping is less than without.
         first = _with_lead(first)
     if led is not baseline and not any(_damped(first)):
-        return _refined(first)
+        return _unless_late(_refined(first), plain)
     # Signs that were chosen without a lead may hide one, as damping of bristles does.
     begun = _fitted(baseline.with_signs(baseline.signs, _TYPICAL))
     again = _with_lead(_chosen(begun, keep=False))
@@ -56,7 +61,53 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
         before, again = again, _with_lead(_chosen(again, keep=False))
         if again is before:
             break
-    return _refined(again if _loss(again) < _loss(first) - _CLEARLY else first)
+    first = again if _loss(again) < _loss(first) - _CLEARLY else first
+    return _unless_late(_refined(first), plain)
+
+
+def _unless_late(found: Baseline, plain: Baseline) -> Baseline:
+    """Sign changes as torques that come late would show them, where these leave less than bristles do.
+
+    Bristles bend after the velocity has changed sign, and take most of what shows of a torque that comes late where
+    motion is slow. A delay is one number for all joints; it is told beside friction without memory, and its torques are
+    then searched for sign changes as all are.
+
+    Args:
+        found: with the sign changes of torques that are in time.
+        plain: fitted with any that have no memory.
+    """
+    if not any(sign.bent for sign in found.signs):
+        return found
+    plain = _chosen(plain, keep=False, signs=PLAIN)
+    late, delay = _delayed(plain, plain, 0.0, lambda b: _chosen(b, keep=False, signs=PLAIN))
+    if delay < _LEAST:
+        return found
+    # A robot whose torques are late may have bristles too, which have made that delay longer.
+    late, delay = _delayed(plain, _refined(_chosen(late, keep=False)), delay, _refined)
+    if _loss(late) >= _loss(found) - _CLEARLY:
+        return found
+    moved = plain.with_signs(late.signs, 0.0)
+    # Fitted to torques that are not in time, friction and bodies would be bent again, and what a delay makes of them.
+    fit = replace(late.fit, equations=moved.solver.equations)
+    fit.__dict__["own"] = late.fit.own
+    return replace(moved.updated(fit), late=delay)
+
+
+def _delayed(
+    plain: Baseline, late: Baseline, delay: float, turned: Callable[[Baseline], Baseline]
+) -> tuple[Baseline, float]:
+    """The equations at torques that are in time, and the delay [s], by Gauss and Newton's steps from one on."""
+    for _ in range(2 * _ITERATIONS):
+        later = _in_time(plain, delay + _STEP)
+        step = _newton(late, [(later[j] - y) / _STEP for j, y in enumerate(late.solver.equations.y)])
+        best = float(np.clip(delay + step, 0.0, _LATEST))
+        if abs(best - delay) < _NEAR:
+            break
+        moved = turned(_at_torques(late, _in_time(plain, best)))
+        if _loss(moved) >= _loss(late):
+            break
+        late, delay = moved, best
+    return late, delay
 
 
 def signs_again(baseline: Baseline) -> Baseline:
@@ -66,17 +117,17 @@ def signs_again(baseline: Baseline) -> Baseline:
     return _refined(_chosen(_with_lead(baseline), keep=True))
 
 
-def _chosen(baseline: Baseline, *, keep: bool) -> Baseline:
+def _chosen(baseline: Baseline, *, keep: bool, signs: Sequence[SignChange] = SIGNS) -> Baseline:
     """The best of the grid at every joint, fitted; those so far where nothing is clearly better and ``keep``."""
     terms, use = own_terms(baseline.modelled), baseline.samples.identification
-    rest, signs = baseline.fit.before_own, []
+    rest, chosen = baseline.fit.before_own, []
     for j, now in enumerate(baseline.signs):
-        tried = SIGNS if now in SIGNS else (*SIGNS, now)
+        tried = signs if now in signs else (*signs, now)
         bank = [rows[use] for rows in baseline.rows_of_signs(terms, j, tried)]
-        signs.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])
-    if tuple(signs) == baseline.signs:
+        chosen.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])
+    if tuple(chosen) == baseline.signs:
         return baseline
-    return _fitted(baseline.with_signs(signs, baseline.samples.lead))
+    return _fitted(baseline.with_signs(chosen, baseline.samples.lead))
 
 
 def _refined(baseline: Baseline) -> Baseline:
@@ -117,19 +168,12 @@ def _damped(baseline: Baseline) -> tuple[bool, ...]:
 def _with_lead(baseline: Baseline) -> Baseline:
     """The lead by Gauss and Newton's steps, all joints together: what hides in one joint does not decide it."""
     start = baseline
-    use = baseline.samples.identification
     for _ in range(_ITERATIONS):
         lead = baseline.samples.lead
         later = baseline.with_signs(baseline.signs, lead + _STEP)
-        up = down = 0.0
-        for j, own in enumerate(baseline.fit.own):
-            old, new = (b.solver.equations.own[j][use] for b in (baseline, later))
-            slope = (new - old) @ own / _STEP
-            rest = baseline.fit.residual[j][use]
-            weight = 1.0 / max(float((rest**2).mean()), 1e-300)
-            up += weight * float(slope @ rest)
-            down += weight * float(slope @ slope)
-        best = float(np.clip(lead + up / max(down, 1e-300), 0.0, _LONGEST))
+        own = zip(later.solver.equations.own, baseline.solver.equations.own, baseline.fit.own, strict=True)
+        step = _newton(baseline, [(old - new) @ x / _STEP for new, old, x in own])
+        best = float(np.clip(lead + step, 0.0, _LONGEST))
         best = best if best >= _LEAST else 0.0
         if abs(best - lead) < _NEAR:
             break
@@ -138,6 +182,30 @@ def _with_lead(baseline: Baseline) -> Baseline:
             break
         baseline = moved
     return baseline if baseline.samples.lead != start.samples.lead else start
+
+
+def _newton(baseline: Baseline, slopes: Sequence[Array]) -> float:
+    """Gauss and Newton's step of a number from what its growth by one adds to each joint's residual, ``(n_rows,)``."""
+    use, up, down = baseline.samples.identification, 0.0, 0.0
+    for slope, left in zip(slopes, baseline.fit.residual, strict=True):
+        weight = 1.0 / max(float((left[use] ** 2).mean()), 1e-300)
+        up -= weight * float(slope[use] @ left[use])
+        down += weight * float(slope[use] @ slope[use])
+    return up / max(down, 1e-300)
+
+
+def _in_time(baseline: Baseline, delay: float) -> Array:
+    """What the equations would have to explain if torques came late by a delay [s], ``(n_joints, n_rows)`` weighted."""
+    samples, e = baseline.samples, baseline.solver.equations
+    moved = [
+        np.column_stack([np.interp(t.time + delay, t.time, tau) - tau for tau in t.tau.T])
+        for t in samples.trials
+    ]
+    return np.asarray(e.y + samples.rows(moved).T * baseline.root_weight)
+
+
+def _at_torques(baseline: Baseline, y: Array) -> Baseline:
+    return _fitted(replace(baseline, solver=Solver(replace(baseline.solver.equations, y=y))))
 
 
 def _fitted(baseline: Baseline) -> Baseline:

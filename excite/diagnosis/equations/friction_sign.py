@@ -43,8 +43,9 @@ class SignChange(NamedTuple):
         return self.bent and self.damped_below > 0.0
 
 
+PLAIN = tuple(SignChange(width) for width in WIDTHS)
 SIGNS = (
-    *(SignChange(width) for width in WIDTHS),
+    *PLAIN,
     *(SignChange(WIDTHS[2], breakaway, speed) for speed in _DAMPED_BELOW for breakaway in BREAKAWAYS),
 )
 

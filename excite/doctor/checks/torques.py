@@ -38,6 +38,8 @@ class WeakTorques(Check):
         reading = Reading.as_stated(log)
         gains, _ = samples.gains(reading)
         weak = (samples.judged(reading)[:-1] > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
+        # A torque that is cut off is weaker than it was.
+        weak &= ~np.array([_cut_off(log, name) for name in samples.channels], dtype=np.bool_)
         if not weak.any() or 2 * weak.sum() > len(weak):
             return Outcome(log)
         names = tuple(name for name, flag in zip(samples.channels, weak, strict=True) if flag)
@@ -57,6 +59,11 @@ class WeakTorques(Check):
         )
         header = log.header.model_copy(update={"no_torque": (*log.header.no_torque, *names)})
         return Outcome(replace(log, header=header), (finding,))
+
+
+def _cut_off(log: Log, joint: str) -> bool:
+    j = log.header.joints.index(joint)
+    return any(trial.beyond is not None and trial.beyond[:, j].any() for trial in log.trials)
 
 
 class TorqueSide(Check):

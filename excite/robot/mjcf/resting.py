@@ -12,7 +12,7 @@ from excite.robot.mjcf.torques import torque_limits
 if TYPE_CHECKING:
     import mujoco
 
-# A joint that neither its motor nor the weight of all that it carries, a metre away from a hinge, moves faster than this
+# A joint that neither its motor nor the weight of all it carries, a metre away from a hinge, moves faster than this
 # on the earth cannot be made to move [m/s or rad/s, m/s²]. Dampings of joints that move end at 1e3; some of gymnasium's
 # Fetch are locked by 1e7 and 1e11. What a wrist carries may weigh nothing in a model: a hand that is yet to be added.
 _SLOWEST, _GRAVITY = 1e-3, 9.81

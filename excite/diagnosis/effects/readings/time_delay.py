@@ -60,7 +60,10 @@ class TimeDelay(Effect):
         return ("torque",)
 
     def grid(self, context: Context, location: str) -> list[Theta]:
-        return [(d,) for d in (0.0007, 0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.09)]
+        grid = (0.0007, 0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.09)
+        # Bristles would take what is left of a delay between two of these, and keep it.
+        late = context.baseline.late
+        return [(d,) for d in (grid if late == 0.0 else sorted({*grid, late}))]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
