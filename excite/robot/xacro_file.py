@@ -15,6 +15,8 @@ from excite.robot.urdf.reading import find_mesh
 _NAMESPACE = "ros.org/wiki/xacro"
 # A model of 2 000 links from a macro each takes 5 s and 0.13 GB on a busy core.
 _SECONDS, _MEMORY_GB = 30.0, 4.0
+# Named arguments.
+_NAMED = 8
 
 
 def is_xacro(path: Path) -> bool:
@@ -113,10 +115,19 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
         raise RobotError(
             f"xacro cannot expand it ({said})",
             source=path,
-            remedy="mend it, or give its arguments with --xacro-arg name:=value",
+            remedy=f"mend it, or give its arguments with --xacro-arg name:=value{_arguments(path)}",
         ) from error
     finally:
         substitution_args._eval_find = known
+
+
+def _arguments(path: Path) -> str:
+    """Which arguments a file takes that do not follow from others, and what they are without being given."""
+    found = [element for element in read_xml(path).iter() if element.tag.endswith("/xacro}arg")]
+    free = [arg for arg in found if "$" not in arg.get("default", "")]
+    said = [":=".join(filter(None, (arg.get("name"), arg.get("default")))) for arg in free[:_NAMED]]
+    more = ", …" if len(free) > _NAMED else ""
+    return f" (it takes {', '.join(said)}{more})" if said else ""
 
 
 def _cause(error: BaseException | None) -> RobotError | None:

@@ -342,6 +342,18 @@ def test_whatever_xacro_raises_is_one_line(tmp_path: Path) -> None:
         assert "<class" not in str(caught.value) and "\n" not in str(caught.value)
 
 
+def test_a_xacro_that_cannot_be_expanded_says_what_arguments_it_takes(tmp_path: Path) -> None:
+    head = '<robot name="n" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    arguments = (
+        '<xacro:arg name="which"/><xacro:arg name="folder" default="none"/>'
+        '<xacro:arg name="meshes" default="$(arg folder)/meshes"/>'
+    )
+    with pytest.raises(RobotError, match=r"it takes which, folder:=none\)"):
+        written(
+            f'{head}{arguments}<xacro:include filename="$(arg meshes)/a.xacro"/></robot>', tmp_path, "a.xacro"
+        )
+
+
 def test_a_file_of_another_kind_is_no_unknown_name(tmp_path: Path) -> None:
     path = tmp_path / "robot.sdf"
     path.write_text('<sdf version="1.7"/>')
