@@ -143,11 +143,12 @@ def joint_torque_regressor(
 
 
 def block_of(tree: KinematicTree) -> tuple[Array, Array, Array]:
-    """What compiled loops need for the motion of a block of samples: scratch, the states of all bodies flat as
-    :func:`~excite.regressor.motion_loops.move` fills them, and the same ``(n_joints + 1, STATE_SIZE, LANES)``.
+    """What compiled loops need for the motion of a block of samples: scratch, and room for the states of all bodies as
+    :func:`~excite.regressor.motion_loops.move` and :func:`~excite.regressor.motion_loops.by_sample` fill it.
     """
-    state = np.empty((tree.n_segments + 1, motion_loops.STATE_SIZE, motion_loops.LANES))
-    return np.empty(motion_loops.ROOM_SIZE * motion_loops.LANES), state.reshape(len(state), -1), state
+    bodies, size, lanes = tree.n_segments + 1, motion_loops.STATE_SIZE, motion_loops.LANES
+    room = np.empty(motion_loops.ROOM_SIZE * lanes)
+    return room, np.empty((bodies, size * lanes)), np.empty((lanes, bodies, size))
 
 
 def load_of(tree: KinematicTree) -> tuple[Array, Array]:

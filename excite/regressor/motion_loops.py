@@ -215,22 +215,30 @@ def move(
 
 
 @LazyKernel
-def take_lane(state, b, body):
-    """State of all bodies at one sample of a block, into ``body (n_joints + 1, STATE_SIZE)``."""
-    for j in range(state.shape[0]):
-        for i in range(STATE_SIZE):
-            body[j, i] = state[j, i * LANES + b]
+def by_sample(block, state):
+    """A block of states sample by sample, into ``state (LANES, n_joints + 1, STATE_SIZE)``.
+
+    What goes on from one sample to the next would else read a line of the cache for each number.
+    """
+    for j in range(block.shape[0]):
+        for b in range(LANES):
+            for i in range(STATE_SIZE):
+                state[b, j, i] = block[j, i * LANES + b]
 
 
 @LazyKernel
 def propagate(structure, gravity, in_world, q, v, a, out):
     """Fill ``out (n, n_joints + 1, STATE_SIZE)`` from ``q (n, nq)``, ``v (n, nv)``, ``a (n, nv)``."""
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
-    state, room = np.empty((kinds.shape[0], STATE_SIZE * LANES)), np.empty(ROOM_SIZE * LANES)
+    block, room = np.empty((kinds.shape[0], STATE_SIZE * LANES)), np.empty(ROOM_SIZE * LANES)
+    state = np.empty((LANES, kinds.shape[0], STATE_SIZE))
     for first in range(0, q.shape[0], LANES):
         move(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, in_world,
-            q, v, a, first, room, state,
+            q, v, a, first, room, block,
         )  # fmt: skip
+        by_sample(block, state)
         for b in range(min(LANES, q.shape[0] - first)):
-            take_lane(state, b, out[first + b])
+            for j in range(state.shape[1]):
+                for i in range(STATE_SIZE):
+                    out[first + b, j, i] = state[b, j, i]

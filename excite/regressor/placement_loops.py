@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.lazy_kernel import LazyKernel
 from excite.regressor.force_loops import inward
-from excite.regressor.motion_loops import ALPHA, AXIS, LANES, OMEGA, POS, move
+from excite.regressor.motion_loops import ALPHA, AXIS, LANES, OMEGA, POS, by_sample, move
 from excite.regressor.tree import FREE_FLYER, PRISMATIC
 
 
@@ -23,6 +23,7 @@ def gradient(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q, v, a, first, room, block,
         )  # fmt: skip
+        by_sample(block, state)
         inward(kinds, parents, idx_v, phi, block, forces, load, first, tau)
         for b in range(min(LANES, q.shape[0] - first)):
             _masses(parents, phi, moved, behind, state, b, masses)
@@ -33,12 +34,12 @@ def gradient(
 def _sample(kinds, parents, idx_v, moved, behind, state, b, forces, masses, row):
     """The gradient ``row (nv, 3)`` in lane ``b``."""
     up = parents[moved]
-    w0, w1, w2 = state[up, OMEGA, b], state[up, OMEGA + 1, b], state[up, OMEGA + 2, b]
-    l0, l1, l2 = state[up, ALPHA, b], state[up, ALPHA + 1, b], state[up, ALPHA + 2, b]
+    w0, w1, w2 = state[b, up, OMEGA], state[b, up, OMEGA + 1], state[b, up, OMEGA + 2]
+    l0, l1, l2 = state[b, up, ALPHA], state[b, up, ALPHA + 1], state[b, up, ALPHA + 2]
     ww = w0 * w0 + w1 * w1 + w2 * w2
     f0, f1, f2 = forces[moved, b], forces[moved, LANES + b], forces[moved, 2 * LANES + b]
     for k in range(3):
-        r0, r1, r2 = state[up, k, b], state[up, 3 + k, b], state[up, 6 + k, b]
+        r0, r1, r2 = state[b, up, k], state[b, up, 3 + k], state[b, up, 6 + k]
         along = w0 * r0 + w1 * r1 + w2 * r2
         a0 = l1 * r2 - l2 * r1 + w0 * along - ww * r0
         a1 = l2 * r0 - l0 * r2 + w1 * along - ww * r1
@@ -49,7 +50,7 @@ def _sample(kinds, parents, idx_v, moved, behind, state, b, forces, masses, row)
         while j > 0:
             _carried(kinds[j], state, b, masses[moved], j, a0, a1, a2, m0, m1, m2, row, idx_v[j], k)
             j = parents[j]
-        for j in range(moved, state.shape[0]):
+        for j in range(moved, state.shape[1]):
             if behind[j]:
                 _carried(kinds[j], state, b, masses[j], j, a0, a1, a2, 0.0, 0.0, 0.0, row, idx_v[j], k)
 
@@ -57,20 +58,20 @@ def _sample(kinds, parents, idx_v, moved, behind, state, b, forces, masses, row)
 @LazyKernel
 def _masses(parents, phi, moved, behind, state, b, masses):
     """Mass and first moment at the root's origin of all that each joint from ``moved`` on carries."""
-    for j in range(state.shape[0]):
+    for j in range(state.shape[1]):
         for i in range(4):
             masses[j, i] = 0.0
-    for j in range(state.shape[0] - 1, moved - 1, -1):
+    for j in range(state.shape[1] - 1, moved - 1, -1):
         if not behind[j]:
             continue
         first = 10 * (j - 1)
         masses[j, 0] += phi[first]
         for i in range(3):
             masses[j, 1 + i] += (
-                phi[first] * state[j, POS + i, b]
-                + state[j, 3 * i, b] * phi[first + 1]
-                + state[j, 3 * i + 1, b] * phi[first + 2]
-                + state[j, 3 * i + 2, b] * phi[first + 3]
+                phi[first] * state[b, j, POS + i]
+                + state[b, j, 3 * i] * phi[first + 1]
+                + state[b, j, 3 * i + 1] * phi[first + 2]
+                + state[b, j, 3 * i + 2] * phi[first + 3]
             )
         if j > moved:
             for i in range(4):
@@ -80,14 +81,14 @@ def _masses(parents, phi, moved, behind, state, b, masses):
 @LazyKernel
 def _carried(kind, state, b, mass, j, a0, a1, a2, m0, m1, m2, row, first, k):
     """What joint ``j`` carries of a ``mass (4,)`` accelerated by ``a`` and of a moment ``m``: ``row[first, k]``."""
-    p0, p1, p2 = state[j, POS, b], state[j, POS + 1, b], state[j, POS + 2, b]
+    p0, p1, p2 = state[b, j, POS], state[b, j, POS + 1], state[b, j, POS + 2]
     h0, h1, h2 = mass[1] - mass[0] * p0, mass[2] - mass[0] * p1, mass[3] - mass[0] * p2
     n0, n1, n2 = m0 + h1 * a2 - h2 * a1, m1 + h2 * a0 - h0 * a2, m2 + h0 * a1 - h1 * a0
     if kind == FREE_FLYER:
         row[first, k], row[first + 1, k], row[first + 2, k] = mass[0] * a0, mass[0] * a1, mass[0] * a2
         row[first + 3, k], row[first + 4, k], row[first + 5, k] = n0, n1, n2
         return
-    z0, z1, z2 = state[j, AXIS, b], state[j, AXIS + 1, b], state[j, AXIS + 2, b]
+    z0, z1, z2 = state[b, j, AXIS], state[b, j, AXIS + 1], state[b, j, AXIS + 2]
     if kind == PRISMATIC:
         row[first, k] = mass[0] * (z0 * a0 + z1 * a1 + z2 * a2)
     else:

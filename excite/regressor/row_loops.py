@@ -1,14 +1,14 @@
 """Compiled loops from the motion of the bodies to regressors.
 
-``state (n_joints + 1, STATE_SIZE, LANES)`` is what :func:`~excite.regressor.motion_loops.move` fills, and ``block`` the
-same memory, flat, of a few samples at a time: it stays in the cache.
+``block`` and ``state`` are what :func:`~excite.regressor.motion_loops.move` and
+:func:`~excite.regressor.motion_loops.by_sample` fill, of a few samples at a time: they stay in the cache.
 Source: the regressor of one body, Atkeson, An, Hollerbach (1986), eq. 9-11.
 """
 
 from __future__ import annotations
 
 from excite.lazy_kernel import LazyKernel
-from excite.regressor.motion_loops import ACC, ALPHA, AXIS, LANES, OMEGA, POS, move
+from excite.regressor.motion_loops import ACC, ALPHA, AXIS, LANES, OMEGA, POS, by_sample, move
 from excite.regressor.tree import FREE_FLYER, PRISMATIC
 
 
@@ -18,10 +18,10 @@ def body_rows(state, j, b, out, t, first):
 
     Arrays come whole, with indices: a view would cost more, counted in and out, than half the work on it.
     """
-    p0, p1, p2 = state[j, POS, b], state[j, POS + 1, b], state[j, POS + 2, b]
-    w0, w1, w2 = state[j, OMEGA, b], state[j, OMEGA + 1, b], state[j, OMEGA + 2, b]
-    l0, l1, l2 = state[j, ALPHA, b], state[j, ALPHA + 1, b], state[j, ALPHA + 2, b]
-    a0, a1, a2 = state[j, ACC, b], state[j, ACC + 1, b], state[j, ACC + 2, b]
+    p0, p1, p2 = state[b, j, POS], state[b, j, POS + 1], state[b, j, POS + 2]
+    w0, w1, w2 = state[b, j, OMEGA], state[b, j, OMEGA + 1], state[b, j, OMEGA + 2]
+    l0, l1, l2 = state[b, j, ALPHA], state[b, j, ALPHA + 1], state[b, j, ALPHA + 2]
+    a0, a1, a2 = state[b, j, ACC], state[b, j, ACC + 1], state[b, j, ACC + 2]
     out[t, 0, first], out[t, 1, first], out[t, 2, first] = a0, a1, a2
     out[t, 3, first] = p1 * a2 - p2 * a1
     out[t, 4, first] = p2 * a0 - p0 * a2
@@ -30,7 +30,7 @@ def body_rows(state, j, b, out, t, first):
     e01, e02, e12 = w0 * w1, w0 * w2, w1 * w2
     e00, e11, e22 = -(w1 * w1 + w2 * w2), -(w0 * w0 + w2 * w2), -(w0 * w0 + w1 * w1)
     for k in range(3):
-        x0, x1, x2 = state[j, k, b], state[j, 3 + k, b], state[j, 6 + k, b]
+        x0, x1, x2 = state[b, j, k], state[b, j, 3 + k], state[b, j, 6 + k]
         f0 = e00 * x0 + (e01 - l2) * x1 + (e02 + l1) * x2
         f1 = (e01 + l2) * x0 + e11 * x1 + (e12 - l0) * x2
         f2 = (e02 - l1) * x0 + (e12 + l0) * x1 + e22 * x2
@@ -43,9 +43,9 @@ def body_rows(state, j, b, out, t, first):
         for column in range(first + 4, first + 10):
             out[t, i, column] = 0.0
     # Inertia: I·alpha + w × I·w in the body's frame, turned into the root's.
-    r00, r01, r02 = state[j, 0, b], state[j, 1, b], state[j, 2, b]
-    r10, r11, r12 = state[j, 3, b], state[j, 4, b], state[j, 5, b]
-    r20, r21, r22 = state[j, 6, b], state[j, 7, b], state[j, 8, b]
+    r00, r01, r02 = state[b, j, 0], state[b, j, 1], state[b, j, 2]
+    r10, r11, r12 = state[b, j, 3], state[b, j, 4], state[b, j, 5]
+    r20, r21, r22 = state[b, j, 6], state[b, j, 7], state[b, j, 8]
     lx, ly, lz = (
         r00 * l0 + r10 * l1 + r20 * l2,
         r01 * l0 + r11 * l1 + r21 * l2,
@@ -58,7 +58,7 @@ def body_rows(state, j, b, out, t, first):
     )
     xx, yy, zz, xy, xz, yz = wx * wx, wy * wy, wz * wz, wx * wy, wx * wz, wy * wz
     for i in range(3):
-        x, y, z = state[j, 3 * i, b], state[j, 3 * i + 1, b], state[j, 3 * i + 2, b]
+        x, y, z = state[b, j, 3 * i], state[b, j, 3 * i + 1], state[b, j, 3 * i + 2]
         row, u, v, w = 3 + i, x * yz, y * xz, z * xy
         out[t, row, first + 4] = x * lx + (v - w)
         out[t, row, first + 5] = x * (ly - xz) + y * (lx + yz) + z * (xx - yy)
@@ -77,8 +77,9 @@ def base_rows(structure, gravity, q, v, a, room, block, state, out):
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q, v, a, first, room, block,
         )  # fmt: skip
+        by_sample(block, state)
         for b in range(min(LANES, q.shape[0] - first)):
-            for j in range(1, state.shape[0]):
+            for j in range(1, state.shape[1]):
                 body_rows(state, j, b, out, first + b, 10 * (j - 1))
 
 
@@ -88,12 +89,12 @@ def write_screw(kind, state, j, b, screws):
 
     Along a prismatic axis it is the force, else the moment about the axis.
     """
-    z0, z1, z2 = state[j, AXIS, b], state[j, AXIS + 1, b], state[j, AXIS + 2, b]
+    z0, z1, z2 = state[b, j, AXIS], state[b, j, AXIS + 1], state[b, j, AXIS + 2]
     if kind == PRISMATIC:
         screws[j, 0], screws[j, 1], screws[j, 2] = z0, z1, z2
         screws[j, 3], screws[j, 4], screws[j, 5] = 0.0, 0.0, 0.0
     else:
-        p0, p1, p2 = state[j, POS, b], state[j, POS + 1, b], state[j, POS + 2, b]
+        p0, p1, p2 = state[b, j, POS], state[b, j, POS + 1], state[b, j, POS + 2]
         screws[j, 0], screws[j, 1], screws[j, 2] = p1 * z2 - p2 * z1, p2 * z0 - p0 * z2, p0 * z1 - p1 * z0
         screws[j, 3], screws[j, 4], screws[j, 5] = z0, z1, z2
 
@@ -110,6 +111,7 @@ def torque_rows(structure, gravity, q, v, a, room, block, state, wrench, screws,
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q, v, a, first, room, block,
         )  # fmt: skip
+        by_sample(block, state)
         for b in range(min(LANES, q.shape[0] - first)):
             sample_rows(kinds, parents, idx_v, state, b, wrench, screws, out, first + b)
 
@@ -128,9 +130,9 @@ def sample_rows(kinds, parents, idx_v, state, b, wrench, screws, out, t):
     for i in range(out.shape[1]):
         for k in range(out.shape[2]):
             out[t, i, k] = 0.0
-    for j in range(1, state.shape[0]):
+    for j in range(1, state.shape[1]):
         write_screw(kinds[j], state, j, b, screws)
-    for body in range(1, state.shape[0]):
+    for body in range(1, state.shape[1]):
         first, j = 10 * (body - 1), body
         body_rows(state, body, b, wrench, 0, 0)
         while j > 0:

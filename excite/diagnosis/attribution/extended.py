@@ -32,7 +32,7 @@ def extended(item: Hypothesis) -> Baseline:
         baseline,
         solver=solver,
         basis=basis,
-        fit=replace(baseline.fit, shared=old),
+        fit=replace(baseline.fit, shared=old, held=None),
         rigid=baseline.rigid + added - baseline.added,
         added=added,
         added_drive=drive,

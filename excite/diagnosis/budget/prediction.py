@@ -79,7 +79,7 @@ def predicted(full: Baseline, model: Model) -> Prediction:
         torques[k] = torque_of(term, model.parameters(k))
         moves[k] = term.effect.moves
         (moved if moves[k] else driven)[:] += torques[k]
-    now = replace(full.fit, equations=replace(full.solver.equations, y=y), shared=x)
+    now = replace(full.fit, equations=replace(full.solver.equations, y=y), shared=x, held=None)
     terms = own_terms(full.modelled)
     own = [own_signals(s, terms, j, sign) @ now.own[j] for j, sign in enumerate(full.signs)]
     rigid = rigid + moved

@@ -88,8 +88,7 @@ def _unless_late(found: Baseline, plain: Baseline) -> Baseline:
         return found
     moved = plain.with_signs(late.signs, 0.0)
     # Fitted to torques that are not in time, friction and bodies would be bent again, and what a delay makes of them.
-    fit = replace(late.fit, equations=moved.solver.equations)
-    fit.__dict__["own"] = late.fit.own
+    fit = replace(late.fit, equations=moved.solver.equations, held=late.fit.own)
     return replace(moved.updated(fit), late=delay)
 
 

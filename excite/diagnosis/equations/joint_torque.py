@@ -56,6 +56,7 @@ class Fit:
         sigma: ``(n_joints,)`` weights' standard deviations [N·m].
         columns: ``(n_joints, n_rows, n_extra)`` of the hypothesis, None where it has none.
         offset: ``(n_joints, n_rows)`` torque taken off, None where there is none.
+        held: coefficients of the joints' own columns where other rows have told them; None where these do.
     """
 
     equations: Equations
@@ -65,6 +66,7 @@ class Fit:
     sigma: Array
     columns: Array | None
     offset: Array | None
+    held: tuple[Array, ...] | None = None
 
     @cached_property
     def before_own(self) -> Array:
@@ -78,6 +80,8 @@ class Fit:
     @cached_property
     def own(self) -> tuple[Array, ...]:
         """Coefficients of the joints' own columns, one ``(n_own,)`` a joint."""
+        if self.held is not None:
+            return self.held
         e = self.equations
         return tuple(
             np.linalg.lstsq(e.own[j][e.use], self.before_own[j][e.use], rcond=1e-10)[0]

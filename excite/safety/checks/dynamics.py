@@ -14,7 +14,7 @@ from excite.lazy_kernel import LazyKernel
 from excite.motion.motion import Motion
 from excite.regressor.force_loops import inward
 from excite.regressor.kernels import block_of, load_of
-from excite.regressor.motion_loops import LANES, POS, move
+from excite.regressor.motion_loops import LANES, POS, by_sample, move
 from excite.regressor.row_loops import write_screw
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
@@ -91,17 +91,18 @@ def _stand(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, True,
             q, v, a, first, room, block,
         )  # fmt: skip
+        by_sample(block, state)
         inward(kinds, parents, idx_v, phi, block, forces, load, first, tau)
         for b in range(min(LANES, q.shape[0] - first)):
             t = first + b
             _centre(phi, state, b, com[t])
             for k in range(feet.shape[0]):
                 for i in range(3):
-                    position[t, k, i] = state[feet[k], POS + i, b]
+                    position[t, k, i] = state[b, feet[k], POS + i]
                     for c in range(3):
-                        rotation[t, k, i, c] = state[feet[k], 3 * i + c, b]
+                        rotation[t, k, i, c] = state[b, feet[k], 3 * i + c]
             if rows[t] >= 0:
-                for j in range(1, state.shape[0]):
+                for j in range(1, state.shape[1]):
                     write_screw(kinds[j], state, j, b, screws[rows[t]])
 
 
@@ -109,11 +110,11 @@ def _stand(
 def _centre(phi, state, b, com):
     """Centre of mass in lane ``b``."""
     mass, x, y, z = 0.0, 0.0, 0.0, 0.0
-    for j in range(1, state.shape[0]):
+    for j in range(1, state.shape[1]):
         first = 10 * (j - 1)
         m, hx, hy, hz = phi[first], phi[first + 1], phi[first + 2], phi[first + 3]
         mass += m
-        x += m * state[j, POS, b] + state[j, 0, b] * hx + state[j, 1, b] * hy + state[j, 2, b] * hz
-        y += m * state[j, POS + 1, b] + state[j, 3, b] * hx + state[j, 4, b] * hy + state[j, 5, b] * hz
-        z += m * state[j, POS + 2, b] + state[j, 6, b] * hx + state[j, 7, b] * hy + state[j, 8, b] * hz
+        x += m * state[b, j, POS] + state[b, j, 0] * hx + state[b, j, 1] * hy + state[b, j, 2] * hz
+        y += m * state[b, j, POS + 1] + state[b, j, 3] * hx + state[b, j, 4] * hy + state[b, j, 5] * hz
+        z += m * state[b, j, POS + 2] + state[b, j, 6] * hx + state[b, j, 7] * hy + state[b, j, 8] * hz
     com[0], com[1], com[2] = x / mass, y / mass, z / mass
