@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from excite.arrays import Array
 from excite.logs.log import Log, Trial
-from excite.rows.beyond import flags_at
+from excite.rows.beyond import flags_at, reached
+from excite.rows.kinematics import TrialKinematics
 
 # Share of a log's rows in which all torques are within their ranges, from which the others need not be looked at.
 _ENOUGH = 0.25
@@ -28,19 +28,19 @@ def rows_within(log: Log) -> Array:
     return 1.0 - np.minimum(np.array(cut, dtype=float), rows - 1) / rows
 
 
-def looked_at(log: Log, trial: Trial, grid: Array, reach: int) -> NDArray[np.bool_]:
+def looked_at(log: Log, trial: Trial, k: TrialKinematics, cutoff_hz: float) -> NDArray[np.bool_]:
     """Rows of a trial in which all torques are within their ranges, ``(n,)``; all where too few of the log are.
 
     Args:
         log: the log.
         trial: one of its trials.
-        grid: ``(n,)`` times of the rows [s].
-        reach: rows that a filter's response has on either side.
+        k: its kinematics, whose samples the rows are.
+        cutoff_hz: of the filter that torques go through [Hz].
     """
     if trial.beyond is None or not _enough(log):
-        return np.ones(len(grid), dtype=np.bool_)
-    lost = flags_at(trial.time, trial.beyond, grid).any(axis=1)
-    return ~binary_dilation(lost, np.ones(2 * reach + 1, dtype=np.bool_))
+        return np.ones(len(k.time), dtype=np.bool_)
+    lost = np.asarray(flags_at(trial.time, trial.beyond, k.time).any(axis=1))
+    return ~reached(lost, k.rate_hz, cutoff_hz)
 
 
 def _enough(log: Log) -> bool:

@@ -92,9 +92,8 @@ def overshoot(robot: Robot, log: Log, joint: str) -> float | None:
             continue
         if values is None:
             continue
-        use = k.valid.copy()
-        use[: k.moving.start] = use[k.moving.stop :] = False
-        here = np.flatnonzero(use)[:: max(1, len(log.trials) * int(use.sum()) // _SAMPLES)]
+        here = np.flatnonzero(k.in_motion)
+        here = here[:: max(1, len(log.trials) * len(here) // _SAMPLES)]
         q, v, a = k.q[here], k.v[here], k.a[here]
         samples = JointSamples(robot, q, v, a, [place], settings.coulomb_width, None)
         drives = np.concatenate([DRIVE_TERMS[term].columns(samples) for term in _TERMS], axis=2)[:, 0]

@@ -18,7 +18,7 @@ from excite.doctor.rows_within import looked_at, rows_within
 from excite.errors import LogError
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
-from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
@@ -218,9 +218,7 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
             torque = forces_on_grid(trial.time, source.torque(trial), k.time)
         except LogError:
             continue
-        use = k.valid & looked_at(log, trial, k.time, settling_samples(k.rate_hz, filters.cutoff_hz) // 2)
-        use[: k.moving.start] = use[k.moving.stop :] = False
-        rows = np.flatnonzero(use)
+        rows = np.flatnonzero(k.in_motion & looked_at(log, trial, k, filters.cutoff_hz))
         parts.append((k.q[rows], k.v[rows], k.a[rows], rows + end))
         starts.append(np.tile([end, end + len(torque) - 1], (len(rows), 1)))
         torques.append(lowpass(torque, k.rate_hz, filters.cutoff_hz, filters.order))

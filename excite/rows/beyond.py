@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from excite.arrays import Array
 from excite.logs.log import Trial
+from excite.logs.signals.butterworth import settling_samples
 
 
 def beyond_on_grid(
@@ -34,6 +36,15 @@ def flags_at(time: Array, flags: NDArray[np.bool_], grid: Array) -> NDArray[np.b
     if grid is time:
         return flags
     return np.column_stack([np.interp(grid, time, column) > 0.0 for column in flags.T.astype(float)])
+
+
+def reached(beyond: NDArray[np.bool_], rate_hz: float, cutoff_hz: float) -> NDArray[np.bool_]:
+    """Samples whose filtered torques hold some of those that were beyond their range, as ``beyond (n, …)``.
+
+    As far as half of the filter's transient: what is left of a step there is less than a guess is off by.
+    """
+    samples = 2 * (settling_samples(rate_hz, cutoff_hz) // 2) + 1
+    return np.asarray(binary_dilation(beyond, np.ones((samples, *[1] * (beyond.ndim - 1)), dtype=np.bool_)))
 
 
 def bridged(tau: Array, nominal: Array, beyond: NDArray[np.bool_]) -> Array:

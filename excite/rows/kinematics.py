@@ -55,6 +55,13 @@ class TrialKinematics:
         """Whether no joint ever moves."""
         return bool(self.moving.start == self.moving.stop)
 
+    @property
+    def in_motion(self) -> NDArray[np.bool_]:
+        """Valid samples between the first and the last at which a joint moves, ``(n,)``."""
+        use = self.valid.copy()
+        use[: self.moving.start] = use[self.moving.stop :] = False
+        return use
+
     def at_rest(self) -> TrialKinematics:
         """The same with no velocity and no acceleration: those of a robot that stands are its encoders' noise."""
         return replace(self, v=np.zeros_like(self.v), a=np.zeros_like(self.a))

@@ -9,14 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
-from excite.logs.signals.butterworth import settling_samples
 from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Robot
+from excite.rows.beyond import reached
 
 _ORDER = 4
 
@@ -152,12 +151,10 @@ class ArmSamples:
         """Which rows hold no torque beyond its range, ``(n_joints, n_rows)``; None where none was."""
         if all(trial.beyond is None for trial in self.trials):
             return None
-        # As far as half of the filter's transient: what is left of a step there is less than a guess is off by.
-        reach = settling_samples(self.rate_hz, self.bands.rows_hz) // 2
         parts = []
         for trial in self.trials:
             lost = np.zeros(trial.tau.shape, dtype=np.bool_) if trial.beyond is None else trial.beyond
-            parts.append(~binary_dilation(lost, np.ones((2 * reach + 1, 1), dtype=np.bool_))[trial.rows])
+            parts.append(~reached(lost, self.rate_hz, self.bands.rows_hz)[trial.rows])
         return np.concatenate(parts).T
 
     def squares(self, values: Array) -> Array:
