@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from excite.arrays import Array
 from excite.errors import LogError
@@ -63,4 +63,4 @@ def _near_change(closed: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
     differ = (closed[1:] != closed[:-1]).any(axis=1)
     change[1:] |= differ
     change[:-1] |= differ
-    return np.asarray(binary_dilation(change, iterations=samples)) if samples > 0 else change
+    return np.asarray(scipy.ndimage.binary_dilation(change, iterations=samples)) if samples > 0 else change

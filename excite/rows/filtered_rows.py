@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
 
 from excite.arrays import Array
 from excite.logs.signals.butterworth import lowpass, settling_samples
@@ -86,7 +86,7 @@ def _eroded(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> 
     """Take away what the filter's transient reaches: all of it at the ends, half of it at gaps."""
     half = settling // 2
     if half:
-        use = binary_erosion(use, np.ones((2 * half + 1, 1), dtype=bool), border_value=0)
+        use = scipy.ndimage.binary_erosion(use, np.ones((2 * half + 1, 1), dtype=bool), border_value=0)
     ends = np.flatnonzero(valid)
     if len(ends):
         use[: ends[0] + settling] = use[ends[-1] + 1 - settling :] = False

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.logs.header_blocks import ImuHeader, TrialHeader
@@ -83,7 +83,7 @@ def imu_readings(robot: Robot, recording: Recording | Motion) -> Array:
         link = robot.description.sensors.imu.link
         _, placement = link_placement(robot.model, link, robot.source, "sensors.imu.link")
     rotation, lever = placement.rotation, placement.translation
-    turn = Rotation.from_quat(recording.q[:, 3:7]).as_matrix() @ rotation
+    turn = scipy.spatial.transform.Rotation.from_quat(recording.q[:, 3:7]).as_matrix() @ rotation
     linear, angular, acceleration = (
         part @ rotation
         for part in (

@@ -91,10 +91,12 @@ def on_the_clock_of_the_first(repeat: Repeat, trials: Sequence[ArmTrial], values
     Returns:
         The first's rows that the other has as well, and the other's between its own rows where there is a lag.
     """
-    from scipy.interpolate import CubicSpline
-
     here, there = trials[repeat.first], trials[repeat.again]
     asked, known = here.time[here.rows], there.time[there.rows] - repeat.lag_s
+    if np.array_equal(asked, known):
+        return np.array([values[repeat.first], values[repeat.again]])
+    from scipy.interpolate import CubicSpline
+
     both = (asked >= known[0] - 1e-9) & (asked <= known[-1] + 1e-9)
     again = CubicSpline(known, values[repeat.again], axis=1)(asked[both])
     return np.array([values[repeat.first][:, both], again])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from excite.diagnosis.attribution.attribution import Attribution, Scored
 from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.next_experiment.candidates import touching
-from excite.diagnosis.next_experiment.choice import Proposal, propose, written
+
+if TYPE_CHECKING:
+    from excite.diagnosis.next_experiment.choice import Proposal
 
 # Rivals that a motion is chosen for, the likeliest.
 _MOST = 5
@@ -45,6 +47,10 @@ def advice(
         proposal = file = None
         untold = ""
         if out is not None:
+            # The filter, its checks and the generators, for the few records that leave something open.
+            from excite.diagnosis.next_experiment.candidates import touching  # lazy: coal
+            from excite.diagnosis.next_experiment.choice import propose, written  # lazy: pyarrow
+
             floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
             proposal = propose(baseline, [best, *others], floor, seed=0)
             file = None if proposal is None else written(proposal, out)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
+import scipy
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline_fit import fit_baseline
@@ -18,7 +18,7 @@ from excite.diagnosis.servo.servo import Signals
 def error_integral(signals: Signals) -> Array:
     """Integral of the position error since the trial's start, ``(n, n_joints)`` [rad·s]."""
     error = signals.commanded.value - signals.measured.value
-    return np.asarray(cumulative_trapezoid(error, signals.time, axis=0, initial=0.0))
+    return np.asarray(scipy.integrate.cumulative_trapezoid(error, signals.time, axis=0, initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)

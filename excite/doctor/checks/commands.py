@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from excite.arrays import Array
+from excite.arrays import Array, partners
 from excite.doctor.check import Check, Outcome
 from excite.finding import Finding, listed
 from excite.logs.log import Log
@@ -47,7 +46,7 @@ def _order(log: Log, attribute: str, what: str) -> list[Finding]:
     y, x = y[:, moving] - y[:, moving].mean(axis=0), x[:, moving] - x[:, moving].mean(axis=0)
     miss = np.array([[np.sqrt(np.mean((yi - xj) ** 2)) for xj in x.T] for yi in y.T]) / x.std(axis=0)
     own = np.diag(miss)
-    rows, order = linear_sum_assignment(np.minimum(miss, 10.0))
+    rows, order = np.arange(len(miss)), partners(np.minimum(miss, 10.0))
     moved = (rows != order) & (miss[rows, order] < np.minimum(_TRACKS, own / _BETTER))
     if moved.any():
         text = (

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake
@@ -43,7 +43,11 @@ class Clock(Mistake[TorqueSamples]):
         k = int(np.argmin(scores))
         low, high = grid[max(0, k - 1)], grid[min(len(grid) - 1, k + 1)]
         best = float(
-            np.exp(minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 0.003}).x)
+            np.exp(
+                scipy.optimize.minimize_scalar(
+                    left, bounds=(low, high), method="bounded", options={"xatol": 0.003}
+                ).x
+            )
         )
         if 1.0 / _LEAST < best < _LEAST:
             return

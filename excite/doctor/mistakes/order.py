@@ -8,9 +8,8 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from excite.arrays import Array
+from excite.arrays import Array, partners
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
@@ -28,8 +27,8 @@ class TorqueOrder(Mistake[TorqueSamples]):
     name = "torque_order"
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        rows, order = linear_sum_assignment(samples.across(reading))
-        moved = np.flatnonzero(rows != order)
+        order = partners(samples.across(reading))
+        moved = np.flatnonzero(order != np.arange(len(order)))
         if not len(moved):
             return
         joints = samples.channels

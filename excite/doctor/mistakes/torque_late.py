@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
@@ -49,7 +49,9 @@ class TorqueLate(Mistake[Samples]):
         if far and min(far) < min(scores) - _FAR_NATS * float(tells.sum()):
             best, around = float(seconds[int(np.argmin(far))]), 0.1
         bounds = (best - around, best + around)
-        best = float(minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x)
+        best = float(
+            scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x
+        )
         if -_EARLY_S < best < _LATE_S:
             return
         which = "late" if best > 0.0 else "early"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
@@ -57,7 +57,7 @@ class ZeroPosition(Mistake[Samples]):
         if start - scores.min() < _PROMISES or abs(best) < 0.5 * _STEP:
             return None
         best = float(
-            minimize_scalar(
+            scipy.optimize.minimize_scalar(
                 left, bounds=(best - _STEP, best + _STEP), method="bounded", options={"xatol": 0.01}
             ).x
         )

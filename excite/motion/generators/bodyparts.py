@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull
 
 from excite.arrays import Array
 from excite.robot.robot import Foot, Robot
@@ -83,7 +82,7 @@ def stands_on_either(robot: Robot) -> bool:
 
 def _edges(corners: Array) -> Array:
     """Edges of the hull of points ``(n, 2)`` as rows ``n_x, n_y, c``: ``n·x + c ≤ 0`` inside, n of length one."""
-    return np.asarray(ConvexHull(corners).equations)
+    return np.asarray(scipy.spatial.ConvexHull(corners).equations)
 
 
 def support_reach(robot: Robot, feet: Sequence[Foot]) -> float:
@@ -100,7 +99,7 @@ def support_centre(robot: Robot, feet: Sequence[Foot], near: Array) -> Array:
     :data:`_DEEP` of the circle's radius away from every edge.
     """
     edges = _edges(support_corners(robot, feet))
-    widest = linprog(
+    widest = scipy.optimize.linprog(
         [0.0, 0.0, -1.0],
         A_ub=np.column_stack([edges[:, :2], np.ones(len(edges))]),
         b_ub=-edges[:, 2],

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from defusedxml.ElementTree import fromstring
-from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
@@ -117,7 +117,10 @@ class Balancer:
         """Fill in base and legs of ``q`` ``(n, nq)`` row by row; returns the number of rows that were solved."""
         pelvis = np.zeros((len(s), 4)) if candidate.pelvis is None else candidate.pelvis.evaluate(s)
         com = np.zeros((len(s), 2)) if candidate.com is None else candidate.com.evaluate(s)
-        turn = Rotation.from_euler("xyz", pelvis[:, 1:]).as_matrix() @ self._pelvis_rest[:3, :3]
+        turn = (
+            scipy.spatial.transform.Rotation.from_euler("xyz", pelvis[:, 1:]).as_matrix()
+            @ self._pelvis_rest[:3, :3]
+        )
         moved = {name: self._feet[name].targets(curve.evaluate(s)) for name, curve in candidate.feet.items()}
         centres = self._com_rest + np.column_stack([com, np.zeros(len(s))])
         heights = self._pelvis_rest[:3, 3] + np.column_stack([np.zeros((len(s), 2)), pelvis[:, 0]])
@@ -224,7 +227,7 @@ class _TipTask:
 
 def _displaced(pose: Array, sole: Array, displacements: Array) -> Array:
     """A foot's pose moved by translations, and turned by rotation vectors about its sole's centre, ``(n, 4, 4)``."""
-    turns = Rotation.from_rotvec(displacements[:, 3:]).as_matrix()
+    turns = scipy.spatial.transform.Rotation.from_rotvec(displacements[:, 3:]).as_matrix()
     moved = np.tile(np.eye(4), (len(turns), 1, 1))
     for target, turn, displacement in zip(moved, turns, displacements, strict=True):
         target[:3, :3] = turn @ pose[:3, :3]

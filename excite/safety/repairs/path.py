@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
+import scipy
 
 from excite.arrays import Array
 from excite.robot.robot import Robot
@@ -54,8 +53,8 @@ class MotionPath:
     coordinates: Array
 
     @cached_property
-    def _spline(self) -> CubicSpline:
-        return CubicSpline(self.s, self.coordinates, bc_type="clamped")
+    def _spline(self) -> scipy.interpolate.CubicSpline:
+        return scipy.interpolate.CubicSpline(self.s, self.coordinates, bc_type="clamped")
 
     @cached_property
     def knots(self) -> PathSample:
@@ -74,8 +73,8 @@ class MotionPath:
         x, dx, ddx = (self._spline(s, order) for order in range(3))
         if not self.robot.floating:
             return PathSample(s, x, dx, ddx)
-        rest = Rotation.from_quat(self.robot.rest[3:7])
-        rotation = rest * Rotation.from_rotvec(x[:, 3:6])
+        rest = scipy.spatial.transform.Rotation.from_quat(self.robot.rest[3:7])
+        rotation = rest * scipy.spatial.transform.Rotation.from_rotvec(x[:, 3:6])
         omega, omega_rate = angular_rates(x[:, 3:6], dx[:, 3:6], ddx[:, 3:6])
         inverse = rotation.inv()
         linear = inverse.apply(dx[:, :3])
@@ -93,8 +92,8 @@ def coordinates_of(robot: Robot, q: Array) -> Array:
     """Path coordinates of configurations ``(n, nq)`` whose base is turned by less than π from rest."""
     if not robot.floating:
         return q
-    rest = Rotation.from_quat(robot.rest[3:7])
-    turned = rest.inv() * Rotation.from_quat(q[:, 3:7])
+    rest = scipy.spatial.transform.Rotation.from_quat(robot.rest[3:7])
+    turned = rest.inv() * scipy.spatial.transform.Rotation.from_quat(q[:, 3:7])
     return np.hstack([q[:, :3], turned.as_rotvec(), q[:, 7:]])
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
+import scipy
 
 from excite.arrays import Array, distinct_rows
 from excite.motion.generators.bodyparts import leg_joints
@@ -103,7 +103,7 @@ class PathLimits:
         tau[:, 1:] -= tau[:, :1]
         wrench = np.zeros((len(knots.s), 3, 6))
         if robot.feet:
-            rotation = Rotation.from_quat(knots.q[:, 3:7]).as_matrix()
+            rotation = scipy.spatial.transform.Rotation.from_quat(knots.q[:, 3:7]).as_matrix()
             wrench[..., :3] = np.einsum("nij,nkj->nki", rotation, tau[..., :3])
             moment = np.einsum("nij,nkj->nki", rotation, tau[..., 3:6])
             wrench[..., 3:] = moment + np.cross(knots.q[:, None, :3], wrench[..., :3])

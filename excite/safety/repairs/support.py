@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy
 
 from excite.arrays import Array
 
@@ -43,7 +43,7 @@ def support_of(soles: Sequence[Array], friction: float) -> Support:
     corners = [sole[:, :2] for sole in soles]
     together = np.vstack(corners)
     # Qhull's equations: outward unit normal and offset, n·x + c ≤ 0 inside; one for each edge.
-    equations = np.unique(np.round(ConvexHull(together).equations, 9), axis=0)
+    equations = np.unique(np.round(scipy.spatial.ConvexHull(together).equations, 9), axis=0)
     centre = together.mean(axis=0)
     flat = all(len(sole) >= 3 for sole in corners)
     apart = [c - (c.mean(axis=0) if flat else centre) for c in corners]

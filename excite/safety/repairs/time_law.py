@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from excite.arrays import Array
 
@@ -31,8 +31,10 @@ class TimeLaw:
         return float(self.time[-1])
 
     @cached_property
-    def _spline(self) -> CubicSpline:
-        return CubicSpline(self.time, self.s, bc_type=((1, self.rate[0]), (1, self.rate[1])))
+    def _spline(self) -> scipy.interpolate.CubicSpline:
+        return scipy.interpolate.CubicSpline(
+            self.time, self.s, bc_type=((1, self.rate[0]), (1, self.rate[1]))
+        )
 
     def evaluate(self, time: Array, order: int = 0) -> Array:
         """``s``, ``ṡ`` or ``s̈`` at times ``(n,)``; the value of ``s`` never leaves the path's interval."""

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from scipy.linalg import solve_banded
-from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.motion.generators.candidate import Candidate
@@ -67,7 +67,7 @@ def _zmp(robot: Robot, s: Array, q: Array, rate: float) -> Array:
             for row in zip(sample.q, sample.twist * rate, sample.curvature * rate**2, strict=True)
         ]
     )
-    rotation = Rotation.from_quat(sample.q[:, 3:7]).as_matrix()
+    rotation = scipy.spatial.transform.Rotation.from_quat(sample.q[:, 3:7]).as_matrix()
     return zero_moment_point(wrench_at_world_origin(forces, rotation, sample.q[:, :3]))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
+import scipy
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
@@ -117,7 +117,7 @@ def _tidy(problem: Problem, raw: Array) -> Array:
     width = 2 * max(1, round(0.5 * _SHORTEST_S * problem.record.rate_hz)) + 1
     share = np.empty_like(raw)
     for span in problem.record.spans:
-        on = median_filter((raw[span] > 0.5).astype(float), width, mode="nearest")
+        on = scipy.ndimage.median_filter((raw[span] > 0.5).astype(float), width, mode="nearest")
         change = np.flatnonzero(np.diff(on))
         share[span] = on
         for index in change:
