@@ -194,7 +194,8 @@ def residuals_on(found: Attribution, samples: ArmSamples) -> tuple[Array, Array]
     Returns:
         ``(n_joints, n_rows)`` each [N·m].
     """
-    tau = samples.rows([t.tau for t in samples.trials])
+    joints = range(len(samples.joints))
+    tau = samples.rows([t.tau for t in samples.trials], joints)
     first = _on(found.stages[0].context.baseline, samples)
     added, drive, sum_ = np.zeros_like(first.total), np.zeros_like(first.total), np.zeros_like(first.total)
     for item, size in zip(found.accepted, fitted_sizes(found), strict=True):
@@ -215,7 +216,7 @@ def residuals_on(found: Attribution, samples: ArmSamples) -> tuple[Array, Array]
         sum_ += now
         added, drive = (added + then, drive) if h.effect.moves else (added, drive + then)
     final = _on(found.final, samples).total + sum_
-    before, after = (tau - samples.rows(samples.split(total)) for total in (first.total, final))
+    before, after = (tau - samples.rows(samples.split(total), joints) for total in (first.total, final))
     return before.T, after.T
 
 
@@ -223,7 +224,6 @@ def _on(
     baseline: Baseline, samples: ArmSamples, added: Array | float = 0.0, drive: Array | float = 0.0
 ) -> Baseline:
     """The baseline with its predictions on other samples."""
-    samples = replace(samples, lead=baseline.samples.lead)
     q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
     rigid = inverse_dynamics(samples.robot.model, q, v, a, baseline.phi)[:, list(samples.index)] + added
     terms = own_terms(baseline.modelled)

@@ -100,7 +100,7 @@ def test_damping_of_bristles_is_fitted(tmp_path: Path, dies_at: float):
     assert sign.damped and math.isinf(sign.damped_below) is math.isinf(dies_at)
     assert sign.breakaway == pytest.approx(2e-3, rel=0.15)
     assert float(baseline.fit.own[0][1]) == pytest.approx(COULOMB, rel=0.02)
-    plain = baseline.with_signs([sign._replace(damped_below=0.0)], baseline.samples.lead)
+    plain = baseline.with_signs([sign._replace(damped_below=0.0)])
     assert left(baseline) < 0.7 * left(plain.updated(plain.solver.fit()))
     assert left(baseline) < 1.5 * float(spectral_floor(baseline.samples)[0])
 

@@ -221,7 +221,7 @@ def test_a_velocity_that_is_newer_than_the_logs_is_no_rotor(gap_dir: Path):
     log = load_log(gap_dir / "arm" / "case_012")
     robot = nominal_robot(log)
     samples = arm_samples(robot, log, log.trials[:3])
-    fitted = fit_baseline(samples, log.header.modelled, spectral_floor(samples), leads=False)
+    fitted = fit_baseline(samples, log.header.modelled, spectral_floor(samples), late=False)
     rotors = np.array([own[own_terms(log.header.modelled).index(ARMATURE)] for own in fitted.fit.own])
     bare = tuple(name for name in log.header.modelled if name != "armature")
     kd = rotors / 5e-4

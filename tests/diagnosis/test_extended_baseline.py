@@ -32,7 +32,7 @@ def left(baseline: Baseline) -> np.ndarray:
     """Measured torque less the baseline's prediction at the rows, ``(n_joints, n_rows)`` [N·m]."""
     samples = baseline.samples
     rest = np.concatenate([t.tau for t in samples.trials]) - baseline.total
-    return samples.rows(samples.split(rest)).T
+    return samples.rows(samples.split(rest), range(rest.shape[1])).T
 
 
 def test_a_fit_is_the_one_that_its_predictions_belong_to(baseline: Baseline):

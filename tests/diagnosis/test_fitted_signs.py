@@ -1,8 +1,9 @@
-"""Dry friction changes sign where a joint stops, which is before its filtered velocity does."""
+"""Dry friction of a joint that sticks, or that follows its velocity: one model finds both."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,21 +55,6 @@ def on_servo(*, sticks: bool) -> tuple[Trial, ...]:
     )
 
 
-def ahead(lead: float) -> tuple[Trial, ...]:
-    """Friction that changes sign earlier than the velocity by a known time."""
-    rng, time, trials = np.random.default_rng(4), np.arange(12 * RATE_HZ) / RATE_HZ, []
-    for name, role, phase in (("a", "identification", 0.7), ("b", "validation", 1.9)):
-        waves = [(a, 2.0 * np.pi * f, phase * (i + 1)) for i, (a, f) in enumerate(TURNS)]
-        q = sum(a * np.sin(w * time + p) for a, w, p in waves)
-        acceleration = sum(-a * w**2 * np.sin(w * time + p) for a, w, p in waves)
-        sooner = sum(a * w * np.cos(w * (time + lead) + p) for a, w, p in waves)
-        force = (
-            MASS * acceleration + COULOMB * np.tanh(sooner / 0.004) + NOISE * rng.standard_normal(len(time))
-        )
-        trials.append(Trial(name, role, time, q[:, None], tau=force[:, None]))
-    return tuple(trials)
-
-
 def fitted(folder: Path, trials: tuple[Trial, ...]) -> Baseline:
     header = axis_header(RATE_HZ, ("rigid_body", "viscous_friction", "coulomb_friction"), ("a", "b"))
     log = load_log(save_log(Log(header, trials, robot_text=URDF), folder / "axis"))
@@ -82,22 +68,39 @@ def left(baseline: Baseline) -> float:
     return float(np.sqrt((rest**2).mean()))
 
 
-def test_friction_leads_the_velocity_of_a_joint_that_sticks(tmp_path: Path):
-    baseline = fitted(tmp_path, on_servo(sticks=True))
-    assert 3e-3 < baseline.samples.lead < 2e-2
-    without = baseline.with_signs(baseline.signs, 0.0)
-    assert left(baseline) < 0.88 * left(without.updated(without.solver.fit()))
-    assert float(baseline.fit.own[0][1]) == pytest.approx(COULOMB, rel=0.03)
+@pytest.mark.parametrize("sticks", [True, False])
+def test_friction_is_found(tmp_path: Path, sticks: bool):
+    baseline = fitted(tmp_path, on_servo(sticks=sticks))
+    assert float(baseline.fit.own[0][1]) == pytest.approx(COULOMB, rel=0.01)
+    assert not baseline.signs[0].bent
+    # The noise in the rows is .17 N.
+    assert left(baseline) < 2.5e-3 * COULOMB
 
 
-def test_friction_that_follows_the_velocity_does_not_lead_it(tmp_path: Path):
-    baseline = fitted(tmp_path, on_servo(sticks=False))
-    assert baseline.samples.lead == 0.0
-    assert float(baseline.fit.own[0][1]) == pytest.approx(COULOMB, rel=0.02)
+def test_torques_of_a_joint_that_sticks_say_next_to_nothing(tmp_path: Path):
+    first, judging = on_servo(sticks=True)
+    still = np.abs(np.gradient(first.q[:, 0], first.time)) < 1e-4
+    assert 0.03 < still.mean() < 0.5
+    # Whatever holds it, with what it was or twice that: nothing else becomes another.
+    held = replace(first, tau=np.where(still[:, None], 2.0 * first.tau, first.tau))
+    known, other = (fitted(tmp_path / name, (t, judging)) for name, t in (("a", first), ("b", held)))
+    np.testing.assert_allclose(other.fit.own[0], known.fit.own[0], rtol=0.01, atol=0.5)
+    np.testing.assert_allclose(other.phi[0], known.phi[0], rtol=0.01)
 
 
-@pytest.mark.parametrize("lead", [0.0, 4e-3, 11e-3])
-def test_a_lead_is_found(tmp_path: Path, lead: float):
-    baseline = fitted(tmp_path, ahead(lead))
-    assert baseline.samples.lead == pytest.approx(lead, abs=6e-4)
-    assert left(baseline) < 1.2 * float(spectral_floor(baseline.samples)[0])
+def test_both_sides_of_an_equation_are_left_out_where_its_joint_may_stick(tmp_path: Path):
+    samples = fitted(tmp_path, on_servo(sticks=True)).samples
+    counts, v = samples.slipping[:, 0], samples.stacked("v")[:, 0]
+    assert float((counts**2).mean()) == pytest.approx(1.0)
+    stands, turns = np.abs(v) < 0.5 * samples.standstill[0], np.diff(np.sign(v), prepend=np.sign(v[0])) != 0.0
+    assert stands.any() and (counts[stands | turns] < 0.02).all()
+    fast = np.convolve(np.abs(v) > 5.0 * samples.standstill[0], np.ones(11), "same") > 10.5
+    assert fast.any() and (counts[fast] >= 1.0).all()
+    signals = np.random.default_rng(0).standard_normal((len(v), 2))
+    np.testing.assert_allclose(samples.rows(signals, [0, 0]), samples.rows(signals * counts[:, None]))
+
+
+def test_a_joint_that_hardly_trembles_keeps_its_equation(tmp_path: Path):
+    first, judging = (replace(t, q=1e-3 * t.q) for t in on_servo(sticks=False))
+    samples = fitted(tmp_path, (first, judging)).samples
+    assert (samples.slipping == 1.0).all()

@@ -147,7 +147,7 @@ def test_a_rival_is_not_told_from_itself(doubt: Doubt):
 def test_joints_with_damped_bristles_among_others_change_little(doubt: Doubt):
     base, samples = doubt.baseline, doubt.baseline.samples
     bristles = SignChange(6e-3, 1e-4, np.inf)
-    moved = base.with_signs((*base.signs[:-1], bristles), samples.lead)
+    moved = base.with_signs((*base.signs[:-1], bristles))
     moved = moved.updated(moved.solver.fit())
     sketch = beyond(samples, samples.joints[:1], 0)[0].sketch
     few, more = (Expectation(b, doubt.rivals, doubt.floor) for b in (base, moved))

@@ -21,6 +21,7 @@ def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
     chosen = next((k for k, t in enumerate(samples.trials) if not t.identification), 0)
     trial, here = samples.trials[chosen], samples.trial_of_row == chosen
     measured = np.asarray(samples.rows(samples.stacked("measured"))[here])
+    before, after = (samples.unweighed(values)[:, here].T for values in (before, after))
     return Curves(
         trial=trial.name,
         validation=not trial.identification,
@@ -28,6 +29,6 @@ def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
         units=tuple(force_unit(samples.robot, name) for name in samples.joints),
         time=trial.time[trial.rows],
         measured=measured,
-        before=measured - before[:, here].T,
-        after=measured - after[:, here].T,
+        before=measured - before,
+        after=measured - after,
     )

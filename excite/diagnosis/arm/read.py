@@ -128,9 +128,9 @@ class Reading:
     def _begun(self) -> Baseline:
         """What is modelled, its friction changing sign as it does in the model of the gap."""
         base, now = self.scorer.baseline, self.found.baseline
-        if (base.signs, base.samples.lead) == (now.signs, now.samples.lead):
+        if base.signs == now.signs:
             return base
-        moved = base.with_signs(now.signs, now.samples.lead)
+        moved = base.with_signs(now.signs)
         return moved.updated(moved.solver.fit())
 
     @cached_property

@@ -92,13 +92,15 @@ def at_rows(context: Context, shape: Shape) -> Columns:
     if shape.columns:
         keys = sorted(shape.columns)
         m = shape.columns[keys[0]].shape[1]
-        stacked = samples.rows(np.concatenate([shape.columns[k].T for k in keys]).T)
+        stacked = samples.rows(
+            np.concatenate([shape.columns[k].T for k in keys]).T, np.repeat(keys, m).tolist()
+        )
         extra = np.zeros((len(context.joints), n_rows, m))
         for place, k in enumerate(keys):
             extra[k] = stacked[:, m * place : m * (place + 1)] * root[k][:, None]
     if shape.offset:
         keys = sorted(shape.offset)
-        stacked = samples.rows(np.stack([shape.offset[k] for k in keys]).T)
+        stacked = samples.rows(np.stack([shape.offset[k] for k in keys]).T, keys)
         offset = np.zeros((len(context.joints), n_rows))
         offset[keys] = stacked.T * root[keys]
     return Columns(extra, offset)

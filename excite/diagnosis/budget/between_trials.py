@@ -91,7 +91,7 @@ def _columns(context: Context, weight: Array, j: int) -> list[tuple[str, str, Ar
         )
     ]
     if loaded(context, name):
-        columns.append(("torque scale", "1", samples.rows(base.rigid[:, j]) * weight[j]))
+        columns.append(("torque scale", "1", samples.rows(base.rigid[:, [j]], [j])[:, 0] * weight[j]))
     return columns
 
 

@@ -98,9 +98,9 @@ def signs_beside(full: Baseline, model: Model) -> Baseline:
     now = predicted(full, model).baseline
     apart = replace(now, solver=Solver(now.fit.equations))
     again = signs_again(apart.updated(apart.solver.fit()))
-    if again.signs == full.signs and again.samples.lead == full.samples.lead:
+    if again.signs == full.signs:
         return full
-    moved = full.with_signs(again.signs, again.samples.lead)
+    moved = full.with_signs(again.signs)
     return moved.updated(moved.solver.fit())
 
 

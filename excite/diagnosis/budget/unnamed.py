@@ -143,7 +143,7 @@ def _library(context: Context, weight: Array, joint: int) -> list[Generic]:
             continue
         hats = _hats(signal, knots)
         columns = np.column_stack([hats * f[:, None] for f in factors.get(follows, [np.ones_like(sign)])])
-        rows = samples.rows(columns) * weight[joint][:, None]
+        rows = samples.rows(columns, [joint] * columns.shape[1]) * weight[joint][:, None]
         made.append(Generic(follows, knots, rows))
     return made
 

@@ -119,14 +119,11 @@ class Baseline:
         """Residuals with the weights that hypotheses are judged by, ``(n_joints, n_rows)`` [N·m]."""
         return residual / self.root_weight * self.strict
 
-    def with_signs(self, signs: Sequence[SignChange], lead: float) -> Baseline:
-        """The equations with other sign changes of the joints, and another lead of them, not fitted again."""
-        terms, samples = own_terms(self.modelled), self.samples
-        if lead != samples.lead:
-            samples = samples.with_lead(lead)
-        moved = replace(self, samples=samples, signs=tuple(signs))
+    def with_signs(self, signs: Sequence[SignChange]) -> Baseline:
+        """The equations with other sign changes of the joints, not fitted again."""
+        terms, moved = own_terms(self.modelled), replace(self, signs=tuple(signs))
         for j, sign in enumerate(moved.signs):
-            if samples is not self.samples or sign != self.signs[j]:
+            if sign != self.signs[j]:
                 own = moved.own_rows(terms, j, sign)
                 moved = replace(moved, solver=moved.solver.with_own(j, own))
         return moved

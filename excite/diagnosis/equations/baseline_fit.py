@@ -26,7 +26,7 @@ def fit_baseline(
     modelled: tuple[str, ...],
     floor: Array,
     *,
-    leads: bool = True,
+    late: bool = True,
     like: Baseline | None = None,
 ) -> Baseline:
     """Fit what ``modelled`` names; what the motion does not show of the inertial parameters stays nominal.
@@ -35,8 +35,8 @@ def fit_baseline(
         samples: the samples.
         modelled: words of ``modelled`` in ``log.yaml``.
         floor: ``(n_joints,)`` noise in the rows' band [N·m].
-        leads: whether friction may change sign before the filtered velocity does; not where a lag of the torques is
-            what is asked for.
+        late: whether friction that seems to remember may be friction without memory beside torques that are late; not
+            where a lag of the torques is what is asked for.
         like: another fit of the same samples, whose columns and sign changes of friction this one has; None to search
             for these.
 
@@ -47,12 +47,12 @@ def fit_baseline(
     q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
     index = list(samples.index)
     free = "rigid_body" in modelled
-    tau = samples.rows([t.tau for t in samples.trials])
+    tau = samples.rows([t.tau for t in samples.trials], range(len(index)))
     nominal = inverse_dynamics(model, q, v, a)[:, index]
     root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
     if (told := samples.told) is not None:
         root, strict = within_range(root, told, _NOTHING), within_range(strict, told, 0.0)
-    y = (tau - samples.rows(nominal)).T * root
+    y = (tau - samples.rows(nominal, range(len(index)))).T * root
     phi = model_phi(samples)
     if free and like is not None and like.free:
         shared, basis = like.solver.equations.shared, like.basis
@@ -91,9 +91,9 @@ def fit_baseline(
     if COULOMB not in terms:
         return baseline
     if like is None:
-        return first_signs(baseline, leads=leads)
-    led = baseline.with_signs(like.signs, like.samples.lead)
-    return led.updated(led.solver.fit())
+        return first_signs(baseline, late=late)
+    moved = baseline.with_signs(like.signs)
+    return moved.updated(moved.solver.fit())
 
 
 def _known(samples: ArmSamples, nothing: Array) -> Array:
@@ -139,7 +139,8 @@ def _shared(samples: ArmSamples, phi: Array, q: Array, v: Array, a: Array) -> tu
     """Columns of the inertial parameters in units of their prior spread, in a basis without blind directions."""
     index = list(samples.index)
     regressor = samples.of_joints(joint_torque_regressor(samples.robot.model, q, v, a))
-    rows = samples.rows(regressor.reshape(len(q), -1))
+    per = regressor.shape[2]
+    rows = samples.rows(regressor.reshape(len(q), -1), np.repeat(range(len(index)), per).tolist())
     rows = rows.reshape(len(rows), len(index), -1) * prior_spread(phi)
     flat = np.concatenate([rows[:, j] / max(rows[:, j].std(), 1e-9) for j in range(len(index))])
     values, vectors = np.linalg.eigh(flat.T @ flat)

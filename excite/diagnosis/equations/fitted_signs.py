@@ -1,4 +1,4 @@
-"""How the joints' dry friction changes sign: over which width or deflection, and how long before the velocity does."""
+"""How the joints' dry friction changes sign: over which width, or over which deflection of bristles."""
 
 from __future__ import annotations
 
@@ -21,23 +21,21 @@ from excite.diagnosis.equations.own_columns import (
     refined,
 )
 
-# A stop in passing is over after that, and what the filter makes of it [s].
-_LONGEST = 0.02
-# Lead that is not told from none, step of its derivative, and of the search's end [s].
+# Delay that is not told from none, step of its derivative, and of the search's end [s].
 _LEAST, _STEP, _NEAR = 1e-3, 1e-3, 3e-4
 _ITERATIONS = 6
 # Torques that are 30 ms late or more the doctor has moved by then [s].
 _LATEST = 0.04
-# A lead that joints have where they have one [s], and by how much it has to lower the loss where none was found.
-_TYPICAL, _CLEARLY = 5e-3, 0.05
+# By how much a delay has to lower the loss where bristles were found.
+_CLEARLY = 0.05
 
 
-def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
-    """The sign changes of a baseline that has been fitted with any: grids, then the lead, then between the grid's.
+def first_signs(baseline: Baseline, *, late: bool) -> Baseline:
+    """The sign changes of a baseline that has been fitted with any: grids first, then between the grid's.
 
     Args:
         baseline: fitted.
-        leads: whether there may be a lead.
+        late: whether torques may be late.
 
     Returns:
         The baseline with its sign changes, fitted.
@@ -45,24 +43,8 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
     plain = baseline
     for _ in range(2):
         baseline = _chosen(baseline, keep=False)
-    if not leads:
-        return _refined(baseline)
-    led = _with_lead(baseline)
-    first = baseline if led is baseline else _chosen(led, keep=False)
-    if _damped(first) != _damped(led):
-        # A lead found beside damping is less than without.
-        first = _with_lead(first)
-    if led is not baseline and not any(_damped(first)):
-        return _unless_late(_refined(first), plain)
-    # Signs that were chosen without a lead may hide one, as damping of bristles does.
-    begun = _fitted(baseline.with_signs(baseline.signs, _TYPICAL))
-    again = _with_lead(_chosen(begun, keep=False))
-    for _ in range(2):
-        before, again = again, _with_lead(_chosen(again, keep=False))
-        if again is before:
-            break
-    first = again if _loss(again) < _loss(first) - _CLEARLY else first
-    return _unless_late(_refined(first), plain)
+    found = _refined(baseline)
+    return _unless_late(found, plain) if late else found
 
 
 def _unless_late(found: Baseline, plain: Baseline) -> Baseline:
@@ -86,7 +68,7 @@ def _unless_late(found: Baseline, plain: Baseline) -> Baseline:
     late, delay = _delayed(plain, _refined(_chosen(late, keep=False)), delay, _refined)
     if _loss(late) >= _loss(found) - _CLEARLY:
         return found
-    moved = plain.with_signs(late.signs, 0.0)
+    moved = plain.with_signs(late.signs)
     # Fitted to torques that are not in time, friction and bodies would be bent again, and what a delay makes of them.
     fit = replace(late.fit, equations=moved.solver.equations, held=late.fit.own)
     return replace(moved.updated(fit), late=delay)
@@ -113,7 +95,7 @@ def signs_again(baseline: Baseline) -> Baseline:
     """The sign changes searched anew: an effect that was missing may have bent them."""
     if not COULOMB.asked(baseline.modelled):
         return baseline
-    return _refined(_chosen(_with_lead(baseline), keep=True))
+    return _refined(_chosen(baseline, keep=True))
 
 
 def _chosen(baseline: Baseline, *, keep: bool, signs: Sequence[SignChange] = SIGNS) -> Baseline:
@@ -126,19 +108,19 @@ def _chosen(baseline: Baseline, *, keep: bool, signs: Sequence[SignChange] = SIG
         chosen.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])
     if tuple(chosen) == baseline.signs:
         return baseline
-    return _fitted(baseline.with_signs(chosen, baseline.samples.lead))
+    return _fitted(baseline.with_signs(chosen))
 
 
 def _refined(baseline: Baseline) -> Baseline:
     """Widths and breakaways between those of the grid, and speeds at which the damping of bristles dies out."""
     signs = [_finer(baseline, j, sign) for j, sign in enumerate(baseline.signs)]
-    found = _fitted(baseline.with_signs(signs, baseline.samples.lead))
+    found = _fitted(baseline.with_signs(signs))
     # No bristle drives what bends it.
     passive = [
         sign._replace(damped_below=0.0) if sign.damped and own[-1] <= 0.0 else sign
         for sign, own in zip(found.signs, found.fit.own, strict=True)
     ]
-    return found if tuple(passive) == found.signs else _fitted(found.with_signs(passive, found.samples.lead))
+    return found if tuple(passive) == found.signs else _fitted(found.with_signs(passive))
 
 
 def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
@@ -160,29 +142,6 @@ def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
     return sign
 
 
-def _damped(baseline: Baseline) -> tuple[bool, ...]:
-    return tuple(sign.damped for sign in baseline.signs)
-
-
-def _with_lead(baseline: Baseline) -> Baseline:
-    """The lead by Gauss and Newton's steps, all joints together: what hides in one joint does not decide it."""
-    start = baseline
-    for _ in range(_ITERATIONS):
-        lead = baseline.samples.lead
-        later = baseline.with_signs(baseline.signs, lead + _STEP)
-        own = zip(later.solver.equations.own, baseline.solver.equations.own, baseline.fit.own, strict=True)
-        step = _newton(baseline, [(old - new) @ x / _STEP for new, old, x in own])
-        best = float(np.clip(lead + step, 0.0, _LONGEST))
-        best = best if best >= _LEAST else 0.0
-        if abs(best - lead) < _NEAR:
-            break
-        moved = _fitted(baseline.with_signs(baseline.signs, best))
-        if _loss(moved) >= _loss(baseline):
-            break
-        baseline = moved
-    return baseline if baseline.samples.lead != start.samples.lead else start
-
-
 def _newton(baseline: Baseline, slopes: Sequence[Array]) -> float:
     """Gauss and Newton's step of a number from what its growth by one adds to each joint's residual, ``(n_rows,)``."""
     use, up, down = baseline.samples.identification, 0.0, 0.0
@@ -200,7 +159,7 @@ def _in_time(baseline: Baseline, delay: float) -> Array:
         np.column_stack([np.interp(t.time + delay, t.time, tau) - tau for tau in t.tau.T])
         for t in samples.trials
     ]
-    return np.asarray(e.y + samples.rows(moved).T * baseline.root_weight)
+    return np.asarray(e.y + samples.rows(moved, range(len(samples.joints))).T * baseline.root_weight)
 
 
 def _at_torques(baseline: Baseline, y: Array) -> Baseline:

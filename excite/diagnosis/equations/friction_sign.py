@@ -53,13 +53,13 @@ SIGNS = (
 def sign_of_motion(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
     """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
     v = samples.of_motor("v", motor)
-    return samples.led(bent(samples, v, sign) if sign.bent else np.tanh(v / sign.width))
+    return bent(samples, v, sign) if sign.bent else np.tanh(v / sign.width)
 
 
 def damping_of_bristles(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
     """How fast the bristles of a motor bend, ``(n_samples,)`` [1/s], as far as they are damped at its speed."""
     v = samples.of_motor("v", motor)
-    return samples.led(damped_rate(samples, v, bent(samples, v, sign), sign))
+    return damped_rate(samples, v, bent(samples, v, sign), sign)
 
 
 def bent(samples: ArmSamples, v: Array, sign: SignChange) -> Array:

@@ -61,7 +61,7 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
                 width = baseline.signs[j].width
                 change[:, j] += own.get(COULOMB, 0.0) * (np.tanh((v + rate) / width) - np.tanh(v / width))
         parts.append(change)
-    return samples.rows(parts).T
+    return samples.rows(parts, range(len(index))).T
 
 
 def noisy_motion(samples: ArmSamples, sigma: Array, rng: np.random.Generator) -> ArmSamples:

@@ -86,19 +86,17 @@ def own_rows(
     """Columns of a joint's own terms through the filter, ``(n_rows, n_own)`` at each of several sign changes.
 
     All go through it side by side, and what was asked for before does not go again: what does not follow the sign is
-    kept with the motion, the sign changes of the search's grid with the lead.
+    kept with the motion, and so are the sign changes of the search's grid.
     """
     asked = [_columns(samples, terms, joint, sign) for sign in signs]
-    known = {**samples.kept, **samples.led_rows}
+    known = dict(samples.kept)
     missing = {key: make for columns in asked for key, make in columns.items() if key not in known}
     if missing:
-        filtered = samples.rows(np.stack([make() for make in missing.values()]).T)
+        filtered = samples.rows(np.stack([make() for make in missing.values()]).T, [joint] * len(missing))
         for key, rows in zip(missing, np.ascontiguousarray(filtered.T), strict=True):
             known[key] = rows
-            if key.sign is None:
+            if key.sign is None or key.sign in SIGNS:
                 samples.kept[key] = rows
-            elif key.sign in SIGNS:
-                samples.led_rows[key] = rows
     count = sum(len(trial.rows) for trial in samples.trials)
     return [
         np.stack([known[key] for key in columns]).T if columns else np.zeros((count, 0)) for columns in asked
@@ -111,11 +109,13 @@ class _Key(NamedTuple):
     Attributes:
         term: words of its term; none for the damping of bristles.
         motor: the motor's row.
+        joint: in whose equation it stands.
         sign: how dry friction changes sign, where the column follows that.
     """
 
     term: tuple[str, ...]
     motor: int
+    joint: int
     sign: SignChange | None
 
 
@@ -128,10 +128,10 @@ def _columns(
     for motor in samples.motors(joint):
         for term in terms:
             if motor == joint or not term.once:
-                key = _Key(term.words, motor, bend if term.by_sign else None)
+                key = _Key(term.words, motor, joint, bend if term.by_sign else None)
                 made[key] = partial(term.column, samples, motor, bend)
     if sign.damped and COULOMB in terms:
-        made[_Key((), joint, sign)] = partial(damping_of_bristles, samples, joint, sign)
+        made[_Key((), joint, joint, sign)] = partial(damping_of_bristles, samples, joint, sign)
     return made
 
 

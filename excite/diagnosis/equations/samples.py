@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
+from excite.diagnosis.equations.sticking import slipping
 from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Robot
 from excite.rows.beyond import reached
@@ -48,8 +49,6 @@ class ArmSamples:
         trials: the trials.
         rate_hz: full rate.
         bands: frequencies.
-        lead: time by which dry friction changes sign before the filtered velocity does [s]. A joint that sticks for
-            a moment comes to rest steeply and leaves gently: the filter smears the stop into what follows.
     """
 
     robot: Robot
@@ -60,7 +59,6 @@ class ArmSamples:
     bands: Bands
     coupling: Array
     standstill: Array
-    lead: float = 0.0
 
     @property
     def coupled(self) -> bool:
@@ -80,35 +78,19 @@ class ArmSamples:
             return values[:, self.index[turning[0]]]
         return values[:, [self.index[k] for k in turning]] @ row[turning]
 
-    def led(self, values: Array) -> Array:
-        """What follows the sign of a velocity, ``(n_samples,)``, earlier by ``lead``."""
-        if self.lead == 0.0:
-            return values
-        before, share = self._ahead
-        now = values[before]
-        return now + share * (values[before + 1] - now)
-
-    @cached_property
-    def _ahead(self) -> tuple[NDArray[np.int64], Array]:
-        """Between which samples a time ``lead`` later is: the first of the two, and how far on to the next, 0…1.
-
-        Trials are held at their ends.
-        """
-        firsts = np.cumsum([0, *(len(t.time) for t in self.trials)])[:-1]
-        before, share = [], []
-        for first, trial in zip(firsts, self.trials, strict=True):
-            time, later = trial.time, trial.time + self.lead
-            at = np.clip(np.searchsorted(time, later, side="right") - 1, 0, len(time) - 2)
-            before.append(first + at)
-            share.append(np.clip((later - time[at]) / (time[at + 1] - time[at]), 0.0, 1.0))
-        return np.concatenate(before), np.concatenate(share)
-
-    def rows(self, signals: Array | Sequence[Array]) -> Array:
+    def rows(self, signals: Array | Sequence[Array], joints: Sequence[int] | None = None) -> Array:
         """Signals at full rate, all trials below each other or one a trial, through the filter, ``(n_rows, …)``.
 
         Ends are held, not mirrored: rows near them are left out.
+
+        Args:
+            signals: ``(n_samples, …)``.
+            joints: of the columns, the joint in whose equation each stands: both sides of it are left out where the
+                joint may stick (:attr:`slipping`); None for signals as they are.
         """
         values = signals if isinstance(signals, np.ndarray) else np.concatenate(signals)
+        if joints is not None:
+            values = values * self.slipping[:, list(joints)].reshape(len(values), *values.shape[1:])
         if self.bands.rows_hz >= 0.5 * self.rate_hz:
             parts = zip(self.split(values), self.trials, strict=True)
             return np.concatenate([part[trial.rows] for part, trial in parts])
@@ -168,20 +150,20 @@ class ArmSamples:
         return squares
 
     @cached_property
+    def slipping(self) -> Array:
+        """How far each joint's equation counts, ``(n_samples, n_joints)``: hardly where a motor on it may stick."""
+        if "slipping" not in self.kept:
+            self.kept["slipping"] = slipping(self)
+        return np.asarray(self.kept["slipping"])
+
+    def unweighed(self, residual: Array) -> Array:
+        """Residuals ``(n_joints, n_rows)`` without what rows weigh more for those that :attr:`slipping` leaves out."""
+        return residual / self.slipping.max(axis=0)[:, None]
+
+    @cached_property
     def kept(self) -> dict[Hashable, Any]:
         """What follows from the motion alone, worked out when it is first asked for; not to be written to."""
         return {}
-
-    @cached_property
-    def led_rows(self) -> dict[Hashable, Array]:
-        """Rows that follow the lead too, kept as long as it is the same."""
-        return {}
-
-    def with_lead(self, lead: float) -> ArmSamples:
-        """The same motion with dry friction earlier by another time [s]."""
-        moved = replace(self, lead=lead)
-        moved.__dict__["kept"] = self.kept
-        return moved
 
     def stacked(self, name: str) -> Array:
         """A channel of all trials at full rate below each other; not to be written to."""

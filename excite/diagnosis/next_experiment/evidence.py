@@ -139,7 +139,8 @@ class Expectation:
         bodies = np.zeros((len(samples.joints), len(trial.rows), 0))
         if baseline.free:
             regressor = joint_torque_regressor(samples.robot.model, trial.q, trial.v, trial.a)
-            flat = samples.rows([regressor[:, list(samples.index)].reshape(len(trial.time), -1)])
+            per = np.repeat(range(len(samples.index)), regressor.shape[2]).tolist()
+            flat = samples.rows([regressor[:, list(samples.index)].reshape(len(trial.time), -1)], per)
             bodies = flat.reshape(len(trial.rows), len(samples.joints), -1).transpose(1, 0, 2)
             bodies = bodies * self._spread * root[:, :, None]
         context, parts = Context(baseline), [bodies]

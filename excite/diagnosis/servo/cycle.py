@@ -85,7 +85,7 @@ def servo_cycle(
     """
     rotors_too = (*modelled, *ARMATURE.words)
     own = own_terms(rotors_too)
-    baseline = fit_baseline(samples, rotors_too, spectral_floor(samples), leads=False)
+    baseline = fit_baseline(samples, rotors_too, spectral_floor(samples), late=False)
     context = Context(baseline)
     common = ActuatorLag().shape(context, "torque", ()).columns
     n = len(samples.joints)

@@ -25,8 +25,8 @@ def error_integral(signals: Signals) -> Array:
 class _Levelled(ArmSamples):
     """Samples whose filter also takes every trial's mean off: on both sides of every equation alike."""
 
-    def rows(self, signals: Array | Sequence[Array]) -> Array:
-        values, of_row = super().rows(signals), self.trial_of_row
+    def rows(self, signals: Array | Sequence[Array], joints: Sequence[int] | None = None) -> Array:
+        values, of_row = super().rows(signals, joints), self.trial_of_row
         parts = [values[of_row == k] for k in range(len(self.trials))]
         return np.concatenate([part - part.mean(axis=0) for part in parts])
 

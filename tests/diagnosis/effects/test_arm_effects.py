@@ -119,13 +119,12 @@ def test_columns_are_torques_of_joints_per_unit_of_its_parameters(name: str) -> 
 
 @pytest.mark.parametrize("name", FORMS)
 def test_what_follows_the_motion_alone_is_the_same_whatever_else_was_found(name: str) -> None:
-    """Columns that are kept with a motion are not made again when friction, its lead, bodies or gains are found."""
+    """Columns that are kept with a motion are not made again when friction, bodies or gains are found."""
     made = case(FORMS[name])
     base = made.context.baseline
     more = 0.2 * base.rigid
     other = replace(
         base,
-        samples=base.samples.with_lead(0.004),
         signs=tuple(SignChange(0.02, 1e-3) for _ in base.signs),
         rigid=base.rigid + more,
         added=base.added + more,

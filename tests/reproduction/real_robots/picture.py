@@ -68,7 +68,9 @@ def curves(robot: Robot, log: Log, joints: Sequence[str]) -> list[Curves]:
     rows = samples.trial_of_row == trial
     time = samples.trials[trial].time[samples.trials[trial].rows]
     tau = samples.rows([t.tau for t in samples.trials])[rows]
-    before, after = (baseline.plain(fit.residual)[:, rows] for fit in (found.before, found.after))
+    before, after = (
+        samples.unweighed(baseline.plain(fit.residual))[:, rows] for fit in (found.before, found.after)
+    )
     shown = time - time[0] <= _LONGEST_S
     made = []
     for joint in joints:

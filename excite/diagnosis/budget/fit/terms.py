@@ -179,7 +179,8 @@ class TermMaker:
         if not blocks:
             return [(signals, np.zeros((0, 0))) for signals in several]
         # Each column in one piece, as most come.
-        together = self.context.baseline.samples.rows(np.concatenate([block.T for block in blocks]).T)
+        joints = [j for s in several for j, block in zip(s.felt, s.blocks, strict=True) for _ in block.T]
+        together = self.context.baseline.samples.rows(np.concatenate([block.T for block in blocks]).T, joints)
         ends = np.cumsum([signals.width for signals in several])
         made = list(zip(several, np.split(together, ends[:-1], axis=1), strict=True))
         for signals, rows in made if keep else ():

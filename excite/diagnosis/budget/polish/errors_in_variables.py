@@ -84,7 +84,10 @@ def _noise(full: Baseline, model: Model, moved: ArmSamples) -> Array:
         if not term.started and not term.effect.timing:
             x = model.parameters(k)
             change = change + torque_of(_in(term, moved, own), x) - torque_of(term, x)
-    power, block = (full.samples.rows(change).T * full.strict) ** 2, model.design.rows.block
+    power, block = (
+        (full.samples.rows(change, range(change.shape[1])).T * full.strict) ** 2,
+        model.design.rows.block,
+    )
     return np.array([power[:, block == b].sum(axis=1) for b in range(int(block.max()) + 1)])
 
 
@@ -99,9 +102,9 @@ def _carried(base: Baseline, moved: ArmSamples) -> Array:
 
 def _driven(base: Baseline, moved: ArmSamples) -> Array:
     """What a moved motion changes in the torques of the drives' own terms, ``(n_samples, n_joints)``."""
-    terms, still, led = own_terms(base.modelled), base.samples, moved.with_lead(base.samples.lead)
+    terms, still = own_terms(base.modelled), base.samples
     own = [
-        (own_signals(led, terms, j, sign) - own_signals(still, terms, j, sign)) @ size
+        (own_signals(moved, terms, j, sign) - own_signals(still, terms, j, sign)) @ size
         for j, (sign, size) in enumerate(zip(base.signs, base.fit.own, strict=True))
     ]
     return np.column_stack(own)
@@ -111,6 +114,5 @@ def _in(term: Term, moved: ArmSamples, own: Array) -> Term:
     """A term in a moved motion, at the inertial parameters that it was made at; ``own`` is the drives' change."""
     base = term.context.baseline
     rigid = _carried(base, moved)
-    samples = moved.with_lead(base.samples.lead)
-    there = replace(base, samples=samples, rigid=base.rigid + rigid, total=base.total + rigid + own)
+    there = replace(base, samples=moved, rigid=base.rigid + rigid, total=base.total + rigid + own)
     return replace(term, context=Context(there))

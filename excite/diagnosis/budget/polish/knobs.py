@@ -22,15 +22,15 @@ from excite.diagnosis.equations.own_columns import (
     own_terms,
 )
 
-# What has no term: a joint's sign change of friction, and how long before the velocity all change; bounds of that [s].
-SIGN, LEAD, _LEADS = -1, -2, (2e-4, 0.02)
+# What has no term: a joint's sign change of friction.
+SIGN = -1
 
 
 class Knob(NamedTuple):
     """A number that is moved.
 
     Attributes:
-        term: index of the term that has it; or of a joint's sign change of friction, or the lead of all of them.
+        term: index of the term that has it; or of a joint's sign change of friction.
         joint: index of the joint.
         place: index in the term's ``theta``.
         low: least value.
@@ -47,8 +47,6 @@ class Knob(NamedTuple):
         """What it is."""
         if self.term >= 0:
             return state.terms[self.term].theta[self.place]
-        if self.term == LEAD:
-            return state.full.samples.lead
         sign = state.full.signs[self.joint]
         return float(getattr(sign, number_of(sign)))
 
@@ -87,8 +85,6 @@ def knobs_of(state: State, joint: int | None = None) -> list[Knob]:
     for j in sorted(rubbing):
         bounds = BREAKAWAY_BOUNDS if state.full.signs[j].bent else WIDTH_BOUNDS
         knobs.append(Knob(SIGN, j, 0, *bounds))
-    if rubbing and joint is None and state.full.samples.lead > 0.0:
-        knobs.append(Knob(LEAD, -1, 0, *_LEADS))
     return knobs
 
 
@@ -105,28 +101,24 @@ class Moved:
     def at(self, state: State, knobs: Sequence[Knob], values: Sequence[float]) -> Columns | None:
         """Baseline, rows and terms at other values of the knobs; what does not change is the same object."""
         signs, thetas = list(state.full.signs), [term.theta for term in state.terms]
-        lead = state.full.samples.lead
         for knob, value in zip(knobs, values, strict=True):
-            if knob.term == LEAD:
-                lead = value
-            elif knob.term == SIGN:
+            if knob.term == SIGN:
                 sign = signs[knob.joint]
                 signs[knob.joint] = sign._replace(**{number_of(sign): value})
             else:
                 theta = thetas[knob.term]
                 thetas[knob.term] = (*theta[: knob.place], value, *theta[knob.place + 1 :])
-        return self.with_signs(state, signs, lead, thetas)
+        return self.with_signs(state, signs, thetas)
 
     def with_signs(
-        self, state: State, signs: Sequence[SignChange], lead: float, thetas: Sequence[Theta]
+        self, state: State, signs: Sequence[SignChange], thetas: Sequence[Theta]
     ) -> Columns | None:
-        """The same at sign changes of friction, their lead, and all terms' parameters."""
+        """The same at sign changes of friction and all terms' parameters."""
         full, rows, terms = state.full, state.rows, list(state.terms)
-        led = lead != full.samples.lead
-        turned = [j for j, sign in enumerate(signs) if led or sign != full.signs[j]]
+        turned = [j for j, sign in enumerate(signs) if sign != full.signs[j]]
         begun: dict[tuple[str, str], Term] = {}
         if turned:
-            full = full.with_signs(signs, lead)
+            full = full.with_signs(signs)
             own = list(rows.own)
             for j in turned:
                 drive = own_rows(full.samples, own_terms(self.library.modelled), j, [signs[j]])[0]

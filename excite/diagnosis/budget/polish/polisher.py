@@ -15,7 +15,7 @@ from functools import cached_property
 from excite.diagnosis.budget.fit.design import Rows
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
-from excite.diagnosis.budget.polish.knobs import LEAD, SIGN, Moved, knobs_of
+from excite.diagnosis.budget.polish.knobs import SIGN, Moved, knobs_of
 from excite.diagnosis.budget.polish.state import State
 from excite.diagnosis.budget.polish.steps import Steps
 from excite.diagnosis.budget.refine import RICHER
@@ -57,8 +57,6 @@ class Polisher:
         before = state.full
         for j in rubbing:
             state = self._plain_sign(state, j)
-        if any(knob.term == LEAD for knob in knobs_of(state)):
-            state = self._plainer(state, state.full.signs, 0.0)
         state = state if state.full is before else self._in_forms(state)
         # Forms were tried joint by joint, the other joints' columns as they were.
         return min(state, state.remade(state.prediction), key=lambda item: item.loss)
@@ -92,16 +90,10 @@ class Polisher:
             return state
         signs = list(state.full.signs)
         signs[j] = SignChange(WIDTHS[len(WIDTHS) // 2])
-        return self._plainer(state, signs, state.full.samples.lead, j)
-
-    def _plainer(
-        self, state: State, signs: Sequence[SignChange], lead: float, joint: int | None = None
-    ) -> State:
-        """With plainer sign changes of friction, where these say as much."""
-        new = self._steps.moved.with_signs(state, signs, lead, [term.theta for term in state.terms])
+        new = self._steps.moved.with_signs(state, signs, [term.theta for term in state.terms])
         if new is None:
             return state
-        found = self._steps.searched(state.changed(new.terms, new.full, new.rows), joint)
+        found = self._steps.searched(state.changed(new.terms, new.full, new.rows), j)
         return found if found.loss < state.loss + RICHER else state
 
 

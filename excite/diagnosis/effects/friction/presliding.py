@@ -48,4 +48,4 @@ def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exp
     if level > 0.0 and base.signs[j].damped:
         seconds = min(base.bristle_damping(j) / level, _LONGEST)
         excess = excess + seconds * damped_rate(samples, v, excess, sign)
-    return samples.led(excess)
+    return excess
