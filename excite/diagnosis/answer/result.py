@@ -15,8 +15,8 @@ from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.diagnosis.answer.rollout_path import RolloutPath
 from excite.diagnosis.answer.tables import (
     baseline_lines,
+    budget_lines,
     budget_rows,
-    budget_table,
     candidate_row,
     effect_table,
     fault_entry,
@@ -230,7 +230,7 @@ class Diagnosis(Tabled):
         lines += [*gap_table(self.gap, self.where), *baseline_lines(self.modelled)]
         lines += ["", *effect_table(self.effects, self.candidates, self.ambiguous_with)]
         if self.budget is not None:
-            lines += ["", self.budget.sentence(), *budget_table(self.budget)]
+            lines += ["", *budget_lines(self.budget, self.gap, self.modelled)]
         lines += trivial_table(self.trivial)
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]
