@@ -202,13 +202,13 @@ class Diagnosis(Tabled):
         """The one sentence that a person would repeat to a colleague."""
         gap = f"{percent(self.gap.before)} of the signal"
         closes = f"closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
+        # A body that is heavier than in the file has been taken up then, and is no gap.
+        fitted = ", its bodies fitted to the record," if "rigid_body" in self.modelled else ""
         if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
-            return f"{self.robot}: the model explains the record to its noise floor ({gap})."
+            return f"{self.robot}: the model{fitted} explains the record to its noise floor ({gap})."
         if self.verdict == "none":
             floor = percent(self.gap.noise_floor)
-            return (
-                f"{self.robot}: the model leaves {gap}, the noise {floor}; no effect stands out in between."
-            )
+            return f"{self.robot}: the model{fitted} leaves {gap}, the noise {floor}; no effect stands out in between."
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
             there = [item for item in self.where if item.channel == place]
