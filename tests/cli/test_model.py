@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
+import numpy as np
+from typer.testing import CliRunner
+
 import excite
+from excite.cli.main import app
 from excite.cli.model import _shown
 from excite.export.simulators.comparison import Change
+from excite.logs.files import save_log
+from tests.diagnosis.two_joints import moved, two_joint_log
 from tests.export.simulators.identified_folder import known
 
 _BODY = "<inertial><mass value='2'/><inertia ixx='.1' iyy='.1' izz='.1' ixy='0' ixz='0' iyz='0'/></inertial>"
@@ -41,3 +48,21 @@ def test_joints_that_slide_have_their_own_units(tmp_path: Path) -> None:
         "N·m",
         "kg·m²",
     ]
+
+
+def test_servos_that_nobody_stated_carry_the_robot_and_are_said_to_be_assumed(tmp_path: Path) -> None:
+    """What ``excite identify mine.urdf log`` leaves: of the robot no more is known than the URDF and the log say."""
+    rng = np.random.default_rng(4)
+    trials = [
+        moved(name, role, 6.0, rng, np.eye(2))
+        for name, role in (("a", "identification"), ("b", "validation"))
+    ]
+    log = save_log(two_joint_log(tuple(trials)), tmp_path / "log")
+    result, urdf = tmp_path / "result", log / "two.urdf"
+    done = CliRunner().invoke(app, ["identify", str(urdf), str(log), "--out", str(result)])
+    assert done.exit_code == 0, done.exception
+    written = excite.write_simulator_model(result, "mjcf", tmp_path / "out")
+    model = mujoco.MjModel.from_xml_path(str(written.folder / written.files[0]))
+    assert model.nu == 2
+    assert (model.actuator_gainprm[:, 0] > 5.0).all()
+    assert any("servos' gains" in note for note in written.notes)
