@@ -62,7 +62,8 @@ def test_servos_that_nobody_stated_carry_the_robot_and_are_said_to_be_assumed(tm
     done = CliRunner().invoke(app, ["identify", str(urdf), str(log), "--out", str(result)])
     assert done.exit_code == 0, done.exception
     written = excite.write_simulator_model(result, "mjcf", tmp_path / "out")
-    model = mujoco.MjModel.from_xml_path(str(written.folder / written.files[0]))
-    assert model.nu == 2
-    assert (model.actuator_gainprm[:, 0] > 5.0).all()
+    for file in (written.folder / written.files[0], result / "identified.xml"):
+        model = mujoco.MjModel.from_xml_path(str(file))
+        assert model.nu == 2
+        assert (model.actuator_gainprm[:, 0] > 5.0).all()
     assert any("servos' gains" in note for note in written.notes)

@@ -14,8 +14,8 @@ from excite.documents.document import read_document, schema_of
 from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
 from excite.export.models.parameters import Found, ModelParameters
+from excite.export.models.servos import with_servos
 from excite.export.simulators.diagnosed import diagnosed, parameters_of
-from excite.export.simulators.servos import with_servos
 from excite.export.simulators.subject import Lost, Subject
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import FILE_ORDER

@@ -11,13 +11,13 @@ from typing import Any
 
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.export.models.bodies import InconsistentModelError
+from excite.export.models.servos import ASSUMED
 from excite.export.simulators.comparison import Change, changes, changes_csv
 from excite.export.simulators.lost import lost_in
 from excite.export.simulators.model_format import ModelFormat
 from excite.export.simulators.proof import Proof, prove
 from excite.export.simulators.registry import MODEL_FORMATS
 from excite.export.simulators.result import subject_of
-from excite.export.simulators.servos import ASSUMED
 from excite.export.simulators.subject import Lost, Subject
 from excite.identification.result import Identification
 from excite.json_document import write_json
