@@ -78,7 +78,7 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
         {
             "schema": "excite.robot/1",
             "name": model.name or file.stem,
-            "title": f"{model.name or file.stem}, nominal model of a log",
+            "title": model.name or file.stem,
             "model": {
                 "path": file.name,
                 "source": _LOG_FOLDER,
