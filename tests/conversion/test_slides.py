@@ -105,3 +105,14 @@ def test_words_of_a_joints_name_are_parted_in_any_way(name):
 def test_numbers_of_a_joints_name_are_as_they_are_written():
     # Another program counts from another number.
     assert clue("joint 1 pos", ["joint_1", "joint_2"]).exact == ""
+
+
+def test_joints_whose_torque_was_not_found_are_named(tmp_path):
+    arm, data = lifted(tmp_path), lift_motion()
+    columns = {"t": data["time"]} | {f"pos{k + 1}": data["q"][:, k] for k in range(3)}
+    columns |= {f"eff{k + 1}": data["tau"][:, k] for k in (0, 2)}
+    found = written.whole(table(tmp_path / "run.csv", columns), arm, tmp_path)
+    assert found.log.header.no_torque == ("elbow",)
+    assert any(
+        note.startswith("no torque of elbow: if it was recorded, columns: {tau.elbow") for note in found.notes
+    )
