@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from excite.conversion.columns.joints import BY_NAME as _BY_NAME
 from excite.conversion.columns.joints import Placed, first_number, place
 from excite.conversion.columns.unit_words import UNITS
-from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
+from excite.conversion.columns.vocabulary import FORCES, OF_MOTOR, OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, clue, with_joints_numbers
 from excite.conversion.recording import Column, Recording
 
@@ -108,12 +108,14 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
 def _across_streams(found: Sequence[Family]) -> list[Family]:
     """The families, those of other joints put together: a topic or file a joint, or one for the arm and one for a hand.
 
-    Joints have to be known by their names: numbers begin anew in each stream.
+    Joints have to be known by their names: numbers begin anew in each stream. What a lift's force is called, and its
+    unit, differ from the torques beside it; which column has which unit is told one by one.
     """
-    merged: dict[tuple[str, str, str, str, bool], Family] = {}
+    merged: dict[tuple[str, str, str, bool], Family] = {}
     others: list[Family] = []
     for family in found:
-        key = (family.target, family.quantity, family.stem, family.unit, family.stated)
+        stem = "_".join("torque" if word in FORCES else word for word in family.stem.split("_"))
+        key = (family.target, family.quantity, stem, family.stated)
         before = merged.get(key)
         by_name = family.placed.because == _BY_NAME and family.target != ""
         if before is None and by_name:
@@ -124,7 +126,10 @@ def _across_streams(found: Sequence[Family]) -> list[Family]:
             both = before.placed.columns | family.placed.columns
             left = before.placed.left_over + family.placed.left_over
             merged[key] = replace(
-                before, placed=Placed(both, _BY_NAME, left), columns=before.columns + family.columns
+                before,
+                placed=Placed(both, _BY_NAME, left),
+                columns=before.columns + family.columns,
+                unit=before.unit if before.unit == family.unit else "",
             )
     return [*merged.values(), *others]
 
