@@ -28,6 +28,7 @@ from excite.diagnosis.equations.known_motion import bands_by_noise
 from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.standing_joints import with_held
 from excite.finding import Finding
 
 
@@ -79,8 +80,9 @@ def judged_record(record: TorqueRecord) -> Judged:
     # On one path any list of effects could stand for any other.
     effects = record.effects if together is None else _own_terms(record.effects)
     found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least, sigma)
-    budget = budget_of(found, spectral, scale)
     model, context = found.search.model, found.prediction.context
+    spectral = with_held(samples, model.residual, spectral)
+    budget = budget_of(found, spectral, scale)
     said = (*(() if together is None else (together,)), *other_machine(model))
     said = (*said, *sizes_by_trial(model, context, found.baseline.strict, spectral))
     scorer = Scorer(baseline, spectral, unrepeated(samples, noise * baseline.strict), scale)
