@@ -11,9 +11,13 @@ import pytest
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
-from excite.logs.files import save_log
+from excite.diagnosis.equations.noise_floor import white_floor
+from excite.diagnosis.equations.resampling import arm_samples
+from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
-from tests.diagnosis.two_joints import COULOMB, NOISE, RATE_HZ, URDF, VISCOUS, two_joint_log
+from excite.logs.robot import nominal_robot
+from excite.logs.signals.butterworth import noise_bandwidth
+from tests.diagnosis.two_joints import COULOMB, NOISE, RATE_HZ, URDF, VISCOUS, moved, two_joint_log
 
 RIPPLE, PERIODS = 0.6, 11
 
@@ -68,3 +72,31 @@ def test_what_holds_a_standing_joint_is_no_effect(tmp_path: Path, load: float) -
     result = diagnosed(tmp_path, ripple=0.0, load=load)
     assert result.verdict == "none"
     assert not any(item.location == "second" for item in result.effects)
+
+
+QUIET, LOUD = 0.004, 0.2
+
+
+def paused(name: str, role: str, seconds: float, rng: np.random.Generator) -> Trial:
+    """Motions of three seconds with twice as long a rest after each; in motion the torques are fifty times as noisy."""
+    pieces = [moved(name, role, 3.0, rng, np.eye(2)) for _ in range(round(seconds / 9.0))]
+    rest = 6 * RATE_HZ
+    q, tau = [], []
+    for piece in pieces:
+        assert piece.tau is not None
+        q += [piece.q, np.zeros((rest, 2))]
+        tau += [piece.tau + LOUD * rng.normal(size=piece.q.shape), np.tile(piece.tau[0], (rest, 1))]
+    noise = QUIET * rng.normal(size=(len(pieces) * 9 * RATE_HZ, 2))
+    time = np.arange(len(noise)) / RATE_HZ
+    return Trial(name=name, role=role, time=time, q=np.vstack(q), tau=np.vstack(tau) + noise)
+
+
+def test_the_noise_of_a_joint_is_told_where_it_moves(tmp_path: Path) -> None:
+    """A motor at rest is quiet: what its rests show of noise would make a gap of that of its motion."""
+    rng = np.random.default_rng(8)
+    made = two_joint_log((paused("a", "identification", 72.0, rng), paused("b", "validation", 36.0, rng)))
+    log = load_log(save_log(made, tmp_path / "log"))
+    samples = arm_samples(nominal_robot(log), log, log.trials)
+    true = np.hypot(LOUD, NOISE) * np.sqrt(noise_bandwidth(RATE_HZ, samples.bands.rows_hz))
+    np.testing.assert_allclose(white_floor(samples), true, rtol=0.4)
+    assert diagnose(tmp_path / "log").verdict == "none"

@@ -32,7 +32,7 @@ from excite.diagnosis.equations.noise_floor import (
     repeat_floor,
     unrepeated,
 )
-from excite.diagnosis.equations.standing_joints import held_power, stands_throughout
+from excite.diagnosis.equations.standing_joints import held_power
 from excite.diagnosis.next_experiment.advice import advice
 from excite.diagnosis.simulator.accepted_values import found_effects
 from excite.diagnosis.simulator.robot_changes import robot_changes
@@ -89,9 +89,7 @@ def diagnose_torques(
     first = attribution.stages[0]
     before, after = (baseline.plain(fit.residual) for fit in (attribution.before, attribution.after))
     closed = after if attribution.accepted else before
-    # A joint that stands throughout leaves what holds it, in units of next to no torque: no part of the whole gap.
-    scale = np.where(stands_throughout(samples), np.inf, attribution.scale)
-    gap = gap_of(samples, before, closed, _floor(found, after), scale, rng)
+    gap = gap_of(samples, before, closed, _floor(found, after), attribution.scale, rng)
     effects = tuple(
         beside_others(candidate_of(item, Context(item.hypothesis.baseline), gap, attribution, tied), values)
         for item, tied, values in zip(

@@ -28,7 +28,7 @@ from excite.diagnosis.equations.known_motion import bands_by_noise
 from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.equations.standing_joints import with_held
+from excite.diagnosis.equations.standing_joints import stands_throughout, with_held
 from excite.finding import Finding
 
 
@@ -75,7 +75,8 @@ def judged_record(record: TorqueRecord) -> Judged:
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     spectral = np.hypot(spectral, np.sqrt(((noise * baseline.strict) ** 2).mean(axis=1)))
     tau = samples.rows([t.measured for t in samples.trials])[samples.identification]
-    scale = np.maximum(tau.std(axis=0), 1e-9)
+    # A joint that stands throughout leaves what holds it, in units of next to no torque: no part of the whole gap.
+    scale = np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
     together = unison(full)
     # On one path any list of effects could stand for any other.
     effects = record.effects if together is None else _own_terms(record.effects)
