@@ -15,10 +15,12 @@ from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.budget.between_trials import sizes_by_trial
 from excite.diagnosis.budget.library import NAMELESS
+from excite.diagnosis.budget.loaded_trials import part_time_payload, trials_that_carry
 from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.record import begun_baseline, model_of_gap
+from excite.diagnosis.budget.record import begun_baseline, model_of_gap, rows_of
 from excite.diagnosis.budget.same_machine import other_machine
 from excite.diagnosis.budget.unison import unison
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
@@ -80,6 +82,8 @@ def judged_record(record: TorqueRecord) -> Judged:
     together = unison(full)
     # On one path any list of effects could stand for any other.
     effects = record.effects if together is None else _own_terms(record.effects)
+    if together is None and (loaded := _loaded(full, least)) is not None:
+        effects = (*effects, loaded)
     found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least, sigma)
     model, context = found.search.model, found.prediction.context
     spectral = with_held(samples, model.residual, spectral)
@@ -88,7 +92,14 @@ def judged_record(record: TorqueRecord) -> Judged:
     said = (*said, *sizes_by_trial(model, context, found.baseline.strict, spectral))
     scorer = Scorer(baseline, spectral, unrepeated(samples, noise * baseline.strict), scale)
     attribution, judgement = Reading(found, budget, scorer).verdict()
+    named = ((item.hypothesis.effect, item.location) for item in attribution.accepted)
+    said = (*said, *trials_that_carry(named))
     return Judged(samples, baseline, spectral, noise, attribution, judgement, budget, said)
+
+
+def _loaded(full: Baseline, floor: Array) -> Effect | None:
+    """The body that some trials have and others do not, told beside all that the model begins with."""
+    return part_time_payload(Context(full), rows_of(full, full.modelled, floor), full.strict)
 
 
 def _own_terms(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
