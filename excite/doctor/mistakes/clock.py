@@ -69,7 +69,7 @@ class Clock(Mistake[TorqueSamples]):
         if best > _NEVER:
             text = (
                 "the torques carry weight alone, and none of the inertial forces of this motion: what moves the robot "
-                "is not in them, as where a person guides it by hand, or they are the commands of a gravity compensation"
+                "is not in them, as where a person guides it by hand, or they are a gravity compensation's commands"
             )
             ask = (
                 "record motion under the robot's own controller, with measured torques; if these are commands, leave "
