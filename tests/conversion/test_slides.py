@@ -116,3 +116,28 @@ def test_joints_whose_torque_was_not_found_are_named(tmp_path):
     assert any(
         note.startswith("no torque of elbow: if it was recorded, columns: {tau.elbow") for note in found.notes
     )
+
+
+def test_a_force_of_the_lift_and_torques_of_the_others_are_one_channel(tmp_path):
+    """A lift has a force and what turns a torque; the one that is alone in its family is no other signal."""
+    arm, data = lifted(tmp_path), lift_motion()
+    columns = {"t": data["time"]}
+    for k, joint in enumerate(JOINTS):
+        columns[f"{joint}_pos"] = data["q"][:, k]
+        columns[f"{joint}_force_N" if joint == LIFT else f"{joint}_torque_Nm"] = data["tau"][:, k]
+    found = excite.convert([table(tmp_path / "run.csv", columns)], arm, tmp_path / "log")
+    assert found.log.header.no_torque == ()
+    tau = np.concatenate([trial.tau for trial in found.log.trials])
+    np.testing.assert_allclose(tau, data["tau"], atol=1e-6)
+
+
+def test_a_second_signal_of_some_joints_takes_no_place_of_another(tmp_path):
+    """Torques that two joints have twice are still asked about or left out, not mixed."""
+    arm, data = lifted(tmp_path), lift_motion()
+    columns = {"t": data["time"]}
+    for k, joint in enumerate(JOINTS):
+        columns[f"{joint}_pos"], columns[f"{joint}_torque"] = data["q"][:, k], data["tau"][:, k]
+    columns[f"{JOINTS[1]}_force"] = 3.0 * data["tau"][:, 1]
+    found = excite.convert([table(tmp_path / "run.csv", columns)], arm, tmp_path / "log")
+    tau = np.concatenate([trial.tau for trial in found.log.trials])
+    np.testing.assert_allclose(tau, data["tau"], atol=1e-6)

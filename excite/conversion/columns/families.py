@@ -123,15 +123,20 @@ def _across_streams(found: Sequence[Family]) -> list[Family]:
         elif before is None or not by_name or before.placed.columns.keys() & family.placed.columns.keys():
             others.append(family)
         else:
-            both = before.placed.columns | family.placed.columns
-            left = before.placed.left_over + family.placed.left_over
-            merged[key] = replace(
-                before,
-                placed=Placed(both, _BY_NAME, left),
-                columns=before.columns + family.columns,
-                unit=before.unit if before.unit == family.unit else "",
-            )
+            merged[key] = with_others(before, family)
     return [*merged.values(), *others]
+
+
+def with_others(family: Family, more: Family) -> Family:
+    """A family with the columns of another one, of other joints; joints of both are known by their names."""
+    both = family.placed.columns | more.placed.columns
+    left = family.placed.left_over + more.placed.left_over
+    return replace(
+        family,
+        placed=Placed(both, _BY_NAME, left),
+        columns=family.columns + more.columns,
+        unit=family.unit if family.unit == more.unit else "",
+    )
 
 
 def _one_machine_each(
