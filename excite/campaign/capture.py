@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
 from excite.atomic import write_text
+from excite.campaign.sheet_page import sheet_page
 from excite.conversion.capture_sheet import Capture, Run
 from excite.documents.document import read_document
 from excite.documents.plan import Plan
@@ -75,8 +75,8 @@ def capture(
         runs=tuple(_runs(robot, motions)),
     )
     path = Path(out) if out is not None else folder / "capture.md"
-    text = sheet_text(sheet, robot, named or robot.name)
-    write_text(path, _page(text, sheet) if path.suffix == ".html" else text)
+    text = sheet_text(sheet, robot, named or robot.name, path.name)
+    write_text(path, sheet_page(text) if path.suffix == ".html" else text)
     return Sheet(path, sheet)
 
 
@@ -120,13 +120,14 @@ def _start(robot: Robot, motion: Motion) -> dict[str, float]:
     return {joint: round(float(value), 4) for joint, value in zip(robot.joint_names, row, strict=True)}
 
 
-def sheet_text(sheet: Capture, robot: Robot, named: str) -> str:
+def sheet_text(sheet: Capture, robot: Robot, named: str, file: str = "capture.md") -> str:
     """The sheet in Markdown; its last block is for `excite convert --capture`.
 
     Args:
         sheet: what it says.
         robot: the robot.
         named: what commands call the robot.
+        file: what they call the sheet.
     """
     total = sum(run.duration_s for run in sheet.runs)
     lines = [
@@ -157,7 +158,7 @@ def sheet_text(sheet: Capture, robot: Robot, named: str) -> str:
         "",
         "## After the first motion, before going on",
         "",
-        *_checks(sheet, named),
+        *_checks(sheet, named, file),
     ]
     return "\n".join(
         [*lines, "", "## For `excite convert --capture`", "", "```yaml", sheet.text().rstrip(), "```", ""]
@@ -191,22 +192,13 @@ def _topics(sheet: Capture, robot: Robot) -> list[str]:
     return lines
 
 
-def _checks(sheet: Capture, named: str) -> list[str]:
+def _checks(sheet: Capture, named: str, file: str) -> list[str]:
     first = next((run.name for run in sheet.logged), "the first motion")
     return [
-        f"- `excite convert {first}.* --robot {shlex.quote(named)} --out first --capture capture.md`: "
+        f"- `excite convert {first}.* --robot {shlex.quote(named)} --out first "
+        f"--capture {shlex.quote(file)}`: "
         "every joint is found, its unit is right, nothing is asked.",
         "- `excite doctor first`: no finding that spoils; no turned torque, no clipping, "
         "rate as asked, delay below a sample or two.",
         "- Every joint moves, and its torque changes when it does.",
     ]
-
-
-def _page(text: str, sheet: Capture) -> str:
-    """The sheet as a page that prints: its text as it is."""
-    before = text.partition("```yaml\n")[0]
-    return (
-        f'<!doctype html><meta charset="utf-8"><title>Recording {html.escape(sheet.robot)}</title>'
-        f'<pre style="white-space:pre-wrap">{html.escape(before)}</pre>\n'
-        f'<pre class="capture">\n{sheet.text().rstrip()}\n</pre>\n'
-    )

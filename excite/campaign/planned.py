@@ -195,10 +195,10 @@ class Plan(Tabled):
 
     def report_data(self) -> ReportData:
         """What the report shows beside the JSON."""
+        all_chosen = len(self.selection.indices) == len(self.pool.entries)
+        before = "all that were accepted" if all_chosen else "as many seconds, unchosen"
         return ReportData(
-            conditioning=conditioning_comparison(
-                self.unchosen, self.conditioning, "as many seconds, unchosen", "chosen motions"
-            )
+            conditioning=conditioning_comparison(self.unchosen, self.conditioning, before, "chosen motions")
         )
 
     def save(self, folder: Path) -> Path:

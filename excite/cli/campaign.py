@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -24,9 +24,6 @@ from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progres
 from excite.cli.session.refused import refusals_shown
 from excite.cli.session.workers import workers
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
-
-if TYPE_CHECKING:
-    from excite.campaign.result import Campaign
 
 NAME = "campaign"
 
@@ -83,13 +80,17 @@ def command(
                 jobs=crew,
                 progress=progress,
             )
+        then = command_line(
+            "campaign", robot, *(["--on-robot"] if on_robot else []), "--resume", "--out", folder
+        )
         if not result.interrupted:
             excite.report(folder)
+            then = _next_of_page(folder)
     emit(
         f"{result.summary()}\nwritten to {folder}",
         result.to_json(),
         as_json=as_json,
-        then=_then(robot, folder, result, on_robot=on_robot),
+        then=then,
     )
     if result.interrupted:
         say_interrupted(f"what is complete is in {folder}")
@@ -98,10 +99,10 @@ def command(
         raise typer.Exit(EXIT_NEGATIVE)
 
 
-def _then(robot: str, folder: Path, result: Campaign, *, on_robot: bool) -> str:
-    """What to go on with: the recording that is awaited, the campaign, or what the last log says beside the model."""
-    if result.awaits is not None or result.interrupted:
-        mode = ["--on-robot"] if on_robot else []
-        return command_line("campaign", robot, *mode, "--resume", "--out", folder)
-    last = folder / f"iteration_{len(result.iterations)}" / "log"
-    return command_line("diagnose", last, "--out", "diagnosis")
+def _next_of_page(folder: Path) -> str:
+    """What the page says comes next."""
+    from excite.report.conclusions.conclusion import conclusion  # lazy: numpy
+    from excite.report.folder import read_folder  # lazy: numpy
+
+    found = conclusion(read_folder(folder))
+    return command_line(*found.command) if found is not None and found.command else ""

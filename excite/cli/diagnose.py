@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.origin import stated_origin
+from excite.cli.session.origin import robot_of_log, stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.json_document import write_json
 
@@ -54,10 +54,10 @@ def command(
     if out is not None:
         document |= stated_origin(robot or "", log, out)
         summary += f"\nreport: {_save(result, document, out)}"
-    emit(summary, document, as_json=as_json, then=_then(log, apply, document))
+    emit(summary, document, as_json=as_json, then=_then(robot, log, apply, document))
 
 
-def _then(log: Path, apply: Path | None, document: dict[str, Any]) -> str:
+def _then(robot: str | None, log: Path, apply: Path | None, document: dict[str, Any]) -> str:
     """What to go on with: the effects written into the robot, the gap that is left with them, or nothing."""
     applied = document.get("applied")
     if applied is not None and applied["left_out"] and len(applied["left_out"]) >= len(document["effects"]):
@@ -67,6 +67,14 @@ def _then(log: Path, apply: Path | None, document: dict[str, Any]) -> str:
         return command_line("diagnose", log, "--robot", apply / "robot.yaml", "--out", "second")
     if document["verdict"] in {"effect", "ambiguous"}:
         return command_line("diagnose", log, "--apply", "better", "--out", "first")
+    if document["verdict"] == "none" and "rigid_body" in document["modelled"]:
+        from excite.logs.header import header_path, read_header  # lazy: pydantic
+
+        header = read_header(header_path(log))
+        if header.free_base or header.torque != "none":
+            # Bodies that are not as the file has them were taken up by the fit, and are no gap.
+            own = robot or robot_of_log(document["robot"], header.robot, log)
+            return command_line("identify", own, log, "--out", "result")
     return ""
 
 

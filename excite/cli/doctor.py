@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.origin import stated_origin
+from excite.cli.session.origin import robot_of_log, stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.json_document import write_json
 
@@ -52,7 +52,7 @@ def command(
         document |= stated_origin(robot or "", log, out)
         _save(nominal, loaded, chart, document, out)
     if chart.usable:
-        own = _robot_of(chart.robot, chart.log.header.robot, log)
+        own = robot_of_log(chart.robot, chart.log.header.robot, log)
         then = command_line("identify", robot or own, repair or log, "--out", "result")
         if not chart.log.header.free_base and chart.log.header.torque == "none":
             # Nothing is identified of a fixed base without torques; `convert` says so, too.
@@ -76,10 +76,3 @@ def _save(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: P
     if shown is not None or (out / DOCTOR_DATA).exists():
         save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
     write_json(document, out / "doctor.json")
-
-
-def _robot_of(name: str, file: str, log: Path) -> str | Path:
-    """The robot of a log as a command names it: a bundled name, else the file that the log brings."""
-    if name in excite.bundled_robots():
-        return name
-    return (log if log.is_dir() else log.parent) / file

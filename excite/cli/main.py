@@ -50,9 +50,9 @@ from excite.cli.session.failure import (  # noqa: E402
     of_usage,
 )
 from excite.cli.session.interruption import (  # noqa: E402
+    answer_interrupted,
     exit_code_of_interruption,
     handle_signals,
-    say_interrupted,
 )
 from excite.cli.session.typed import typed, typed_seed  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
@@ -148,8 +148,8 @@ def main() -> None:
         code = _run(sys.argv[1:])
         sys.stdout.flush()
     except KeyboardInterrupt:
-        say_interrupted()
         code = exit_code_of_interruption()
+        answer_interrupted(code)
     except BrokenPipeError:
         # Whoever read the output has gone; the interpreter shall not try to write the rest.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

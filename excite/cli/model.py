@@ -114,11 +114,18 @@ def _text(written: SimulatorModel) -> str:
 
 def _shown(changes: tuple[Change, ...]) -> list[Change]:
     """The rows that a person looks for first, in the model's order: masses and joints, then centres of mass."""
-    news = [row for row in changes if row.change and (row.percent is None or abs(row.percent) > _NEWS)]
+    news = [row for row in changes if 100.0 * abs(row.change) > _NEWS * _size(row, changes)]
     kept = sorted(range(len(news)), key=lambda index: (_RANK.get(news[index].parameter[:3], 0), index))[
         :_ROWS
     ]
     return [news[index] for index in sorted(kept)]
+
+
+def _size(row: Change, changes: tuple[Change, ...]) -> float:
+    """What a change is seen beside: what was before, or where that was zero the body's other centres or inertias."""
+    kind = next((kind for kind in ("com_", "I") if row.parameter.startswith(kind)), row.parameter)
+    alike = (other for other in changes if other.place == row.place and other.parameter.startswith(kind))
+    return abs(row.before) or max((abs(other.before) for other in alike), default=0.0)
 
 
 def _lost(lost: tuple[Lost, ...]) -> list[str]:

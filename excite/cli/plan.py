@@ -10,6 +10,7 @@ import typer
 import excite
 from excite.campaign.candidates.registry import SEARCHES
 from excite.claim import claimed
+from excite.cli.session.completion import one_of
 from excite.cli.session.interruption import exit_code_of_interruption, keeping_best, say_interrupted
 from excite.cli.session.options import (
     ClusterOption,
@@ -50,6 +51,7 @@ def command(
             "--generator",
             help=f"Use this generator alone: {', '.join([*GENERATORS, *SEARCHES])}. "
             "Of optimised_fourier, --candidates is the number of starts, of seconds each.",
+            autocompletion=one_of([*GENERATORS, *SEARCHES]),
         ),
     ] = None,
     select: Annotated[

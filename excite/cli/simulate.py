@@ -9,6 +9,7 @@ import typer
 
 import excite
 from excite.claim import claimed
+from excite.cli.session.completion import one_of
 from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
@@ -34,6 +35,7 @@ def command(
             "--inject",
             metavar="EFFECT[:LOCATION[:VALUE]]",
             help=f"An effect that the nominal model lacks (may be repeated): {', '.join(EFFECTS)}.",
+            autocompletion=one_of(EFFECTS),
         ),
     ] = None,
     nominal: Annotated[

@@ -114,7 +114,7 @@ def _converted(
     chart, note = _examined(read, machine)
     read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
-    notes += _held_though_recorded(found.unused, machine)
+    notes += _held_though_recorded(found.unused, machine) + _without_torque(read)
     notes += [n for t in tables[1:] for n in t.notes if n.startswith(WHOLE_TURNS)] + compared
     return Conversion(
         folder=out,
@@ -137,6 +137,18 @@ def _held_though_recorded(unused: Sequence[str], machine: Machine) -> list[str]:
     return [
         f"the recording has {', '.join(there)}, which the robot's description holds still: where it moves, take it "
         "out of locked_joints in a robot.yaml (excite init-robot writes one) and convert with that"
+    ]
+
+
+def _without_torque(log: Log) -> list[str]:
+    """Which joints move and have no torque: without those a robot's heaviest joint may be missing unnoticed."""
+    joints = log.header.no_torque
+    if not joints:
+        return []
+    channel = "i" if log.header.torque == "current" else "tau"
+    example = f'columns: {{{channel}.{joints[0]}: "COLUMN"}} in map.yaml'
+    return [
+        f"no torque of {', '.join(joints)}: if it was recorded, {example}; else no_torque in log.yaml says so"
     ]
 
 

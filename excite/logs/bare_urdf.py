@@ -31,7 +31,7 @@ def nominal_faults(robot: Robot) -> tuple[Finding, ...]:
 
     A ``robot.yaml`` acknowledges such links itself, with its reason.
     """
-    if robot.description.model.source != _LOG_FOLDER:
+    if not is_bare(robot):
         return ()
     faults = {
         link: reason
@@ -46,6 +46,11 @@ def nominal_faults(robot: Robot) -> tuple[Finding, ...]:
         "so a method that keeps to the nominal model repeats them where the data say little"
     )
     return (Finding("nominal_inertia", text, {"links": float(len(faults))}, tuple(faults)),)
+
+
+def is_bare(robot: Robot) -> bool:
+    """Whether a robot is a bare URDF with placeholders, as :func:`bare_description` makes it for a log."""
+    return robot.description.model.source == _LOG_FOLDER
 
 
 def bare_description(file: Path, header: LogHeader) -> RobotDescription:
@@ -73,7 +78,7 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
         {
             "schema": "excite.robot/1",
             "name": model.name or file.stem,
-            "title": f"{model.name or file.stem}, nominal model of a log",
+            "title": model.name or file.stem,
             "model": {
                 "path": file.name,
                 "source": _LOG_FOLDER,

@@ -22,6 +22,13 @@ _KINDS = (
     (stat.S_ISBLK, "is a device"),
     (stat.S_ISSOCK, "is a socket"),
 )
+# What writes a file that a folder lacks.
+_MADE_BY = {
+    "log.yaml": "excite convert makes a log folder of recordings, excite simulate one of motions, and excite init-log "
+    "a log.yaml beside trial files",
+    "plan.json": "excite plan ROBOT --out DIR writes it",
+    "robot.yaml": "excite init-robot FILE --out DIR writes it",
+}
 
 
 def check_file(path: str | Path, *, limit: int | None = None, error: type[InputError] = InputError) -> Path:
@@ -114,7 +121,8 @@ def unreadable_file(path: Path, reason: Exception, error: type[InputError] = Inp
         return error("has a name that no file can have", source=repr(str(path)), remedy="check the path")
     code = reason.errno if isinstance(reason, OSError) else None
     if code in {errno.ENOENT, errno.ENOTDIR}:
-        return error("no such file", source=path, remedy="check the path")
+        made = _MADE_BY.get(path.name, "") if path.parent.is_dir() else ""
+        return error("no such file", source=path, remedy=made or "check the path")
     if code == errno.ENAMETOOLONG:
         return error("has a name too long for a file", source=f"{str(path)[:60]}…", remedy="shorten it")
     if code in {errno.EACCES, errno.EPERM}:

@@ -194,22 +194,23 @@ def _robot(
     folder: Path, documents: dict[str, Document | None], record: Record | None, left_out: list[str]
 ) -> Robot | None:
     """The robot that the documents name, or that of their record; a robot of one's own is named by its file."""
-    reason = "no file here names it"
+    reasons = []
     for document in filter(None, documents.values()):
         for key in ("robot_file", "robot"):
             name = document.get(key)
             if not name:
                 continue
             try:
-                path = find_robot(folder / name if key == "robot_file" else name)
+                path = find_robot(os.path.normpath(folder / name) if key == "robot_file" else name)
                 return load_robot(check_file(path, limit=MAX_DESCRIPTION_BYTES))
             except ExciteError as error:
-                reason = str(error)
+                reasons.append(str(error))
             except OSError as error:
-                reason = f"{name[:60]}: cannot be read ({error.strerror})"
+                reasons.append(f"{name[:60]}: cannot be read ({error.strerror})")
     if record is not None:
         return record.robot
-    left_out.append(f"pictures of the robot: {reason}")
+    # Of a robot of one's own the file says more than that no bundled robot has its name.
+    left_out.append(f"pictures of the robot: {next(iter(reasons), 'no file here names it')}")
     return None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
@@ -78,8 +79,9 @@ def tile(value: str, label: str, good: bool | None = None) -> str:
 
 
 def paragraph(text: str, kind: str = "") -> str:
-    """A paragraph; ``kind`` is a CSS class."""
-    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
+    """A paragraph; ``kind`` is a CSS class. What stands between backticks is typed."""
+    said = re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
+    return f'<p class="{kind}">{said}</p>' if kind else f"<p>{said}</p>"
 
 
 def section(identifier: str, title: str, lead: str, *content: str) -> str:

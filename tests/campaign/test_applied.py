@@ -226,3 +226,13 @@ def test_a_real_axis_has_no_friction_left_in_the_second_round(data_dir: Path, tm
     assert rest.gap.per_channel["slide"].before == pytest.approx(
         found.gap.per_channel["slide"].after, rel=0.05
     )
+
+
+def test_a_robot_that_only_a_log_described_can_move_then(applied: Applied) -> None:
+    """A log says nothing of servos or of how fast joints may go: placeholders would let the arm hang."""
+    robot = load_robot(applied.robot)
+    assert robot.description.limits.acceleration.source != "not stated in the log"
+    assert robot.limits.acceleration.max() < 100.0
+    assert min(robot.description.controller.kp.joints.values()) > 10.0
+    assert set(robot.description.controller.kp.joints) == set(robot.joint_names)
+    assert robot.description.assumed

@@ -161,6 +161,14 @@ def test_bad_input_is_one_line_and_4(
     assert sorted(tmp_path.iterdir()) == before, "something half-written was left behind"
 
 
+def test_alone_it_shows_its_help(tmp_path: Path) -> None:
+    for arguments in ((), ("blind",)):
+        done = excite(*arguments, cwd=tmp_path)
+        assert done.returncode == 2
+        assert "Commands:" in done.stdout + done.stderr
+        assert "nobody foresaw" not in done.stderr
+
+
 def test_wrong_usage_is_2(tmp_path: Path) -> None:
     assert excite("plan", cwd=tmp_path).returncode == 2
     assert excite("plan", "g1", "--candidates", 0, cwd=tmp_path).returncode == 2

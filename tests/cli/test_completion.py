@@ -29,6 +29,8 @@ def test_commands_robots_formats_and_methods_are_completed() -> None:
     assert set(completed("excite plan ")) >= set(bundled_robots())
     assert completed("excite model result --format m") == [n for n in MODEL_FORMATS if n.startswith("m")]
     assert completed("excite identify ur10 log --method c") == [n for n in ESTIMATORS if n.startswith("c")]
+    assert completed("excite plan ur10 --generator four") == ["fourier"]
+    assert completed("excite simulate ur10 arm --inject pay") == ["payload"]
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -26,7 +26,7 @@ def test_a_diagnosis_ends_in_a_page_with_its_sentence(tmp_path: Path) -> None:
     assert found.exit_code == 0, found.exception
     document = json.loads((out / "diagnosis.json").read_text())
     assert found.stdout.startswith(document["sentence"])
-    assert found.stdout.endswith(f"report: {out / 'report.html'}\n")
+    assert f"\nreport: {out / 'report.html'}\n" in found.stdout
     page = (out / "report.html").read_text(encoding="utf-8")
     assert document["sentence"] in page
     # Nothing was fitted on the trial that is shown, and its difference is the gap that is stated.
@@ -68,6 +68,28 @@ def test_the_robot_with_the_effects_is_what_the_next_diagnosis_starts_from(tmp_p
 def test_a_second_diagnosis_that_would_say_the_same_is_not_proposed() -> None:
     effect = {"effect": "joint_spring"}
     found = {"verdict": "effect", "effects": [effect], "applied": {"left_out": ["joint spring at elbow: …"]}}
-    assert _then(Path("log"), Path("better"), found) == ""
+    assert _then(None, Path("log"), Path("better"), found) == ""
     both = found | {"effects": [effect, {"effect": "payload"}]}
-    assert "--robot" in _then(Path("log"), Path("better"), both)
+    assert "--robot" in _then(None, Path("log"), Path("better"), both)
+
+
+def test_bodies_that_were_fitted_are_said_not_to_be_the_files(tmp_path: Path) -> None:
+    """A payload is taken up by bodies that are fitted: whether the file is right, identification tells."""
+    trials = [
+        moved(name, role, 12.0, np.random.default_rng(seed), np.eye(2))
+        for name, role, seed in (
+            ("a", "identification", 1),
+            ("b", "identification", 2),
+            ("c", "validation", 3),
+        )
+    ]
+    modelled = ["rigid_body", "viscous_friction", "coulomb_friction"]
+    log = save_log(two_joint_log(tuple(trials), modelled=modelled), tmp_path / "log")
+    out = tmp_path / "out"
+    found = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(out)])
+    assert found.exit_code == 0, found.exception
+    assert "the model, its bodies fitted to the record, " in found.stdout.splitlines()[0]
+    assert f"then: excite identify {log / 'two.urdf'} {log} --out result" in found.stdout
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Nothing beyond that needs to be corrected." in page
+    assert "log/two.urdf" in page and "how far these bodies are from the file" in page

@@ -123,6 +123,30 @@ def test_an_interrupted_plan_keeps_the_best_so_far(tmp_path: Path) -> None:
     assert not list((tmp_path / "waiting").iterdir())
 
 
+_STUBBORN = """while True:
+        try:
+            time.sleep(60)
+        except KeyboardInterrupt:
+            pass"""
+
+
+@pytest.mark.parametrize("work", ["time.sleep(60)", _STUBBORN], ids=["unwinding", "stubborn"])
+def test_with_json_an_interruption_is_one_document(work: str, tmp_path: Path) -> None:
+    code = _BUSY.replace("HOW", work)
+    run = subprocess.Popen(
+        [sys.executable, "-c", code, "effects", "--json"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert run.stderr is not None and run.stderr.readline() == "at work\n"
+    run.send_signal(signal.SIGINT)
+    said, error = run.communicate(timeout=30)
+    assert run.returncode == 130 and error == "excite: interrupted; what is complete was left\n"
+    assert json.loads(said)["error"]["code"] == 130
+
+
 def test_a_second_interrupt_ends_at_once(tmp_path: Path) -> None:
     code = """
 import sys, time

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import excite
+from excite.conversion.columns.words import clue
 from excite.conversion.mapping import Map
 from tests.conversion import written
 from tests.conversion.test_guesses import named, table
@@ -72,3 +73,71 @@ def test_the_unit_that_a_map_states_of_the_lift_is_believed(tmp_path):
     units = Map.model_validate({"units": {"q": "deg", f"q.{LIFT}": "in"}}).units
     found = written.whole(file, arm, tmp_path, units=units)
     np.testing.assert_allclose(found.log.trials[0].q[:, 0], 2.54 * data["q"][:, 0], atol=1e-6)
+
+
+def test_a_force_of_the_lift_stands_beside_torques_of_joints_called_in_words(tmp_path):
+    arm, data = lifted(tmp_path), lift_motion()
+    arm.write_text(arm.read_text().replace('"elbow"', '"elbow_pitch"'))
+    columns = {"Timestamp (ms)": 1e3 * data["time"]}
+    for k, (name, force, length) in enumerate(
+        (
+            ("Shoulder", "Force (N)", "mm"),
+            ("Elbow Pitch", "Torque (Nm)", "deg"),
+            ("Wrist", "Torque (Nm)", "deg"),
+        )
+    ):
+        unit = {"mm": 1e3, "deg": np.degrees(1.0)}[length]
+        columns[f"{name} Pos ({length})"] = unit * data["q"][:, k]
+        columns[f"{name} {force}"] = data["tau"][:, k]
+    found = written.whole(table(tmp_path / "run.csv", columns), arm, tmp_path)
+    assert found.log.header.no_torque == ()
+    np.testing.assert_allclose(found.log.trials[0].q, data["q"], atol=1e-6)
+    np.testing.assert_allclose(found.log.trials[0].tau, data["tau"], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "name", ["Left Elbow Torque", "LeftElbowTorque", "left-elbow torque", "LEFT_ELBOW/torque"]
+)
+def test_words_of_a_joints_name_are_parted_in_any_way(name):
+    assert clue(name, ["left_elbow", "elbow"]).exact == "left_elbow"
+
+
+def test_numbers_of_a_joints_name_are_as_they_are_written():
+    # Another program counts from another number.
+    assert clue("joint 1 pos", ["joint_1", "joint_2"]).exact == ""
+
+
+def test_joints_whose_torque_was_not_found_are_named(tmp_path):
+    arm, data = lifted(tmp_path), lift_motion()
+    columns = {"t": data["time"]} | {f"pos{k + 1}": data["q"][:, k] for k in range(3)}
+    columns |= {f"eff{k + 1}": data["tau"][:, k] for k in (0, 2)}
+    found = written.whole(table(tmp_path / "run.csv", columns), arm, tmp_path)
+    assert found.log.header.no_torque == ("elbow",)
+    assert any(
+        note.startswith("no torque of elbow: if it was recorded, columns: {tau.elbow") for note in found.notes
+    )
+
+
+def test_a_force_of_the_lift_and_torques_of_the_others_are_one_channel(tmp_path):
+    """A lift has a force and what turns a torque; the one that is alone in its family is no other signal."""
+    arm, data = lifted(tmp_path), lift_motion()
+    columns = {"t": data["time"]}
+    for k, joint in enumerate(JOINTS):
+        columns[f"{joint}_pos"] = data["q"][:, k]
+        columns[f"{joint}_force_N" if joint == LIFT else f"{joint}_torque_Nm"] = data["tau"][:, k]
+    found = excite.convert([table(tmp_path / "run.csv", columns)], arm, tmp_path / "log")
+    assert found.log.header.no_torque == ()
+    tau = np.concatenate([trial.tau for trial in found.log.trials])
+    np.testing.assert_allclose(tau, data["tau"], atol=1e-6)
+
+
+def test_a_second_signal_of_some_joints_takes_no_place_of_another(tmp_path):
+    """Torques that two joints have twice are still asked about or left out, not mixed."""
+    arm, data = lifted(tmp_path), lift_motion()
+    columns = {"t": data["time"]}
+    for k, joint in enumerate(JOINTS):
+        columns[f"{joint}_pos"], columns[f"{joint}_torque"] = data["q"][:, k], data["tau"][:, k]
+    columns[f"{JOINTS[1]}_force"] = 3.0 * data["tau"][:, 1]
+    found = excite.convert([table(tmp_path / "run.csv", columns)], arm, tmp_path / "log")
+    tau = np.concatenate([trial.tau for trial in found.log.trials])
+    np.testing.assert_allclose(tau, data["tau"], atol=1e-6)

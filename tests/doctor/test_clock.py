@@ -94,3 +94,21 @@ def test_commands_of_weights_are_not_put_right(arm, log) -> None:
 
     found = [item for item in examine(arm, changed(log, commanded)).findings if item.kind == "clock"]
     assert all(not item.repaired and "commands" in item.text for item in found)
+
+
+def test_a_robot_that_is_guided_by_hand_has_no_slow_clock(arm, log) -> None:
+    """Its motors hold the weight, and the hand does the rest: no clock that can be is as slow as that looks."""
+    rng = np.random.default_rng(4)
+    # As fast as a hand moves it.
+    quick = 2.0
+
+    def guided(trial: Trial) -> Trial:
+        still = np.zeros_like(trial.q)
+        weight = inverse_dynamics(arm.model, trial.q, still, still)
+        noise = 0.003 * weight.std() * rng.normal(size=weight.shape)
+        return replace(trial, time=trial.time / quick, tau=weight + noise)
+
+    found = _clock(examine(arm, changed(log, guided, rate_hz=quick * log.header.rate_hz)))
+    assert not found.repaired
+    assert "by hand" in found.text and "clock" not in found.text
+    assert "scale" not in found.remedy and "controller" in found.remedy

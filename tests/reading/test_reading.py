@@ -11,7 +11,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from excite.errors import ExciteError, LogError, RobotError
+from excite.errors import ExciteError, InputError, LogError, RobotError
 from excite.reading.child import in_child
 from excite.reading.file import read_bytes, read_text
 from excite.reading.json_document import read_json
@@ -150,3 +150,14 @@ def test_whatever_is_in_a_file_it_is_read_or_refused(
             reader(path, error=RobotError)
         except RobotError as error:
             assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [("log.yaml", "excite convert"), ("plan.json", "excite plan"), ("robot.yaml", "excite init-robot")],
+)
+def test_what_a_folder_lacks_is_named_with_what_makes_it(name: str, command: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"no such file; {command}"):
+        read_text(tmp_path / name)
+    with pytest.raises(InputError, match="check the path"):
+        read_text(tmp_path / "nowhere" / name)

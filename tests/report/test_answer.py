@@ -91,6 +91,10 @@ def test_an_identification_that_is_spoilt_is_not_good_enough_however_it_predicts
     assert "1 of them leave up to 5" in text and mark == "no" and "excite diagnose" in text
     text, mark = answer(tmp_path, identification={**found, "findings": [spoilt]})
     assert "the trials are of two robots; not to be relied on" in text and mark == "no"
+    more = {"kind": "extension", "text": "with factors on the torques", "severity": "note"}
+    text, mark = answer(tmp_path, identification={**found, "fit": fits, "findings": [more]})
+    assert "good enough" in text and "more than bodies and friction" in text and mark == "yes"
+    assert "excite diagnose" in text
     mended = {**spoilt, "repaired": True}
     text, mark = answer(tmp_path, identification={**found, "findings": [mended]})
     assert "good enough" in text and mark == "yes"

@@ -135,3 +135,23 @@ def test_what_does_harm_is_in_the_sentence_where_the_rest_is_more_than_all(tmp_p
     budget = replace(whole.budget, channels={**whole.budget.channels, "shoulder": shoulder})
     section = budget_of(page_of(replace(whole, budget=budget), tmp_path))
     assert "−13 % is payload at arm, which does harm there, 113 % is the rest." in section
+
+
+def test_where_the_gap_by_channel_lies_at_another_joint_the_budget_says_why(tmp_path: Path) -> None:
+    channels = {"shoulder": ChannelGap(0.21, 0.2, 0.2), "elbow": ChannelGap(1.0, 0.1, 0.1)}
+    found = replace(budgeted(), gap=replace(budgeted().gap, per_channel=channels), modelled=("rigid_body",))
+    why = "most of it lies at shoulder, before and after count it where most lies at elbow"
+    assert why in budget_of(page_of(found, tmp_path))
+    assert why in found.summary()
+    same = replace(found, gap=budgeted().gap)
+    assert "bodies are fitted anew" not in page_of(same, tmp_path)
+    assert "bodies are fitted anew" not in same.summary()
+    fixed = replace(found, modelled=("rigid_body_fixed",))
+    assert "bodies are fitted anew" not in fixed.summary()
+
+
+def test_a_channel_without_a_gap_is_no_hundred_percent_in_words() -> None:
+    found = budgeted()
+    nothing = replace(found.budget.channels["elbow"], weight=0.0)
+    found = replace(found, budget=replace(found.budget, channels=found.budget.channels | {"elbow": nothing}))
+    assert re.search(r"elbow +– +nothing stands above its noise", found.summary())

@@ -32,3 +32,10 @@ def test_text_is_escaped_and_numeric_columns_stand_right():
     page = html.table(("<name>", "value"), [("a & b", 1.0), ("c", None)])
     assert "&lt;name&gt;" in page and "a &amp; b" in page and "<name>" not in page
     assert page.count('class="number"') == 3
+
+
+def test_commands_in_a_sentence_are_typed() -> None:
+    assert (
+        html.paragraph("`excite diagnose` tells < more")
+        == "<p><code>excite diagnose</code> tells &lt; more</p>"
+    )

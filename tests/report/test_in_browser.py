@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import excite
 from excite.motion.files import load_motion
 from excite.report.page import report
 from excite.report.replay.tracks import FRAMES_HZ
@@ -128,3 +129,36 @@ def test_on_paper_the_drawings_stand_still(page: Path, browser: Chromium) -> Non
     shown = "getComputedStyle(document.querySelector('#motions .{}')).display"
     assert browser.ask(shown.format("still")) == "block"
     assert browser.ask(shown.format("replay")) == "none"
+
+
+def test_joints_that_slide_have_metres_and_newtons(tmp_path: Path, browser: Chromium) -> None:
+    body = (
+        "<inertial><mass value='2'/><inertia ixx='.1' iyy='.1' izz='.1' ixy='0' ixz='0' iyz='0'/></inertial>"
+        "<collision><geometry><box size='.1 .1 .1'/></geometry></collision>"
+    )
+    limit = "<limit lower='-.5' upper='.5' velocity='1' effort='90'/>"
+    (tmp_path / "arm.urdf").write_text(
+        f"<robot name='arm'><link name='root'/><link name='cart'>{body}</link><link name='bar'>{body}</link>"
+        f"<joint name='rail' type='prismatic'><parent link='root'/><child link='cart'/>"
+        f"<axis xyz='1 0 0'/>{limit}</joint>"
+        "<joint name='turn' type='revolute'><parent link='cart'/><child link='bar'/><origin xyz='0 .4 0'/>"
+        f"<axis xyz='0 1 0'/>{limit}</joint></robot>"
+    )
+    plan = excite.plan(excite.load_robot(tmp_path / "arm.urdf"), n_candidates=3, seed=1)
+    page = report(plan.save(tmp_path / "plan"))
+    # All are chosen: they are not compared with themselves.
+    assert len(plan.motions) == 3 and "chosen motions alike" in page.read_text(encoding="utf-8")
+    assert "rejected candidates" not in page.read_text(encoding="utf-8")
+    browser.open(page, 1000)
+    browser.wait("window.replays && replays.length === 1")
+    browser.ask("replays[0].ready.then(() => 1)")
+    shown = "[...document.querySelectorAll('.replay .plot-title')].map((one) => one.textContent)"
+    units = {"position": "m", "velocity": "m/s", "torque": "N"}
+    browser.ask(
+        "(() => { const one = document.querySelector('.replay select[aria-label=joint]'); one.value = 0;"
+        "one.dispatchEvent(new Event('change')); })()"
+    )
+    assert {f"{name} [{unit}]" for name, unit in units.items()} <= set(browser.ask(shown))
+    nearest = "replays[0].bars.map((one) => [one.where.textContent, one.value.textContent])"
+    for place, value in browser.ask(nearest)[:4]:
+        assert ("rad" in value or "N·m" in value) == (place == "turn"), (place, value)

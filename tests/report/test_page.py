@@ -161,3 +161,18 @@ def test_bad_folders_are_one_error_and_leave_no_page(name, text, message, tmp_pa
 def test_no_folder_is_an_error(tmp_path):
     with pytest.raises(InputError, match="is no folder"):
         report(tmp_path / "nowhere")
+
+
+def test_a_check_of_a_bare_model_says_what_the_model_lacks_for_pictures(tmp_path: Path) -> None:
+    (tmp_path / "mine.urdf").write_text("<robot name='mine'/>")
+    (tmp_path / "out").mkdir()
+    document = {
+        "schema": "excite.check/1",
+        "safe": True,
+        "motions": [],
+        "robot": "mine",
+        "robot_file": "../mine.urdf",
+    }
+    (tmp_path / "out" / "check.json").write_text(json.dumps(document))
+    text = report(tmp_path / "out").read_text(encoding="utf-8")
+    assert "mine.urdf: is a model" in text and "unknown robot" not in text

@@ -18,8 +18,11 @@ from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.diagnosis.equations.units import unit_at
 from excite.errors import InputError, RobotError
+from excite.logs.bare_urdf import is_bare
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.scaffold.description import draft
+from excite.robot.scaffold.said import Said
 
 ROBOT, MODEL = "robot.yaml", "robot.urdf"
 _SOURCE = "excite diagnose --apply"
@@ -78,10 +81,9 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
             remedy="diagnose a log of a fixed base",
         )
     changes = diagnosis.changes[len(diagnosis.effects)]
-    urdf = with_bodies(robot.urdf, changes.bodies)
-    content = _description(robot, changes)
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / MODEL, urdf)
+    write_text(folder / MODEL, with_bodies(robot.urdf, changes.bodies))
+    content = _description(robot, changes, folder)
     path = write_text(folder / ROBOT, _text(content))
     try:
         load_robot(path)
@@ -107,9 +109,14 @@ def _text(content: Mapping[str, Any]) -> str:
     return head + str(yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=110))
 
 
-def _description(robot: Robot, changes: RobotChanges) -> dict[str, Any]:
-    """The content of the new ``robot.yaml``."""
+def _description(robot: Robot, changes: RobotChanges, folder: Path) -> dict[str, Any]:
+    """The content of the new ``robot.yaml``, beside its URDF."""
     content = robot.description.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    low, high = robot.limits.position_lower, robot.limits.position_upper
+    rest = np.clip(robot.rest[robot.n_base_q :], low, high)
+    content["posture"]["joints"] = {n: float(v) for n, v in zip(robot.joint_names, rest, strict=True) if v}
+    if is_bare(robot):
+        content |= _first_description(folder / MODEL, robot)
     content["model"] = {
         **content["model"],
         "path": MODEL,
@@ -124,10 +131,21 @@ def _description(robot: Robot, changes: RobotChanges) -> dict[str, Any]:
         if values:
             drives[term] = {"joints": values, "source": _SOURCE}
     content["drives"] = {**drives, "found": True} if drives else {}
-    low, high = robot.limits.position_lower, robot.limits.position_upper
-    rest = np.clip(robot.rest[robot.n_base_q :], low, high)
-    content["posture"]["joints"] = {n: float(v) for n, v in zip(robot.joint_names, rest, strict=True) if v}
     return content
+
+
+def _first_description(urdf: Path, robot: Robot) -> dict[str, Any]:
+    """What a log does not say of a robot that is to move: limits, a servo that carries it, what may touch.
+
+    As ``excite init-robot`` assumes it, which holds for all joints or is left.
+    """
+    try:
+        made = draft(urdf, urdf.parent, np.random.default_rng(0), Said(floating=False))
+    except RobotError:
+        return {}
+    if set(made["controller"]["kp"]["joints"]) != set(robot.joint_names):
+        return {}
+    return {name: made[name] for name in ("title", "posture", "limits", "controller", "collision", "assumed")}
 
 
 def _doubts(diagnosis: Diagnosis) -> list[str]:

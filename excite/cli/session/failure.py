@@ -16,6 +16,7 @@ from typing import Any
 
 import excite
 from excite.atomic import completed
+from excite.cli.session.interruption import document_printed
 from excite.errors import ExciteError, NothingSafeError
 from excite.finding import Finding
 from excite.folders import unwritable
@@ -59,6 +60,7 @@ class Failure:
             print(self.table, flush=True)
         print(f"excite: {self.line or self.message}", file=sys.stderr)
         if as_json:
+            document_printed()
             print(to_json({"error": self.to_json()}))
 
     def to_json(self) -> dict[str, Any]:

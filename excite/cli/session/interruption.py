@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import signal
@@ -9,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 from excite.atomic import discard_unfinished
@@ -24,6 +25,9 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # The signal that arrived, as a file's descriptor would be kept: one process has one.
 _ARRIVED: list[int] = []
 _KEEPING = threading.Event()
+# Whether the one document of ``--json`` was printed; the run and the thread that ends it may both be about to.
+_ANSWERED, _ANSWERING = threading.Event(), threading.Lock()
+_NOTHING_KEPT = "what is complete was left"
 
 
 def handle_signals() -> None:
@@ -51,9 +55,30 @@ def exit_code_of_interruption() -> int:
     return 128 + (_ARRIVED[0] if _ARRIVED else signal.SIGINT)
 
 
-def say_interrupted(kept: str = "what is complete was left") -> None:
+def say_interrupted(kept: str) -> None:
     """The one line that an interrupted run ends with."""
     print(f"excite: interrupted; {kept}", file=sys.stderr, flush=True)
+
+
+def answer_interrupted(code: int) -> None:
+    """What a run ends with that kept nothing: its line, and with ``--json`` a document where none was printed yet."""
+    say_interrupted(_NOTHING_KEPT)
+    with _ANSWERING:
+        if "--json" not in sys.argv or _ANSWERED.is_set():
+            return
+        _ANSWERED.set()
+        nothing = dict.fromkeys(("file", "field", "remedy"))
+        with suppress(OSError):
+            text = json.dumps(
+                {"error": {"code": code, "message": f"interrupted; {_NOTHING_KEPT}", **nothing}}, indent=2
+            )
+            print(text, flush=True)
+
+
+def document_printed() -> None:
+    """Remember that stdout has its one document."""
+    with _ANSWERING:
+        _ANSWERED.set()
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
@@ -85,5 +110,5 @@ def _end_in_time(arrived: int) -> None:
     else:
         time.sleep(_GRACE_S)
     discard_unfinished()
-    say_interrupted()
+    answer_interrupted(128 + number)
     os._exit(128 + number)

@@ -45,7 +45,7 @@ RobotArgument = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="Bundled robot (see `excite robots`) or path to a robot.yaml.",
+        help="Bundled robot (see `excite robots`), or path to a robot.yaml, URDF, xacro or MJCF.",
         autocompletion=robots,
     ),
 ]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import excite
+
 
 def stated_origin(robot: str, log: Path | None, folder: Path) -> dict[str, str]:
     """Where robot and log of a result lie, relative to its folder; of a bundled robot, or the log's own, only the log.
@@ -19,3 +21,10 @@ def stated_origin(robot: str, log: Path | None, folder: Path) -> dict[str, str]:
     if log is not None:
         files["log_file"] = Path(log)
     return {name: Path(os.path.relpath(file.resolve(), here)).as_posix() for name, file in files.items()}
+
+
+def robot_of_log(name: str, file: str, log: Path) -> str | Path:
+    """The robot of a log as a command names it: a bundled name, else the file that the log brings."""
+    if name in excite.bundled_robots():
+        return name
+    return (log if log.is_dir() else log.parent) / file

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from excite.cli.session.interruption import document_printed
 from excite.json_document import to_json, with_origin, write_json
 from excite.progress import Progress as ProgressCallback
 from excite.progress import silent
@@ -19,7 +20,9 @@ EXIT_NEGATIVE = 1
 
 def print_document(document: dict[str, Any]) -> None:
     """Print one JSON document on stdout."""
-    print(to_json(with_origin(document)))
+    text = to_json(with_origin(document))
+    document_printed()
+    print(text)
 
 
 def emit(summary: str, document: dict[str, Any], *, as_json: bool, then: str = "") -> None:

@@ -22,11 +22,11 @@ def typed(arguments: Sequence[str]) -> str:
 def typed_seed(arguments: Sequence[str]) -> int:
     """The seed that the arguments state, 0 where they state none or one that will be refused."""
     seed = "0"
-    for first, second in zip(arguments, [*arguments[1:], ""], strict=True):
-        if first == "--seed":
-            seed = second
-        elif first.startswith("--seed="):
-            seed = first.removeprefix("--seed=")
+    for index, argument in enumerate(arguments):
+        if argument == "--seed":
+            seed = "".join(arguments[index + 1 : index + 2])
+        elif argument.startswith("--seed="):
+            seed = argument.removeprefix("--seed=")
     return int(seed) if seed.isdecimal() else 0
 
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.columns.families import Family, is_measured, of_motor
+from excite.conversion.columns.families import Family, is_measured, of_motor, with_others
+from excite.conversion.columns.joints import name_words
 from excite.conversion.columns.vocabulary import ASIDE, MEASURED
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses
@@ -33,6 +34,9 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             chosen[family.target] = family
             continue
         other = chosen[family.target]
+        if _of_other_joints(family, other):
+            chosen[family.target] = with_others(other, family)
+            continue
         alike = len(family.placed.columns) == len(other.placed.columns)
         side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
         told = _is_aside(family, recording) != _is_aside(other, recording)
@@ -48,6 +52,20 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             f"{family.target} may be {other.columns[0]} … or {family.columns[0]} …",
             f'columns: {{{family.target}: "{_pattern(other)}"}}',
         )
+    _ask_for_measured(found, chosen)
+    _ask_for_set_points(found, chosen)
+    if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
+        # A motion that was planned and has no measured twin.
+        chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
+        found.facts.append(("q", chosen["q"].columns[0], "planned positions: no measured ones are there"))
+    if "tau" not in chosen and "i" not in chosen and "tau_cmd" in chosen:
+        chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
+        found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
+    return chosen
+
+
+def _ask_for_measured(found: Guesses, chosen: dict[str, Family]) -> None:
+    """Ask for measured channels where all that is there was asked of the joints."""
     unmeasured = not {"q", "tau", "i"} & set(chosen)
     if unmeasured and {"q_cmd", "tau_cmd"} <= set(chosen):
         # The torques that a controller asks for are its own model's: identified, they would only give that back.
@@ -58,15 +76,19 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             f'columns: {{q: "{_pattern(q)}"}} and log: {{torque: none}}, or columns: {{q: "{_pattern(q)}", '
             f'tau: "{_pattern(tau)}"}} to take them for measured',
         )
-    _ask_for_set_points(found, chosen)
-    if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
-        # A motion that was planned and has no measured twin.
-        chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
-        found.facts.append(("q", chosen["q"].columns[0], "planned positions: no measured ones are there"))
-    if "tau" not in chosen and "i" not in chosen and "tau_cmd" in chosen:
-        chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
-        found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
-    return chosen
+
+
+def _of_other_joints(family: Family, other: Family) -> bool:
+    """Whether a family holds what another one does, of joints that it lacks, all called by their names.
+
+    A gantry's slides have forces, and its turning axis a torque.
+    """
+    both = [*family.placed.columns.items(), *other.placed.columns.items()]
+    words = [(set(name_words(joint)), set(name_words(column))) for joint, column in both]
+    named = all(ours and ours <= theirs for ours, theirs in words)
+    disjoint = not family.placed.columns.keys() & other.placed.columns.keys()
+    side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
+    return named and disjoint and side and family.quantity == other.quantity
 
 
 def _ask_for_set_points(found: Guesses, chosen: dict[str, Family]) -> None:

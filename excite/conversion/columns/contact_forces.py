@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 from excite.conversion.columns.families import Family
 from excite.conversion.columns.joints import BY_NAME
+from excite.conversion.columns.vocabulary import FORCES
 from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
-
-_FORCES = frozenset("force forces frc kraft".split())
 
 
 def without_contact_forces(found: Guesses, groups: Sequence[Family], machine: Machine) -> list[Family]:
@@ -35,7 +34,7 @@ def _is_force(family: Family) -> bool:
     return (
         family.quantity == "tau"
         and not family.stated
-        and bool(words & _FORCES)
+        and bool(words & FORCES)
         and family.unit in ("", "N", "kN")
         and family.placed.because != BY_NAME
     )

@@ -108,12 +108,13 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
 def _across_streams(found: Sequence[Family]) -> list[Family]:
     """The families, those of other joints put together: a topic or file a joint, or one for the arm and one for a hand.
 
-    Joints have to be known by their names: numbers begin anew in each stream.
+    Joints have to be known by their names: numbers begin anew in each stream. What a lift's force is called, and its
+    unit, differ from the torques beside it; which column has which unit is told one by one.
     """
-    merged: dict[tuple[str, str, str, str, bool], Family] = {}
+    merged: dict[tuple[str, str, str, bool], Family] = {}
     others: list[Family] = []
     for family in found:
-        key = (family.target, family.quantity, family.stem, family.unit, family.stated)
+        key = (family.target, family.quantity, family.stem, family.stated)
         before = merged.get(key)
         by_name = family.placed.because == _BY_NAME and family.target != ""
         if before is None and by_name:
@@ -121,12 +122,20 @@ def _across_streams(found: Sequence[Family]) -> list[Family]:
         elif before is None or not by_name or before.placed.columns.keys() & family.placed.columns.keys():
             others.append(family)
         else:
-            both = before.placed.columns | family.placed.columns
-            left = before.placed.left_over + family.placed.left_over
-            merged[key] = replace(
-                before, placed=Placed(both, _BY_NAME, left), columns=before.columns + family.columns
-            )
+            merged[key] = with_others(before, family)
     return [*merged.values(), *others]
+
+
+def with_others(family: Family, more: Family) -> Family:
+    """A family with the columns of another one, of other joints; joints of both are known by their names."""
+    both = family.placed.columns | more.placed.columns
+    left = family.placed.left_over + more.placed.left_over
+    return replace(
+        family,
+        placed=Placed(both, _BY_NAME, left),
+        columns=family.columns + more.columns,
+        unit=family.unit if family.unit == more.unit else "",
+    )
 
 
 def _one_machine_each(

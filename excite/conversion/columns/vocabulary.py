@@ -67,6 +67,8 @@ MEASURED = frozenset(
     # Msr and Msrd are what KUKA's Sunrise records as measured.
     "present raw sensor est mes msr msrd messwert gemessen applied ai qin tauin alphain".split()
 )
+# What drives a joint that slides, or presses on a foot or a tool.
+FORCES = frozenset("force forces frc kraft".split())
 # Words of what is measured that name the message rather than the signal: ``state.q_d`` is the desired position in it.
 OF_MESSAGE = frozenset("state obs observation".split())
 # Words of topics and tables whose signals are beside what was measured at the joints.

@@ -6,6 +6,7 @@ import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, UNITS
 from excite.conversion.columns.vocabulary import (
@@ -120,10 +121,19 @@ def _without_joint(name: str, joints: Sequence[str]) -> tuple[str, str]:
         key = joint.lower()
         if len(key) < 2:
             continue
-        match = re.search(rf"(?<![a-z0-9]){re.escape(key)}(?![0-9])", low)
+        match = re.search(rf"(?<![a-z0-9]){_spelt(key)}(?![0-9])", low)
         if match:
             return joint, f"{name[: match.start()]} {name[match.end() :]}"
     return "", name
+
+
+@cache
+def _spelt(joint: str) -> str:
+    """A pattern of a joint's name with its words parted in any way: ``Shoulder Pitch``, ``ShoulderPitch``.
+
+    Numbers stay as they are written: another program's may be counted from another one.
+    """
+    return re.sub(r"(?<=[a-z])(?:[_ ]|\\-)(?=[a-z])", "[-_ ]?", re.escape(joint).replace("\\ ", " "))
 
 
 def name_tokens(text: str) -> list[str]:

@@ -15,8 +15,8 @@ from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.diagnosis.answer.rollout_path import RolloutPath
 from excite.diagnosis.answer.tables import (
     baseline_lines,
+    budget_lines,
     budget_rows,
-    budget_table,
     candidate_row,
     effect_table,
     fault_entry,
@@ -202,13 +202,13 @@ class Diagnosis(Tabled):
         """The one sentence that a person would repeat to a colleague."""
         gap = f"{percent(self.gap.before)} of the signal"
         closes = f"closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
+        # A body that is heavier than in the file has been taken up then, and is no gap.
+        fitted = ", its bodies fitted to the record," if "rigid_body" in self.modelled else ""
         if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
-            return f"{self.robot}: the model explains the record to its noise floor ({gap})."
+            return f"{self.robot}: the model{fitted} explains the record to its noise floor ({gap})."
         if self.verdict == "none":
             floor = percent(self.gap.noise_floor)
-            return (
-                f"{self.robot}: the model leaves {gap}, the noise {floor}; no effect stands out in between."
-            )
+            return f"{self.robot}: the model{fitted} leaves {gap}, the noise {floor}; no effect stands out in between."
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
             there = [item for item in self.where if item.channel == place]
@@ -230,7 +230,7 @@ class Diagnosis(Tabled):
         lines += [*gap_table(self.gap, self.where), *baseline_lines(self.modelled)]
         lines += ["", *effect_table(self.effects, self.candidates, self.ambiguous_with)]
         if self.budget is not None:
-            lines += ["", self.budget.sentence(), *budget_table(self.budget)]
+            lines += ["", *budget_lines(self.budget, self.gap, self.modelled)]
         lines += trivial_table(self.trivial)
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]

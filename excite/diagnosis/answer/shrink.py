@@ -27,7 +27,8 @@ def gap_of(
         before: ``(n_joints, n_rows)`` residual of the baseline [N·m].
         after: the same with the effects.
         floor: ``(n_joints,)`` noise floor [N·m].
-        scale: ``(n_joints,)`` standard deviation of the torques in the identification trials [N·m].
+        scale: ``(n_joints,)`` standard deviation of the torques in the identification trials [N·m]; infinite for
+            channels that the whole leaves out.
         rng: random numbers of the bootstrap.
 
     Returns:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.answer.budget import Budget, left_elsewhere
 from excite.diagnosis.answer.candidate import Candidate, in_words, measured
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.trivial import TrivialErrors
@@ -42,11 +42,21 @@ def gap_table(gap: Gap, where: Sequence[Where]) -> list[str]:
     return [*lines, f"{'all':{width}}  {total}  (of the signal)"]
 
 
-def budget_table(budget: Budget) -> list[str]:
+def budget_lines(budget: Budget, gap: Gap, modelled: Sequence[str]) -> list[str]:
+    """The budget in one sentence and as a table, and why the gap by channel lies elsewhere, where it does."""
+    excess = {name: item.before / max(item.noise_floor, 1e-300) for name, item in gap.per_channel.items()}
+    said = left_elsewhere(excess, budget.weights) if "rigid_body" in modelled else ""
+    return [budget.sentence(), *_budget_table(budget), *([f"({said})"] if said else [])]
+
+
+def _budget_table(budget: Budget) -> list[str]:
     """Lines with what takes which share of each channel's gap, and the rest."""
     width = max([len(name) for name in budget.channels] + [7])
     lines = [f"{'channel':{width}}  share  90 %        of the gap above the noise"]
     for name, channel in budget.channels.items():
+        if channel.weight == 0.0 and not channel.effects and not channel.unnamed:
+            lines.append(f"{name:{width}}  {'–':>5}  {'':10}  nothing stands above its noise")
+            continue
         for item in channel.effects:
             low, high = (100 * bound for bound in item.interval90)
             what = in_words(item.effect, item.location)

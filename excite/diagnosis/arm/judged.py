@@ -15,10 +15,12 @@ from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.budget.between_trials import sizes_by_trial
 from excite.diagnosis.budget.library import NAMELESS
+from excite.diagnosis.budget.loaded_trials import part_time_payload, trials_that_carry
 from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.record import begun_baseline, model_of_gap
+from excite.diagnosis.budget.record import begun_baseline, model_of_gap, rows_of
 from excite.diagnosis.budget.same_machine import other_machine
 from excite.diagnosis.budget.unison import unison
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
@@ -28,6 +30,7 @@ from excite.diagnosis.equations.known_motion import bands_by_noise
 from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.standing_joints import stands_throughout, with_held
 from excite.finding import Finding
 
 
@@ -74,18 +77,29 @@ def judged_record(record: TorqueRecord) -> Judged:
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     spectral = np.hypot(spectral, np.sqrt(((noise * baseline.strict) ** 2).mean(axis=1)))
     tau = samples.rows([t.measured for t in samples.trials])[samples.identification]
-    scale = np.maximum(tau.std(axis=0), 1e-9)
+    # A joint that stands throughout leaves what holds it, in units of next to no torque: no part of the whole gap.
+    scale = np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
     together = unison(full)
     # On one path any list of effects could stand for any other.
     effects = record.effects if together is None else _own_terms(record.effects)
+    if together is None and (loaded := _loaded(full, least)) is not None:
+        effects = (*effects, loaded)
     found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least, sigma)
-    budget = budget_of(found, spectral, scale)
     model, context = found.search.model, found.prediction.context
+    spectral = with_held(samples, model.residual, spectral)
+    budget = budget_of(found, spectral, scale)
     said = (*(() if together is None else (together,)), *other_machine(model))
     said = (*said, *sizes_by_trial(model, context, found.baseline.strict, spectral))
     scorer = Scorer(baseline, spectral, unrepeated(samples, noise * baseline.strict), scale)
     attribution, judgement = Reading(found, budget, scorer).verdict()
+    named = ((item.hypothesis.effect, item.location) for item in attribution.accepted)
+    said = (*said, *trials_that_carry(named))
     return Judged(samples, baseline, spectral, noise, attribution, judgement, budget, said)
+
+
+def _loaded(full: Baseline, floor: Array) -> Effect | None:
+    """The body that some trials have and others do not, told beside all that the model begins with."""
+    return part_time_payload(Context(full), rows_of(full, full.modelled, floor), full.strict)
 
 
 def _own_terms(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:

@@ -65,7 +65,8 @@ class Attribution:
         after: fit with all accepted effects.
         final: the baseline with them.
         floor: ``(n_joints,)`` noise floor after them [N·m].
-        scale: ``(n_joints,)`` standard deviation of each torque in the identification trials [N·m].
+        scale: ``(n_joints,)`` standard deviation of each torque in the identification trials [N·m];
+            infinite where the joint stands throughout.
         stranger: what explains the rest better than any effect that has a name, and has none itself.
     """
 

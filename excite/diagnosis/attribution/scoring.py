@@ -23,7 +23,8 @@ class Scorer:
         baseline: the baseline without any effect.
         spectral: ``(n_joints,)`` spectral noise floor [N·m].
         unrepeated: ``(n_joints,)`` power of noise in all trials less that in repeated ones [(N·m)²].
-        scale: ``(n_joints,)`` standard deviation of each torque in the identification trials [N·m].
+        scale: ``(n_joints,)`` standard deviation of each torque in the identification trials [N·m];
+            infinite where the joint stands throughout.
     """
 
     baseline: Baseline

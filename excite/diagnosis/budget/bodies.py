@@ -67,7 +67,7 @@ def bodies_again(search: Search, maker: TermMaker) -> Search:
     another, and the body what was left.
     """
     made = _anew(search, maker)
-    links = {term.location: term for term in search.design.terms if term.effect.is_body}
+    links = {(term.location, term.effect): term for term in search.design.terms if term.effect.is_body}
     for like in links.values():
         chosen = made.model.chosen
         bodies = [k for k in chosen if made.design.terms[k].effect.is_body]

@@ -16,6 +16,7 @@ from excite.diagnosis.effects.forces.end_stop import EndStop
 from excite.diagnosis.equations.friction_sign import SignChange
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, OwnTerm, own_rows
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.standing_joints import stands_throughout
 
 # Physics without a name: where it says more than what has one, the gap is unknown, and follows what it follows.
 NAMELESS: tuple[Effect, ...] = (EndStop(),)
@@ -47,8 +48,9 @@ class Library:
         missing = [term for term in _BEGUN if not term.asked(self.modelled)]
         named = {id(effect.term): effect for effect in self.effects if effect.term is not None}
         made = []
+        stands = stands_throughout(base.samples)
         for j, joint in enumerate(maker.context.joints):
-            for term in missing:
+            for term in () if stands[j] else missing:
                 effect = named[id(term)]
                 theta: Theta = ()
                 if term is COULOMB:
@@ -86,10 +88,14 @@ class Library:
 
     def _places(self, context: Context) -> Iterable[tuple[Effect, str, Theta]]:
         full = with_begun(self.modelled)
+        # What a drive does in motion cannot be told of one that stands, and friction holds it with any constant.
+        stands = {context.joints[j] for j in np.flatnonzero(stands_throughout(context.baseline.samples))}
         for effect in self.effects:
             if effect.is_body or not effect.offered(full):
                 continue
             for place in effect.locations(context):
+                if effect.own_joint and place in stands:
+                    continue
                 if effect.by_load and not loaded(context, place):
                     continue
                 for form in (effect, *effect.forms, *(f for f in effect.richer if f.seen_alone)):

@@ -149,8 +149,10 @@ def refined_terms(
         near += [terms[tried.index] for tried in search.rivals.get(k, ())]
         if term.effect.is_body:
             made = bodies_at(library.bodies(own.context), beside, own)
-            kept.append(next((t for t in made if t.key == term.key), term))
-            near += [t for t in made if t.key != term.key]
+            # A body of some trials and one of all have the same name.
+            same = [t.key == term.key and t.effect is term.effect for t in made]
+            kept.append(next((t for t, it in zip(made, same, strict=True) if it), term))
+            near += [t for t, it in zip(made, same, strict=True) if not it]
             continue
         again = own.again(term) or term
         if not (term.theta or term.effect.richer):

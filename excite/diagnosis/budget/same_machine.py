@@ -21,7 +21,8 @@ def other_machine(model: Model) -> tuple[Finding, ...]:
     """Terms whose sizes in the trials that judge are others than in those that were learnt from.
 
     All else in the model is kept as it was learnt. A difference counts where blocks on both sides agree that it is
-    there, and it is a good part of the size itself.
+    there, it is a good part of the size itself, and without it as much more is left of the joints that feel the term as
+    an effect has to be missed by: a friction of next to nothing may differ by all of itself.
 
     Args:
         model: the model of the gap.
@@ -45,7 +46,7 @@ def other_machine(model: Model) -> tuple[Finding, ...]:
         change = there[where] - here[where]
         clear = np.abs(change) > THRESHOLDS.differs * both[where]
         large = np.linalg.norm(change) > _LARGE * np.linalg.norm(here[where])
-        if not (clear.any() and large):
+        if not (clear.any() and large) or _missed(model, k, change) < THRESHOLDS.trifle:
             continue
         old, new = term.beta(here[where]), term.beta(there[where])
         names = [p.name for p in term.effect.linear]
@@ -69,6 +70,16 @@ def other_machine(model: Model) -> tuple[Finding, ...]:
             )
         )
     return tuple(made)
+
+
+def _missed(model: Model, k: int, change: Array) -> float:
+    """Power that a change of a term's size makes in the trials that judge, as a share of what is left there."""
+    grams, at = model.design.judged, model.design.place[k]
+    left = (model.power(grams) * grams.count[:, None]).sum(axis=0)
+    made = sum(
+        float(model.weight[j] * (change @ grams.total[j][np.ix_(c, c)] @ change)) for j, c in at.items()
+    )
+    return made / max(sum(float(model.weight[j] * left[j]) for j in at), 1e-300)
 
 
 def _refits(model: Model) -> tuple[Array, Array] | None:

@@ -19,6 +19,7 @@ class Beyond(StrEnum):
     CHANNEL = "a motor has one filter and no delay"
     READING = "the servo and the log read a joint's position alike"
     START = "where a gear stands when a roll-out begins is part of the state"
+    SOME_TRIALS = "it is there in some trials alone"
     NO_FORM = "no form is given"
 
 

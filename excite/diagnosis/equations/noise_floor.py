@@ -42,17 +42,20 @@ def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
     """From the lowest of the densities in several bands, given in multiples of the rows' band."""
     rate = samples.rate_hz
     width = noise_bandwidth(rate, samples.bands.rows_hz)
+    high = [min(most * samples.bands.rows_hz, 0.45 * rate) for _, most in bands]
+    low = [min(least * samples.bands.rows_hz, 0.7 * top) for (least, _), top in zip(bands, high, strict=True)]
+    # Each band holds two frequencies of the spectrum of half a stretch.
+    needed = 4.0 * rate / min(top - bottom for bottom, top in zip(low, high, strict=True))
     floors = []
-    for j in range(len(samples.joints)):
+    for j, column in enumerate(samples.index):
         densities = []
         for trial in samples.trials:
-            for tau in _stretches(trial, j):
+            still = np.abs(trial.v[:, column]) < samples.standstill[j]
+            for tau in _stretches(trial, j, still, max(_SHORTEST, int(needed) + 1)):
                 f, p = welch(np.diff(tau), rate, min(256, len(tau) // 2), median=True)
                 found = []
-                for least, most in bands:
-                    high = min(most * samples.bands.rows_hz, 0.45 * rate)
-                    low = min(least * samples.bands.rows_hz, 0.7 * high)
-                    band = (f > low) & (f < high)
+                for bottom, top in zip(low, high, strict=True):
+                    band = (f > bottom) & (f < top)
                     found.append(float(np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / rate)) ** 2)))
                 densities.append(found)
         density = float(np.median(densities, axis=0).min())
@@ -60,18 +63,37 @@ def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
     return np.maximum(np.array(floors), 1e-9)
 
 
-def _stretches(trial: ArmTrial, joint: int) -> list[Array]:
-    """Torques of a joint in the stretches in which they were measured, those that are long enough or the longest."""
+def _stretches(trial: ArmTrial, joint: int, still: NDArray[np.bool_], least: int) -> list[Array]:
+    """Torques of a joint in the stretches in which it moves and they were measured, those that are long enough.
+
+    A motor at rest is quiet: its controller sees no noise of velocities, and rows at rest are hardly judged. Where no
+    stretch of motion tells a spectrum, those in which torques were measured do, or the trial.
+
+    Args:
+        trial: the trial.
+        joint: its column.
+        still: ``(n,)`` where the joint may as well stand.
+        least: samples that tell a spectrum.
+    """
     tau = trial.tau[:, joint]
-    if trial.beyond is None or not trial.beyond[:, joint].any():
-        return [tau]
-    lost = trial.beyond[:, joint]
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], lost, [True]]).astype(np.int8)))
-    runs = [tau[first:last] for first, last in zip(edges[::2], edges[1::2], strict=True)]
-    longest = max((len(run) for run in runs), default=0)
-    if longest < _SHORTEST:
-        return [tau]
-    return [run for run in runs if len(run) >= min(longest, _LONG)]
+    told = np.ones(len(tau), dtype=np.bool_) if trial.beyond is None else ~trial.beyond[:, joint]
+    moving = told.copy()
+    for first, last in _runs(still):
+        # What is shorter is no rest but a turn of the motion, where friction jumps.
+        if last - first >= least:
+            moving[first:last] = False
+    for use in (moving, told):
+        runs = [tau[first:last] for first, last in _runs(use)]
+        longest = max((len(run) for run in runs), default=0)
+        if longest >= least:
+            return [run for run in runs if len(run) >= min(least if use is moving else longest, _LONG)]
+    return [tau]
+
+
+def _runs(use: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Stretches of samples that are used, first and one past the last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], use, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:

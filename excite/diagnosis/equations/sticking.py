@@ -39,13 +39,17 @@ def slipping(samples: ArmSamples) -> Array:
     One number where all motors on the joint surely slip, another, next to nothing, where one of them may stick; 1
     throughout for a joint that never surely slips.
     """
-    slips = np.column_stack([_surely_slips(samples, motor) for motor in range(len(samples.joints))])
-    made = np.ones(slips.shape)
-    for j in range(slips.shape[1]):
-        free = slips[:, list(samples.motors(j))].all(axis=1)
+    made = np.ones((len(samples.starts), len(samples.joints)))
+    for j in samples.sticking:
+        free = surely_slips(samples, j)
         if free.any():
             made[~free, j] = _STUCK
     return made / np.sqrt((made**2).mean(axis=0))
+
+
+def surely_slips(samples: ArmSamples, joint: int) -> NDArray[np.bool_]:
+    """Where all motors on a joint turn, ``(n_samples,)``."""
+    return np.asarray(np.all([_surely_slips(samples, motor) for motor in samples.motors(joint)], axis=0))
 
 
 def _surely_slips(samples: ArmSamples, motor: int) -> NDArray[np.bool_]:

@@ -16,6 +16,8 @@ from excite.doctor.torque_samples import TorqueSamples
 # Inertias off by some tenths look like a clock off by half as much: less is not told by the torques.
 _LEAST = 1.12
 _TICKS = np.geomspace(0.1, 10.0, 41)
+# A best clock this near to the slowest that is tried asks for a slower one still: inertial forces are not there at all.
+_NEVER = 0.9 * _TICKS[-1]
 
 
 class Clock(Mistake[TorqueSamples]):
@@ -58,21 +60,32 @@ class Clock(Mistake[TorqueSamples]):
             text += f", {stated:.4g} s by rate_hz"
             yield Correction(self.name, replace(reading, tick=stated), text, ("time",), {"tick": stated})
             return
+        ask = (
+            f"the stamps are believed; if they are wrong, scale them (scale: {{time: {best:.3g}}} in map.yaml) and "
+            "correct rate_hz; if the torques are commands, leave them out (log: {torque: none})"
+        )
         but = (
             "logged velocities agree with the stamps, and torques that are a controller's commands look so, too"
             if samples.speeds
             else "nothing but the torques says so, and wrong inertias or a controller's commands look so, too"
         )
+        text = f"{text}; {but}"
+        if best > _NEVER:
+            text = (
+                "the torques carry weight alone, and none of the inertial forces of this motion: what moves the robot "
+                "is not in them, as where a person guides it by hand, or they are a gravity compensation's commands"
+            )
+            ask = (
+                "record motion under the robot's own controller, with measured torques; if these are commands, leave "
+                "them out (log: {torque: none})"
+            )
         yield Correction(
             self.name,
             replace(reading, tick=best),
-            f"{text}; {but}",
+            text,
             ("time",),
             {"tick": best},
-            ask=(
-                f"the stamps are believed; if they are wrong, scale them (scale: {{time: {best:.3g}}} in map.yaml) and "
-                "correct rate_hz; if the torques are commands, leave them out (log: {torque: none})"
-            ),
+            ask=ask,
             as_logged=lambda read: replace(read, tick=1.0),
             certain=False,
         )

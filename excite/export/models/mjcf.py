@@ -17,6 +17,7 @@ from excite.export.models.mjcf_bodies import difference, segment_bodies
 from excite.export.models.mjcf_compiled import compiled
 from excite.export.models.mjcf_template import read_template, template_names
 from excite.export.models.parameters import Found
+from excite.export.models.servos import with_servos
 from excite.export.models.urdf import TOLERANCE
 from excite.export.models.verification import mujoco_error
 from excite.export.models.written import WrittenModel
@@ -66,9 +67,10 @@ def write_mjcf(
     """
     changed = changed_segments(robot, identification, force=False)
     ten = identification.parameters.reshape(-1, 10)
-    friction = identified_drives(robot, identification) if drives else nominal_drives(robot)
     if template is None:
-        content = exact_text(build_spec(robot, identification.parameters, friction, World()))
+        moving = with_servos(robot)
+        friction = identified_drives(moving, identification) if drives else nominal_drives(moving)
+        content = exact_text(build_spec(moving, identification.parameters, friction, World()))
         links = tuple(robot.segments[k].link for k in changed)
         model, names_here = compiled(content, None), template_names(robot, {})
         error = mujoco_error(robot, model, names_here, identification.parameters)

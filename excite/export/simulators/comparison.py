@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.equations.units import unit_at
 from excite.export.simulators.subject import JOINT_TERMS, Subject
 from excite.identification.inertia import central_inertia_matrices
 
@@ -69,7 +70,7 @@ def changes(subject: Subject) -> tuple[Change, ...]:
     for term, unit in JOINT_TERMS.items():
         declared, found = getattr(subject.declared, term), subject.term(term)
         rows += [
-            Change(joint, term, unit, float(old), float(new))
+            Change(joint, term, unit_at(subject.robot, joint, unit), float(old), float(new))
             for joint, old, new in zip(subject.robot.joint_names, declared, found, strict=True)
             if np.isfinite(new)
         ]

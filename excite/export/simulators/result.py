@@ -14,6 +14,7 @@ from excite.documents.document import read_document, schema_of
 from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
 from excite.export.models.parameters import Found, ModelParameters
+from excite.export.models.servos import with_servos
 from excite.export.simulators.diagnosed import diagnosed, parameters_of
 from excite.export.simulators.subject import Lost, Subject
 from excite.identification.identified_parameters import IdentifiedParameters
@@ -84,7 +85,7 @@ def read_subject(
     if document is None:
         raise InputError("holds no identification", source=file, field="identification", remedy=_AGAIN)
     name = robot or _named(document, file)
-    loaded = _robot(name, document, file)
+    loaded = with_servos(_robot(name, document, file))
     if template is None and Path(name).is_file() and is_mjcf(Path(name)):
         template = Path(name)
     beyond: tuple[Lost, ...] = ()

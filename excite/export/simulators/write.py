@@ -11,14 +11,17 @@ from typing import Any
 
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.export.models.bodies import InconsistentModelError
+from excite.export.models.servos import ASSUMED
 from excite.export.simulators.comparison import Change, changes, changes_csv
 from excite.export.simulators.lost import lost_in
+from excite.export.simulators.model_format import ModelFormat
 from excite.export.simulators.proof import Proof, prove
 from excite.export.simulators.registry import MODEL_FORMATS
 from excite.export.simulators.result import subject_of
-from excite.export.simulators.subject import Lost
+from excite.export.simulators.subject import Lost, Subject
 from excite.identification.result import Identification
 from excite.json_document import write_json
+from excite.logs.bare_urdf import is_bare
 from excite.robot.robot import Robot
 from excite.shown import Row, Tabled
 
@@ -130,7 +133,7 @@ def write_simulator_model(
         tuple(rendered.files),
         changes(subject),
         lost_in(model_format, subject),
-        (*rendered.notes, *_off(proof, model_format.tolerance)),
+        (*rendered.notes, *_off(proof, model_format.tolerance), *_servos(model_format, subject)),
         proof,
     )
     with all_or_nothing():
@@ -140,6 +143,10 @@ def write_simulator_model(
         write_text(folder / LOST, _lost_csv(written.lost))
         write_json(written.to_json(), folder / DOCUMENT)
     return written
+
+
+def _servos(model_format: ModelFormat, subject: Subject) -> list[str]:
+    return [ASSUMED] if is_bare(subject.robot) and "kp" in model_format.servo(subject) else []
 
 
 def _off(proof: Proof, tolerance: float) -> list[str]:

@@ -1,5 +1,7 @@
 // A robot in motion: bodies, balance, contact, the nearest pair of bodies, margins; with a ghost where there is one.
 "use strict";
+// Units of joints that slide in place of those of joints that turn.
+const OF_SLIDES = { "rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "N·m": "N" };
 class Replay {
   constructor(holder) {
     this.holder = holder;
@@ -292,11 +294,12 @@ class Replay {
     for (const bar of this.bars) {
       const value = bar.margin.values[frame];
       const good = value >= bar.margin.required;
-      bar.value.textContent = excite.number(value) + " " + bar.margin.unit + (good ? "" : " ✗");
+      const place = bar.margin.places[bar.margin.where[frame]] || "";
+      bar.value.textContent = excite.number(value) + " " + this.unitAt(bar.margin.unit, place) + (good ? "" : " ✗");
       bar.value.classList.toggle("bad", !good);
       bar.fill.style.width = (100 * Math.min(1, Math.max(0, value / bar.most)) || 0) + "%";
       bar.fill.style.background = good ? "var(--identified)" : "var(--bad)";
-      bar.where.textContent = bar.margin.places[bar.margin.where[frame]] || "";
+      bar.where.textContent = place;
     }
     this.scrub.value = this.clock;
     this.stamp.textContent = this.clock.toFixed(2) + " s";
@@ -456,6 +459,13 @@ class Replay {
     });
   }
 
+  // The unit of a joint's quantity: lengths and forces where it slides. Other places keep theirs.
+  unitAt(unit, name) {
+    const joint = this.robot.joints.find((one) => one.name === name);
+    const slides = joint && joint.slide && joint.slide.some((part) => part !== 0);
+    return slides ? OF_SLIDES[unit] || unit : unit;
+  }
+
   // Margins and the signals of one joint against its limits, under one cursor.
   drawPlots() {
     for (const plot of this.drawn || []) {
@@ -485,9 +495,10 @@ class Replay {
       this.plots.append(excite.make("h3", "", "Margins over time"));
       this.plots.append(grid);
       for (const margin of track.margins) {
+        const unit = [...new Set(margin.places.map((place) => this.unitAt(margin.unit, place)))].join(" or ") || margin.unit;
         add(grid, {
-          title: margin.title + ", to the nearest limit [" + margin.unit + "]",
-          unit: margin.unit,
+          title: margin.title + ", to the nearest limit [" + unit + "]",
+          unit,
           height: 150,
           series: [{ label: "margin", role: "identified", values: margin.values }],
           lines: [{ label: "required", value: margin.required }],
@@ -515,14 +526,15 @@ class Replay {
       }
       signals.replaceChildren();
       const joint = Number(choice.value);
+      const unitOf = (signal) => this.unitAt(signal.unit, choice.selectedOptions[0].textContent);
       if (first.other) {
-        add(signals, { title: first.otherLabel + " less " + first.label + " [" + first.unit + "]", unit: first.unit, height: 150, series: [{ label: "difference", role: "nominal", values: apart[joint] }] });
+        add(signals, { title: first.otherLabel + " less " + first.label + " [" + unitOf(first) + "]", unit: unitOf(first), height: 150, series: [{ label: "difference", role: "nominal", values: apart[joint] }] });
       }
       for (const signal of track.signals) {
         const lines = (signal.limits ? signal.limits[joint] : []).filter((limit) => limit !== null);
         const series = [{ label: signal.label || "motion", role: "identified", values: signal.values[joint] }];
         if (signal.other) series.push({ label: signal.otherLabel, role: "nominal", dash: [5, 3], values: signal.other[joint] });
-        add(signals, { title: signal.title + " [" + signal.unit + "]", unit: signal.unit, height: 150, series, lines: lines.map((value) => ({ label: "limit", value })) });
+        add(signals, { title: signal.title + " [" + unitOf(signal) + "]", unit: unitOf(signal), height: 150, series, lines: lines.map((value) => ({ label: "limit", value })) });
       }
     };
     choice.addEventListener("change", showJoint);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.report.conclusions.result import Conclusion, log_words
+from excite.report.conclusions.result import Conclusion, log_words, measures_forces, robot_of_log
 from excite.report.folder import Document, Findings
 from excite.report.plots.forces import channel_label
 
@@ -20,6 +20,10 @@ def of_diagnosis(found: Document, findings: Findings) -> Conclusion:
     """Of ``diagnosis.json``."""
     sentence = found["sentence"] or f"{found['robot'] or 'a robot'}: {VERDICTS[found['verdict']]}."
     verdict, following = found["verdict"], found["next_experiment"]
+    if verdict == "none" and "rigid_body" in found["modelled"] and measures_forces(findings):
+        command = ("identify", robot_of_log(found, findings), log_words(found, findings), "--out", "result")
+        purpose = "see how far these bodies are from the file's"
+        return Conclusion(sentence + " Nothing beyond that needs to be corrected.", True, command, purpose)
     if verdict == "none":
         return Conclusion(sentence + " The model is good enough for what this record shows.", True)
     if verdict == "effect":

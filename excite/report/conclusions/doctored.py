@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-
-from excite.report.conclusions.result import Conclusion, count, log_words, robot_name
+from excite.report.conclusions.result import Conclusion, count, log_words, measures_forces, robot_of_log
 from excite.report.folder import Document, Findings
-from excite.robot.catalogue import bundled_robots
 
 _SPOILS = {"fatal", "spoils"}
 
@@ -38,28 +35,13 @@ def of_doctor(found: Document, findings: Findings) -> Conclusion:
     if not found["findings"]:
         verdict = "Nothing wrong was found in the log"
     source = found["repaired"] or log
-    if not _has_forces(findings):
+    if not measures_forces(findings):
         return Conclusion(
             f"{verdict}{also}.", True, ("diagnose", source, "--out", "diagnosis"), "diagnose it"
         )
-    command = ("identify", _robot(found, findings), source, "--out", "result")
+    command = ("identify", robot_of_log(found, findings), source, "--out", "result")
     return Conclusion(f"{verdict}{also}.", True, command, "identify from it")
 
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def _has_forces(findings: Findings) -> bool:
-    """Whether anything can be identified from the log: of a fixed base not from commands alone."""
-    header = None if findings.record is None else findings.record.log.header
-    return header is None or header.free_base or header.torque != "none"
-
-
-def _robot(found: Document, findings: Findings) -> str:
-    """The robot as a command takes it: the file that was given, a bundled name, else the file beside the log."""
-    if found["robot_file"]:
-        return os.path.normpath(findings.folder / found["robot_file"])
-    if found["robot"] in bundled_robots() or findings.record is None:
-        return robot_name(findings)
-    return os.path.join(log_words(found, findings), findings.record.log.header.robot)

@@ -45,6 +45,15 @@ def of_identification(found: Document, findings: Findings) -> Conclusion:
         command = ("diagnose", log_words(found, findings), "--out", "diagnosis")
         return Conclusion(f"{said}, but {why}.", False, command, "see what the model lacks")
     single = f", though {single}" if vague else ""
+    if any(finding["kind"] == "extension" for finding in found["findings"]):
+        more = "more than bodies and friction is in the torques"
+        command = ("diagnose", log_words(found, findings), "--out", "diagnosis")
+        return Conclusion(
+            f"{said}: good enough to predict motions like these{single}; but {more}.",
+            True,
+            command,
+            "see what it is",
+        )
     return Conclusion(f"{said}: good enough to predict motions like these{single}.", True, *taken(findings))
 
 

@@ -7,6 +7,7 @@ import shlex
 from dataclasses import dataclass
 
 from excite.report.folder import Document, Findings
+from excite.robot.catalogue import bundled_robots
 
 # Named worst offenders in a sentence.
 NAMED = 3
@@ -33,6 +34,21 @@ def log_words(found: Document, findings: Findings) -> str:
     """The log of a result, as a command takes it."""
     stated = found.get("log_file")
     return os.path.normpath(findings.folder / stated) if stated else "LOG"
+
+
+def measures_forces(findings: Findings) -> bool:
+    """Whether anything can be identified from the log: of a fixed base not from commands alone."""
+    header = None if findings.record is None else findings.record.log.header
+    return header is None or header.free_base or header.torque != "none"
+
+
+def robot_of_log(found: Document, findings: Findings) -> str:
+    """The robot of a log as a command takes it: the file that was given, a bundled name, else the log's own."""
+    if found["robot_file"]:
+        return os.path.normpath(findings.folder / found["robot_file"])
+    if found["robot"] in bundled_robots() or findings.record is None:
+        return str(found["robot"] or "ROBOT")
+    return os.path.join(log_words(found, findings), findings.record.log.header.robot)
 
 
 def robot_words(findings: Findings) -> str:

@@ -48,9 +48,15 @@ class Motions(Section):
         )
         rejected = findings.plan["candidates"]["rejected"]
         reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
-        refused = folded(
-            f"{sum(rejected.values())} rejected candidates, by reason",
-            table(("reason", "candidates"), [(reason.replace("_", " "), count) for reason, count in reasons]),
+        refused = (
+            folded(
+                f"{sum(rejected.values())} rejected candidates, by reason",
+                table(
+                    ("reason", "candidates"), [(reason.replace("_", " "), count) for reason, count in reasons]
+                ),
+            )
+            if rejected
+            else ""
         )
         lead = "These motions excite the segments best, and every one of them passed the checks."
         return section(self.identifier, self.title, lead, *_figures(findings), listing, refused)

@@ -47,7 +47,12 @@ def _check(findings: Findings) -> Iterator[str]:
 def _conditioning(findings: Findings) -> Iterator[str]:
     change = findings.data.conditioning
     planned = (findings.plan or {}).get("conditioning")
-    if change is not None:
+    if change is not None and change.full_after == change.full_before:
+        label = (
+            f"condition number of the base columns, of {change.before_label} and {change.after_label} alike"
+        )
+        yield tile(number(change.full_after), label)
+    elif change is not None:
         label = f"condition number of the base columns: {change.before_label} → {change.after_label}"
         if change.full_after > change.full_before:
             # Motions are chosen for single segments: the whole may come out a little worse.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
 
-from excite.diagnosis.answer.budget import NOT_REPEATED
+from excite.diagnosis.answer.budget import NOT_REPEATED, left_elsewhere
 from excite.report.folder import Document, Findings
 from excite.report.html import folded, number, paragraph, section
 from excite.report.plots.forces import channel_label
@@ -58,9 +58,8 @@ class BudgetByChannel(Section):
             "instant counts."
         )
         rest = folded(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small) if small else ""
-        return section(
-            self.identifier, self.title, lead, paragraph(how), _beside(found, order), _legend(), large, rest
-        )
+        beside = _beside(found, order) + _elsewhere(found)
+        return section(self.identifier, self.title, lead, paragraph(how), beside, _legend(), large, rest)
 
 
 def _channel(name: str, channel: Document) -> str:
@@ -162,6 +161,16 @@ def _beside(found: Document, order: list[tuple[str, Document]]) -> str:
         "effects that stand clear leave of all rows, each joint by its own signal.",
         "note",
     )
+
+
+def _elsewhere(found: Document) -> str:
+    """Why the gap by channel lies at another joint, where it does."""
+    if "rigid_body" not in found["modelled"]:
+        return ""
+    gaps, budget = found["gap"]["per_channel"], found["budget"]
+    excess = {name: item["before"] / max(item["noise_floor"], 1e-300) for name, item in gaps.items()}
+    said = left_elsewhere(excess, {name: item["weight"] or 0.0 for name, item in budget.items()})
+    return paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
 
 
 def _doubt(part: _Part) -> str:
