@@ -194,6 +194,8 @@ def _body_rows(context: Context, payload: Payload, link: str, rows: Rows, weight
     columns = payload.shape(context, link, ()).columns
     nothing = np.zeros((rows.y.shape[1], 10))
     return [
-        base.samples.rows(columns[j], [j] * columns[j].shape[1]) * weight[j][:, None] if j in columns else nothing
+        base.samples.rows(columns[j], [j] * columns[j].shape[1]) * weight[j][:, None]
+        if j in columns
+        else nothing
         for j in range(rows.n_joints)
     ]

@@ -46,7 +46,7 @@ class ArmSamples:
         coupling: ``(n_joints, n_joints)`` from velocities of these joints to those of their motors, each seen
             through its own gear; the identity where every motor turns its own joint alone.
         standstill: ``(n_joints,)`` speed up to which a joint may as well stand [rad/s].
-        sticking: joints whose equations are left out where they may stick, by row.
+        turns_count: whether equations count where joints may stick, too: when friction turns tells how late torques are.
         trials: the trials.
         rate_hz: full rate.
         bands: frequencies.
@@ -60,7 +60,7 @@ class ArmSamples:
     bands: Bands
     coupling: Array
     standstill: Array
-    sticking: frozenset[int] = frozenset()
+    turns_count: bool = False
 
     @property
     def coupled(self) -> bool:

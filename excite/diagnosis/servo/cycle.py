@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,6 +85,7 @@ def servo_cycle(
     """
     rotors_too = (*modelled, *ARMATURE.words)
     own = own_terms(rotors_too)
+    samples = replace(samples, turns_count=True)
     baseline = fit_baseline(samples, rotors_too, spectral_floor(samples), late=False)
     context = Context(baseline)
     common = ActuatorLag().shape(context, "torque", ()).columns
