@@ -16,6 +16,7 @@ from excite.diagnosis.equations.resampling import arm_samples
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
+from excite.rows.sticking import time_at_rest
 from tests.diagnosis.test_one_joint import URDF, axis_header
 
 RATE_HZ, INNER = 200, 25
@@ -104,3 +105,18 @@ def test_a_joint_that_hardly_trembles_keeps_its_equation(tmp_path: Path):
     first, judging = (replace(t, q=1e-3 * t.q) for t in on_servo(sticks=False))
     samples = fitted(tmp_path, (first, judging)).samples
     assert (samples.slipping == 1.0).all()
+
+
+@pytest.mark.parametrize(("stop", "share"), [(0, 0.25), (20, 0.4), (200, 0.8)])
+def test_a_motor_that_stops_is_longer_at_rest_than_one_that_turns_through(stop: int, share: float):
+    turning = np.linspace(-1.0, 1.0, 401)
+    speed = np.abs(np.concatenate([turning[:200], np.zeros(stop), turning[200:]]))
+    still = np.zeros(300)
+    assert time_at_rest([np.concatenate([still, speed, still])] * 2, 0.2) == pytest.approx(share, abs=0.05)
+
+
+def test_a_joint_that_turns_through_keeps_its_equation(tmp_path: Path):
+    time = np.arange(12 * RATE_HZ) / RATE_HZ
+    q = 0.3 * np.sin(2.0 * np.pi * 0.4 * time)[:, None]
+    trials = tuple(replace(t, q=q, tau=1e3 * q) for t in on_servo(sticks=False))
+    assert (fitted(tmp_path, trials).samples.slipping == 1.0).all()

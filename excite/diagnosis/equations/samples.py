@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
-from excite.diagnosis.equations.sticking import slipping
 from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Robot
 from excite.rows.beyond import reached
+from excite.rows.sticking import counted, surely_slips
 
 _ORDER = 4
 
@@ -46,7 +46,7 @@ class ArmSamples:
         coupling: ``(n_joints, n_joints)`` from velocities of these joints to those of their motors, each seen
             through its own gear; the identity where every motor turns its own joint alone.
         standstill: ``(n_joints,)`` speed up to which a joint may as well stand [rad/s].
-        turns_count: whether equations count where joints may stick, too: when friction turns tells how late torques are.
+        turns_count: whether equations count where joints may stick too: when friction turns tells how late torques are.
         trials: the trials.
         rate_hz: full rate.
         bands: frequencies.
@@ -155,8 +155,19 @@ class ArmSamples:
     def slipping(self) -> Array:
         """How far each joint's equation counts, ``(n_samples, n_joints)``: hardly where a motor on it may stick."""
         if "slipping" not in self.kept:
-            self.kept["slipping"] = slipping(self)
+            self.kept["slipping"] = counted(self._slips())
         return np.asarray(self.kept["slipping"])
+
+    def _slips(self) -> NDArray[np.bool_]:
+        """Where all motors on each joint surely slip, ``(n_samples, n_joints)``."""
+        joints, cutoff = range(len(self.joints)), self.bands.kinematics_hz
+        if self.turns_count:
+            return np.ones((len(self.starts), len(joints)), dtype=np.bool_)
+        slips = [
+            surely_slips(self.of_motor("v", k), self.starts, self.standstill[k], self.rate_hz, cutoff)
+            for k in joints
+        ]
+        return np.column_stack([np.all([slips[k] for k in self.motors(j)], axis=0) for j in joints])
 
     def unweighed(self, residual: Array) -> Array:
         """Residuals ``(n_joints, n_rows)`` without what rows weigh more for those that :attr:`slipping` leaves out."""

@@ -9,15 +9,11 @@ to nothing where it may stand, before the filter: the equation holds there too, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-
-if TYPE_CHECKING:
-    from excite.diagnosis.equations.samples import ArmSamples
 
 # Speed up to which a joint may stick, in those up to which it may as well stand, and for how long before and after it
 # the filter of the kinematics may hide that, in periods of its cut-off. Of six records of simulated arms that stick
@@ -29,48 +25,52 @@ _SPEED, _AROUND = 2.0, 0.5
 # Of a joint that is slow throughout, no more than what is slower than this share of its usual speed. On two records of
 # 8 to 28 mrad/s .1, .25, .5 and 1 leave .30, .12, .15 and .49 times what is left without, no such limit .70.
 _SLOW = 0.25
-# Share of the slow time at rest from which a motor sticks. A motor that turns with an even acceleration has .25; of 23
-# simulated joints whose friction creeps 17 have .18 to .29, of 46 that stick 38 have .33 to .92.
+# Share of the slow time at rest from which a motor sticks. A motor that turns with an even acceleration has .25; of 26
+# simulated joints whose friction creeps 20 have .18 to .29, of 46 that stick 37 have .33 to .92.
 _STANDS = 0.3
 # What an equation weighs where its joint may stick. Nothing would leave .147 on those arms, .01 leaves .149, .05
 # leaves .178; with nothing a joint that hardly slips would have no equation.
 _STUCK = 0.01
 
 
-def slipping(samples: ArmSamples) -> Array:
-    """What each joint's equation is multiplied by, ``(n_samples, n_joints)``; its mean square is 1.
+def surely_slips(
+    v: Array, starts: NDArray[np.bool_], still: float, rate_hz: float, cutoff_hz: float
+) -> NDArray[np.bool_]:
+    """Where a motor turns, as far as the filter of the kinematics tells, ``(n,)``; always if it never sticks.
 
-    One number where all motors on the joint surely slip, another, next to nothing, where one of them may stick; 1
-    throughout for a joint that passes through standstill without a stop, or never surely slips.
+    Args:
+        v: its velocity in all trials, ``(n,)`` [rad/s or m/s].
+        starts: which samples are the first of a trial, ``(n,)``.
+        still: speed up to which it may as well stand, same unit.
+        rate_hz: of the samples.
+        cutoff_hz: of the filter of the kinematics.
     """
-    made = np.ones((len(samples.starts), len(samples.joints)))
-    if samples.turns_count:
-        return made
-    slips = np.column_stack([_surely_slips(samples, motor) for motor in range(len(samples.joints))])
-    for j in range(slips.shape[1]):
-        free = slips[:, list(samples.motors(j))].all(axis=1)
-        if free.any():
-            made[~free, j] = _STUCK
-    return made / np.sqrt((made**2).mean(axis=0))
-
-
-def _surely_slips(samples: ArmSamples, motor: int) -> NDArray[np.bool_]:
-    """Where a motor turns, as far as the filter of the kinematics tells, ``(n_samples,)``; always if it never sticks."""
-    v, still = samples.of_motor("v", motor), samples.standstill[motor]
     speed = np.abs(v)
     moving = speed[speed > still]
     if not len(moving):
         return np.ones(len(v), dtype=np.bool_)
-    slow = min(_SPEED * still, _SLOW * float(np.median(moving)))
-    ends = np.flatnonzero(samples.starts)[1:]
+    slow, ends = min(_SPEED * still, _SLOW * float(np.median(moving))), np.flatnonzero(starts)[1:]
     if time_at_rest(np.split(speed, ends), slow) < _STANDS:
         return np.ones(len(v), dtype=np.bool_)
     stuck = speed <= slow
-    turned = (v[1:] * v[:-1] < 0.0) & ~samples.starts[1:]
+    turned = (v[1:] * v[:-1] < 0.0) & ~starts[1:]
     stuck[1:] |= turned
     stuck[:-1] |= turned
-    around = round(_AROUND * samples.rate_hz / samples.bands.kinematics_hz)
+    around = round(_AROUND * rate_hz / cutoff_hz)
     return np.concatenate([~_near(part, around) for part in np.split(stuck, ends)])
+
+
+def counted(slips: NDArray[np.bool_]) -> Array:
+    """What each joint's equation is multiplied by, ``(n, n_joints)``; its mean square is 1.
+
+    One number where all motors on the joint surely slip, another, next to nothing, where one of them may stick; 1
+    throughout for a joint that never surely slips.
+
+    Args:
+        slips: where they all do, likewise.
+    """
+    made = np.where(slips | ~slips.any(axis=0), 1.0, _STUCK)
+    return np.asarray(made / np.sqrt((made**2).mean(axis=0)))
 
 
 def time_at_rest(speeds: Sequence[Array], slow: float) -> float:
