@@ -67,9 +67,13 @@ def _sparse(size: int) -> Callable[[Path], None]:
     return make
 
 
+def _to_find(name: str) -> str:
+    return r"excite init-robot FILE --out DIR writes it" if name == "robot.yaml" else r"check the path"
+
+
 def _places(family: str, name: str, read: Callable[[Path], list[str]]) -> Iterator[Case]:
     kinds: dict[str, tuple[Callable[[Path], object], str]] = {
-        "missing": (lambda path: None, r"no such file; check the path"),
+        "missing": (lambda path: None, rf"no such file; {_to_find(name)}"),
         "folder": (lambda path: path.mkdir(), r"is a folder, not a file; give a file"),
         "pipe": (os.mkfifo, r"is a pipe, not a file; give a file"),
         "device": (lambda path: path.symlink_to("/dev/zero"), r"is a device, not a file"),

@@ -158,6 +158,10 @@ class ArmSamples:
             self.kept["slipping"] = counted(self._slips())
         return np.asarray(self.kept["slipping"])
 
+    def sticks(self, joint: int) -> bool:
+        """Whether a joint's equation is left out where it may stick."""
+        return bool(self.slipping[:, joint].min() < 1.0)
+
     def _slips(self) -> NDArray[np.bool_]:
         """Where all motors on each joint surely slip, ``(n_samples, n_joints)``."""
         joints, cutoff = range(len(self.joints)), self.bands.kinematics_hz
