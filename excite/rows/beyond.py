@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, near
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import settling_samples
 
@@ -43,10 +42,7 @@ def reached(beyond: NDArray[np.bool_], rate_hz: float, cutoff_hz: float) -> NDAr
 
     As far as half of the filter's transient: what is left of a step there is less than a guess is off by.
     """
-    samples = 2 * (settling_samples(rate_hz, cutoff_hz) // 2) + 1
-    return np.asarray(
-        scipy.ndimage.binary_dilation(beyond, np.ones((samples, *[1] * (beyond.ndim - 1)), dtype=np.bool_))
-    )
+    return near(beyond, settling_samples(rate_hz, cutoff_hz) // 2)
 
 
 def bridged(tau: Array, nominal: Array, beyond: NDArray[np.bool_]) -> Array:

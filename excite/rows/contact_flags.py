@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, near
 from excite.errors import LogError
 from excite.logs.log import Trial
 from excite.robot.robot import Robot
@@ -63,4 +62,4 @@ def _near_change(closed: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
     differ = (closed[1:] != closed[:-1]).any(axis=1)
     change[1:] |= differ
     change[:-1] |= differ
-    return np.asarray(scipy.ndimage.binary_dilation(change, iterations=samples)) if samples > 0 else change
+    return near(change, samples)

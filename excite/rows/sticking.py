@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, near
 
 # Speed up to which a joint may stick, in those up to which it may as well stand, and for how long before and after it
 # the filter of the kinematics may hide that, in periods of its cut-off. Of six records of simulated arms that stick
@@ -57,7 +57,7 @@ def surely_slips(
     stuck[1:] |= turned
     stuck[:-1] |= turned
     around = round(_AROUND * rate_hz / cutoff_hz)
-    return np.concatenate([~_near(part, around) for part in np.split(stuck, ends)])
+    return np.concatenate([~near(part, around) for part in np.split(stuck, ends)])
 
 
 def counted(slips: NDArray[np.bool_]) -> Array:
@@ -87,9 +87,3 @@ def time_at_rest(speeds: Sequence[Array], slow: float) -> float:
         below += int(np.count_nonzero(within <= slow))
         rest += int(np.count_nonzero(within <= 0.25 * slow))
     return rest / max(below, 1)
-
-
-def _near(flags: NDArray[np.bool_], around: int) -> NDArray[np.bool_]:
-    """Samples with a flag among as many before and after, ``(n,)``."""
-    count = np.concatenate([[0], np.cumsum(np.pad(flags, around))])
-    return np.asarray(count[2 * around + 1 :] > count[: -2 * around - 1])

@@ -39,8 +39,8 @@ def test_a_diagnosis_ends_in_a_page_with_its_sentence(tmp_path: Path) -> None:
     assert not hidden and [path.name for path in tmp_path.iterdir() if path != out] == ["log"]
 
 
-def test_the_robot_with_the_effects_is_what_the_next_diagnosis_starts_from(tmp_path: Path) -> None:
-    """Friction that the log does not call modelled is found, written, and found no more."""
+def three_trials(folder: Path, modelled: list[str]) -> Path:
+    """A log of a robot with friction: two trials to identify, one to judge."""
     trials = [
         moved(name, role, 12.0, np.random.default_rng(seed), np.eye(2))
         for name, role, seed in (
@@ -49,7 +49,12 @@ def test_the_robot_with_the_effects_is_what_the_next_diagnosis_starts_from(tmp_p
             ("c", "validation", 3),
         )
     ]
-    log = save_log(two_joint_log(tuple(trials), modelled=["rigid_body"]), tmp_path / "log")
+    return save_log(two_joint_log(tuple(trials), modelled=modelled), folder / "log")
+
+
+def test_the_robot_with_the_effects_is_what_the_next_diagnosis_starts_from(tmp_path: Path) -> None:
+    """Friction that the log does not call modelled is found, written, and found no more."""
+    log = three_trials(tmp_path, ["rigid_body"])
     robot = tmp_path / "robot"
     arguments = ["diagnose", str(log), "--no-budget", "--json"]
     found = CliRunner().invoke(app, [*arguments, "--apply", str(robot)])
@@ -75,16 +80,7 @@ def test_a_second_diagnosis_that_would_say_the_same_is_not_proposed() -> None:
 
 def test_bodies_that_were_fitted_are_said_not_to_be_the_files(tmp_path: Path) -> None:
     """A payload is taken up by bodies that are fitted: whether the file is right, identification tells."""
-    trials = [
-        moved(name, role, 12.0, np.random.default_rng(seed), np.eye(2))
-        for name, role, seed in (
-            ("a", "identification", 1),
-            ("b", "identification", 2),
-            ("c", "validation", 3),
-        )
-    ]
-    modelled = ["rigid_body", "viscous_friction", "coulomb_friction"]
-    log = save_log(two_joint_log(tuple(trials), modelled=modelled), tmp_path / "log")
+    log = three_trials(tmp_path, ["rigid_body", "viscous_friction", "coulomb_friction"])
     out = tmp_path / "out"
     found = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(out)])
     assert found.exit_code == 0, found.exception

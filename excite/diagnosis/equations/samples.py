@@ -154,9 +154,7 @@ class ArmSamples:
     @cached_property
     def slipping(self) -> Array:
         """How far each joint's equation counts, ``(n_samples, n_joints)``: hardly where a motor on it may stick."""
-        if "slipping" not in self.kept:
-            self.kept["slipping"] = counted(self._slips())
-        return np.asarray(self.kept["slipping"])
+        return counted(self._slips())
 
     def sticks(self, joint: int) -> bool:
         """Whether a joint's equation is left out where it may stick."""
