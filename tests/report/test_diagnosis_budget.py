@@ -52,6 +52,31 @@ def test_every_share_has_its_row_and_its_doubt(tmp_path: Path) -> None:
         assert f"<tr><td>{what}</td><td class='number'>{share}</td><td>{interval}</td><td>{doubt}" in section
 
 
+def test_the_terminal_says_of_an_interval_what_the_page_says(tmp_path: Path) -> None:
+    """Each doubt once below the table, in the page's words, with the mark of the rows that it is about."""
+    whole = budgeted()
+    wide = EffectShare("torque_bias", "shoulder", 0.3, (-0.48, 2.48))
+    shoulder = whole.budget.channels["shoulder"]
+    twice = replace(shoulder, effects=(*shoulder.effects[:1], wide, shoulder.effects[2]))
+    elbow = replace(
+        whole.budget.channels["elbow"],
+        effects=(wide, EffectShare("backlash", "elbow", 0.1, (float("nan"), float("nan")))),
+    )
+    found = replace(whole, budget=replace(whole.budget, channels={"shoulder": twice, "elbow": elbow}))
+    text = found.summary()
+    assert len(re.findall(r" -48… 248%  torque bias at shoulder \[1\]\n", text)) == 2
+    assert re.search(r"coulomb friction at shoulder\n", text) and "nan" not in text
+    assert re.search(r"-5% .* backlash at shoulder \[2\]\n", text)
+    assert re.search(r"10% +backlash at elbow\n", text)
+    said = (
+        "may be nothing: too few stretches of the record show it for more",
+        "does harm on the trials that judge",
+    )
+    section = budget_of(page_of(found, tmp_path))
+    for mark, doubt in enumerate(said, 1):
+        assert text.count(f"\n[{mark}] {doubt}") == 1 and doubt in section
+
+
 def test_a_bar_is_as_long_as_its_shares(tmp_path: Path) -> None:
     section = budget_of(page_of(budgeted(), tmp_path))
     bar = section[section.index('<div class="stack"') :]

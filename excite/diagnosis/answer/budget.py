@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -222,22 +221,3 @@ class Budget:
             "No effect and nothing that a joint does takes a part of the gap of the trials that judge; it stands "
             f"furthest above the noise at {name}: {most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}."
         )
-
-
-def left_elsewhere(excess: Mapping[str, float], weights: Mapping[str, float]) -> str:
-    """Why the budget finds the gap at another joint than the gaps by channel do; empty where both find it at one.
-
-    Each fits the bodies anew, and the motion of one body makes torques at several joints: what no bodies explain, such
-    as a gain of the torques of one joint, a fit may leave at that joint or at the one before it.
-
-    Args:
-        excess: by channel, gap over noise floor without effects.
-        weights: by channel, its share of the whole gap in the budget.
-    """
-    here, there = (max(table, key=lambda name: table[name], default="") for table in (weights, excess))
-    if not here or here == there or weights[here] <= 0.0 or excess.get(here, 0.0) >= excess[there]:
-        return ""
-    return (
-        f"the budget counts the gap where most of it lies at {here}, before and after count it where most lies at "
-        f"{there}: bodies are fitted anew in both, and what they do not explain may be left at one joint or at another"
-    )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from excite.diagnosis.answer.budget import Budget, left_elsewhere
+from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere
 from excite.diagnosis.answer.candidate import Candidate, in_words, measured
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.trivial import TrivialErrors
@@ -44,13 +46,14 @@ def gap_table(gap: Gap, where: Sequence[Where]) -> list[str]:
 
 def budget_lines(budget: Budget, gap: Gap, modelled: Sequence[str]) -> list[str]:
     """The budget in one sentence and as a table, and why the gap by channel lies elsewhere, where it does."""
-    excess = {name: item.before / max(item.noise_floor, 1e-300) for name, item in gap.per_channel.items()}
-    said = left_elsewhere(excess, budget.weights) if "rigid_body" in modelled else ""
+    gaps = {name: (item.before, item.noise_floor) for name, item in gap.per_channel.items()}
+    said = left_elsewhere(gaps, budget.weights, modelled)
     return [budget.sentence(), *_budget_table(budget), *([f"({said})"] if said else [])]
 
 
 def _budget_table(budget: Budget) -> list[str]:
-    """Lines with what takes which share of each channel's gap, and the rest."""
+    """Lines with what takes which share of each channel's gap, and the rest; below, what its intervals leave open."""
+    notes: dict[str, str] = {}
     width = max([len(name) for name in budget.channels] + [7])
     lines = [f"{'channel':{width}}  share  90 %        of the gap above the noise"]
     for name, channel in budget.channels.items():
@@ -58,14 +61,17 @@ def _budget_table(budget: Budget) -> list[str]:
             lines.append(f"{name:{width}}  {'–':>5}  {'':10}  nothing stands above its noise")
             continue
         for item in channel.effects:
-            low, high = (100 * bound for bound in item.interval90)
+            low, high = item.interval90
+            between = f"{100 * low:4.0f}…{100 * high:4.0f}%" if math.isfinite(low + high) else ""
             what = in_words(item.effect, item.location)
-            lines.append(f"{name:{width}}  {100 * item.share:4.0f}%  {low:4.0f}…{high:4.0f}%  {what}")
+            doubt = doubt_of_share(item.share, *item.interval90)
+            mark = f" {notes.setdefault(doubt, f'[{len(notes) + 1}]')}" if doubt else ""
+            lines.append(f"{name:{width}}  {100 * item.share:4.0f}%  {between:10}  {what}{mark}")
         for other in channel.unnamed:
             what = other.follows if not other.knots else f"follows {other.follows}, without a name"
             lines.append(f"{name:{width}}  {100 * other.share:4.0f}%  {'':10}  {what}")
         lines.append(f"{name:{width}}  {100 * channel.rest:4.0f}%  {'':10}  the rest")
-    return lines
+    return [*lines, *(f"{mark} {doubt}" for doubt, mark in notes.items())]
 
 
 def budget_rows(budget: Budget) -> list[dict[str, Any]]:

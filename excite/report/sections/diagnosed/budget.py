@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
 
-from excite.diagnosis.answer.budget import NOT_REPEATED, left_elsewhere
+from excite.diagnosis.answer.budget import NOT_REPEATED
+from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere
 from excite.report.folder import Document, Findings
 from excite.report.html import folded, number, paragraph, section
 from excite.report.plots.forces import channel_label
@@ -14,8 +15,8 @@ from excite.report.sections.section import Section
 
 # Channels with less of the whole gap are folded away.
 _SMALL = 0.02
-# Wider intervals are worth a word; shares that differ by more, too.
-_WIDE, _DIFFERS = 0.5, 0.1
+# Shares that differ by more are worth a word.
+_DIFFERS = 0.1
 # Parts of a sentence, the least of them, and of what does harm.
 _SAID, _WORTH, _HARMS = 3, 0.02, 0.05
 
@@ -165,28 +166,15 @@ def _beside(found: Document, order: list[tuple[str, Document]]) -> str:
 
 def _elsewhere(found: Document) -> str:
     """Why the gap by channel lies at another joint, where it does."""
-    if "rigid_body" not in found["modelled"]:
-        return ""
-    gaps, budget = found["gap"]["per_channel"], found["budget"]
-    excess = {name: item["before"] / max(item["noise_floor"], 1e-300) for name, item in gaps.items()}
-    said = left_elsewhere(excess, {name: item["weight"] or 0.0 for name, item in budget.items()})
+    gaps = {name: (item["before"], item["noise_floor"]) for name, item in found["gap"]["per_channel"].items()}
+    weights = {name: item["weight"] or 0.0 for name, item in found["budget"].items()}
+    said = left_elsewhere(gaps, weights, found["modelled"])
     return paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
 
 
 def _doubt(part: _Part) -> str:
-    """Why a share and its interval do not seem to fit each other."""
-    if part.interval is None or part.share is None:
-        return ""
-    low, high = part.interval
-    if part.share < 0.0:
-        return "does harm on the trials that judge"
-    if low <= 0.0 < part.share:
-        return "may be nothing: too few stretches of the record show it for more"
-    if high - low > _WIDE:
-        return "known roughly: few stretches of the record show it"
-    if not low <= part.share <= high:
-        return "the trials that judge show it otherwise than the rest of the record"
-    return ""
+    """Why its share and its interval do not seem to fit each other."""
+    return "" if part.interval is None else doubt_of_share(part.share, *part.interval)
 
 
 def _interval(part: _Part) -> str:
