@@ -6,10 +6,22 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from excite.documents.document import MOST_ENTRIES, Assumptions, Block, Document, FilePath, Maybe, Name, Text
+from excite.documents.document import (
+    MOST_ENTRIES,
+    Assumptions,
+    Block,
+    Document,
+    FilePath,
+    Maybe,
+    Name,
+    Number,
+    Text,
+)
 
 # A motion has a few kinds of violations at each joint, foot and pair of links.
 _MOST_VIOLATIONS = 5 * MOST_ENTRIES
+# Joints turn or slide.
+_MOST_UNITS = 2
 
 
 class Margins(Block):
@@ -33,6 +45,15 @@ class Violation(Block):
     where: Text = Field(description="joint, foot, pair of links or coordinate")
     value: Maybe = Field(description="the offending value [SI]; null where it is no finite number")
     limit: Maybe = Field(description="what it must not pass [SI]; null where there is no number")
+    unit: Text = Field(default="", description="of value and limit; empty where none is known")
+
+
+class Nearest(Block):
+    """The joint that comes nearest to its limit, of those that slide or of those that turn."""
+
+    where: Name = Field(description="the joint")
+    value: Number = Field(description="its margin [unit], negative beyond the limit")
+    unit: Name = Field(description="of the margin")
 
 
 class CheckedMotion(Block):
@@ -41,6 +62,9 @@ class CheckedMotion(Block):
     motion: FilePath = Field(description="name of the motion, or the file that it was read from")
     safe: bool = Field(description="whether nothing is violated and every margin could be computed")
     margins: Margins = Field(description="smallest margins over the motion")
+    nearest: dict[Name, Annotated[list[Nearest], Field(max_length=_MOST_UNITS)]] = Field(
+        default={}, description="by margin of joints, the nearest to its limit in each unit, smallest first"
+    )
     not_applicable: Annotated[list[Name], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="margins that mean nothing for this robot"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from excite.motion.files import load_motion
@@ -10,7 +11,8 @@ from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.checks.registry import CHECKS
 from excite.safety.checks.sweep import Sweep
-from excite.safety.verdict import Margins, Verdict, Violation
+from excite.safety.units import sliding_joints, unit_of
+from excite.safety.verdict import Margins, Nearest, Verdict, Violation
 
 
 def check_motion(
@@ -42,6 +44,7 @@ def check_motion(
     violations: list[Violation] = []
     margins: dict[str, float] = {}
     not_applicable: list[str] = []
+    nearest: dict[str, tuple[Nearest, ...]] = {}
     readable = True
     for check in CHECKS.values():
         result = check().judge(sweep)
@@ -50,15 +53,20 @@ def check_motion(
             not_applicable.append(check.margin_field)
         elif check.margin_field is not None and result.margin is not None:
             margins[check.margin_field] = result.margin
+            if result.nearest:
+                nearest[check.margin_field] = result.nearest
         readable = result.readable
         if not readable:
             break
+    sliding = sliding_joints(robot)
+    violations = [replace(one, unit=unit_of(one.kind, one.where, sliding)) for one in violations]
     return Verdict(
         motion=motion.name,
         margins=Margins(**margins),
         violations=tuple(sorted(violations, key=lambda v: -float("inf") if v.time_s is None else v.time_s)),
         not_applicable=tuple(not_applicable),
         readable=readable,
+        nearest=nearest,
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Rejection
 from excite.safety.repairs.time_scaling import SPEED_SHARE
+from excite.safety.units import sliding_joints, unit_of
 from excite.safety.verdict import Verdict
 
 # Refusals that a summary lists; the documents have all.
@@ -17,21 +18,6 @@ _LISTED = 5
 _SMALLER_IS_WORSE = frozenset(
     {"self_collision", "zmp", "com", "weight_share", "foot_below_ground", "rate_too_low"}
 )
-_UNITS = {
-    "self_collision": "m",
-    "zmp": "m",
-    "com": "m",
-    "foot_lifted": "m",
-    "foot_below_ground": "m",
-    "foot_slip": "m",
-    "foot_slip_speed": "m/s",
-    "joint_position": "rad",
-    "joint_velocity": "rad/s",
-    "joint_acceleration": "rad/s²",
-    "joint_jerk": "rad/s³",
-    "joint_torque": "N·m",
-}
-_SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "rad/s³": "m/s³", "N·m": "N"}
 
 
 @dataclass(frozen=True)
@@ -97,7 +83,7 @@ class RefusalTally:
     """Counts refusals as outcomes come: memory grows with what refuses, never with the number of candidates."""
 
     def __init__(self, robot: Robot) -> None:
-        self._sliding = _sliding_joints(robot)
+        self._sliding = sliding_joints(robot)
         self._found: dict[tuple[str, str], Refused] = {}
 
     def add(
@@ -128,7 +114,7 @@ class RefusalTally:
         if verdict is None or not verdict.violations:
             reason = rejection.reason.removeprefix("check_")
             where = rejection.where.removeprefix("transfer, ")
-            unit = rejection.unit or self._unit(reason, where)
+            unit = rejection.unit or unit_of(reason, where, self._sliding)
             yield Refused(
                 reason,
                 where,
@@ -146,14 +132,10 @@ class RefusalTally:
             if item.kind == "self_collision":
                 # Shapes are named after their links and numbered.
                 where = " - ".join(name.rsplit("_", 1)[0] for name in where.split(" - "))
-            unit = self._unit(item.kind, where)
+            unit = unit_of(item.kind, where, self._sliding)
             yield Refused(
                 item.kind, where, 1, item.value, item.limit, unit, item.time_s, rejection.candidate, posture
             )
-
-    def _unit(self, reason: str, where: str) -> str:
-        unit = _UNITS.get(reason, "")
-        return _SLIDING.get(unit, unit) if where in self._sliding else unit
 
 
 def joined_refusals(one: Iterable[Refused], other: Iterable[Refused]) -> tuple[Refused, ...]:
@@ -184,12 +166,3 @@ def refusals_table(refused: Iterable[Refused], generated: int) -> str:
     if len(items) > _LISTED:
         lines.append(f"        and {len(items) - _LISTED} more")
     return "\n".join(["refused by (the worst of each):", *lines]) if lines else ""
-
-
-def _sliding_joints(robot: Robot) -> frozenset[str]:
-    model = robot.model
-    return frozenset(
-        name
-        for name in robot.joint_names
-        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
-    )

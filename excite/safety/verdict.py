@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 SCHEMA = "excite.check/1"
@@ -19,6 +19,7 @@ class Violation:
         where: joint, foot, pair of links or coordinate.
         value: the offending value at that time, in SI units; None where it is not a finite number.
         limit: what it must not pass, same unit; None where there is no number.
+        unit: of both, that of what the joint does: rad or m; empty where none is known.
     """
 
     kind: str
@@ -26,12 +27,29 @@ class Violation:
     where: str
     value: float | None
     limit: float | None
+    unit: str = ""
 
     def __str__(self) -> str:
         at = "" if self.time_s is None else f" at {self.time_s:.4f} s"
-        value = "" if self.value is None else f": {self.value:.5g}"
+        unit = f" {self.unit}" if self.unit else ""
+        value = "" if self.value is None else f": {self.value:.5g}{unit}"
         limit = "" if self.limit is None else f" (limit {self.limit:.5g})"
         return f"{self.kind} of {self.where}{at}{value}{limit}"
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The joint that comes nearest to its limit, of those that slide or of those that turn.
+
+    Attributes:
+        where: its name.
+        value: its margin, negative beyond the limit.
+        unit: of the margin.
+    """
+
+    where: str
+    value: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -67,7 +85,7 @@ _IN_WORDS = {
     "self_collision_m": ("bodies apart", "m"),
     "zmp_m": ("zero-moment point inside", "m"),
 }
-MARGIN_FIELDS = tuple(field.name for field in fields(Margins))
+MARGIN_FIELDS = tuple(item.name for item in fields(Margins))
 
 
 @dataclass(frozen=True)
@@ -80,6 +98,7 @@ class Verdict:
         violations: everything found, in order of time; those without a time first.
         not_applicable: margins that mean nothing for this robot (``zmp_m`` of a robot without feet).
         readable: False where the motion is so broken that nothing could be computed from it.
+        nearest: by margin of joints, the nearest to its limit in each unit: metres and radians are not compared.
     """
 
     motion: str
@@ -87,6 +106,7 @@ class Verdict:
     violations: tuple[Violation, ...]
     not_applicable: tuple[str, ...] = ()
     readable: bool = True
+    nearest: Mapping[str, tuple[Nearest, ...]] = field(default_factory=dict)
 
     @property
     def safe(self) -> bool:
@@ -111,21 +131,26 @@ class Verdict:
         return f"could not compute {', '.join(self.not_computed)}" if self.not_computed else ""
 
     def to_json(self) -> dict[str, Any]:
-        """The motion's entry in an ``excite.check/1`` document, and ``not_applicable``."""
+        """The motion's entry in an ``excite.check/1`` document, ``not_applicable`` and ``nearest``."""
         return {
             "motion": self.motion,
             "safe": self.safe,
             "margins": asdict(self.margins),
+            "nearest": {name: [asdict(one) for one in items] for name, items in self.nearest.items()},
             "not_applicable": list(self.not_applicable),
             "violations": [asdict(violation) for violation in self.violations],
         }
 
     def margins_in_words(self) -> str:
-        """The smallest margins in one line; of sliding joints they are metres and newtons."""
+        """The smallest margins in one line; of a robot whose joints slide and turn, of both, and where."""
         said = []
         for name, (what, unit) in _IN_WORDS.items():
-            value = getattr(self.margins, name)
-            if value is not None:
+            value, nearest = getattr(self.margins, name), self.nearest.get(name, ())
+            if len(nearest) == 1:
+                said.append(f"{what} {nearest[0].value:.3g} {nearest[0].unit}")
+            elif nearest:
+                said.append(f"{what} " + " and ".join(f"{n.value:.3g} {n.unit} ({n.where})" for n in nearest))
+            elif value is not None:
                 said.append(f"{what} {value:.3g} {unit}")
             elif name not in self.not_applicable:
                 said.append(f"{what} not computed")

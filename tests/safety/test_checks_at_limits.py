@@ -16,7 +16,7 @@ from excite.safety.checks.limits import JointAccelerationCheck, JointPositionChe
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import JointTorqueCheck
 from excite.safety.force_distribution import ContactForces
-from excite.safety.verdict import Violation
+from excite.safety.verdict import Nearest, Violation
 
 TIME = np.arange(11) * 0.1
 SOLE = np.array([[0.1, 0.05, 0.0], [-0.1, 0.05, 0.0], [-0.1, -0.05, 0.0], [0.1, -0.05, 0.0]])
@@ -153,7 +153,8 @@ def test_torques_keep_below_their_limits(arm: Robot) -> None:
     for value in (1.0, -1.0):
         tau = np.zeros((3, arm.n_joints))
         tau[1, 2] = value * limit[2]
-        assert JointTorqueCheck().judge(torques(arm, tau)) == CheckResult(0.0)
+        nearest = (Nearest("elbow_joint", 0.0, "N·m"),)
+        assert JointTorqueCheck().judge(torques(arm, tau)) == CheckResult(0.0, nearest=nearest)
         tau[1:, 2] *= 1.001
         result = JointTorqueCheck().judge(torques(arm, tau))
         assert result.margin == pytest.approx(-0.001 * limit[2])

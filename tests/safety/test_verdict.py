@@ -7,13 +7,13 @@ import pytest
 from excite.safety.verdict import MARGIN_FIELDS, Margins, Verdict, Violation, check_document
 
 ALL = Margins(*(0.1 * k for k in range(1, len(MARGIN_FIELDS) + 1)))
-LATE = Violation("joint_torque", 1.25, "elbow", 151.0, 150.0)
+LATE = Violation("joint_torque", 1.25, "elbow", 151.0, 150.0, "N·m")
 
 
 @pytest.mark.parametrize(
     ("violation", "text"),
     [
-        (LATE, "joint_torque of elbow at 1.2500 s: 151 (limit 150)"),
+        (LATE, "joint_torque of elbow at 1.2500 s: 151 N·m (limit 150)"),
         (Violation("no_contact", 0.5, "feet", None, None), "no_contact of feet at 0.5000 s"),
         (Violation("too_few_samples", None, "time", 2.0, 3.0), "too_few_samples of time: 2 (limit 3)"),
         (Violation("shape", None, "q", None, None), "shape of q"),
@@ -52,9 +52,17 @@ def test_scripts_read_everything() -> None:
         "motion": "m",
         "safe": False,
         "margins": {name: 0.1 * (k + 1) for k, name in enumerate(MARGIN_FIELDS)},
+        "nearest": {},
         "not_applicable": ["zmp_m"],
         "violations": [
-            {"kind": "joint_torque", "time_s": 1.25, "where": "elbow", "value": 151.0, "limit": 150.0}
+            {
+                "kind": "joint_torque",
+                "time_s": 1.25,
+                "where": "elbow",
+                "value": 151.0,
+                "limit": 150.0,
+                "unit": "N·m",
+            }
         ],
     }
 

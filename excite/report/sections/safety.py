@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from excite.report.folder import Findings
+from excite.report.folder import Document, Findings
 from excite.report.html import Cell, folded, section, table
 from excite.report.sections.section import Section
 
 _MARGINS = {
-    "joint_position_rad": "joint position [rad]",
-    "joint_velocity_rad_s": "joint velocity [rad/s]",
-    "joint_acceleration_rad_s2": "joint acceleration [rad/s²]",
-    "joint_torque_nm": "joint torque [N·m]",
-    "self_collision_m": "distance between bodies [m]",
-    "zmp_m": "ZMP to the edge of support [m]",
+    "joint_position_rad": ("joint position", "rad"),
+    "joint_velocity_rad_s": ("joint velocity", "rad/s"),
+    "joint_acceleration_rad_s2": ("joint acceleration", "rad/s²"),
+    "joint_torque_nm": ("joint torque", "N·m"),
+    "self_collision_m": ("distance between bodies", "m"),
+    "zmp_m": ("ZMP to the edge of support", "m"),
 }
+# A margin in one of the units that the robot's joints move in.
+_Column = tuple[str, str]
 
 
 class Safety(Section):
@@ -33,32 +33,57 @@ class Safety(Section):
             "How far the motions stay from every limit at the worst instant, by a check independent of the "
             "repairs; a margin that could not be computed counts as unsafe."
         )
-        named = [name for name in _MARGINS if any(name not in motion["not_applicable"] for motion in motions)]
-        smallest = table(("margin", "smallest", "in motion"), [_smallest(name, motions) for name in named])
+        columns = [column for name in _MARGINS for column in _columns(name, motions)]
+        smallest = table(("margin", "smallest", "of", "in motion"), [_smallest(c, motions) for c in columns])
         every = folded(
             f"Margins of all {len(motions)} motions",
             table(
-                ("motion", "safe", *(_MARGINS[name] for name in named)),
-                [(m["motion"], m["safe"], *(m["margins"][name] for name in named)) for m in motions],
+                ("motion", "safe", *map(_title, columns)),
+                [(m["motion"], m["safe"], *(_margin(m, column)[0] for column in columns)) for m in motions],
             ),
         )
         return section(self.identifier, self.title, lead, smallest, every, _violations(motions))
 
 
-def _smallest(name: str, motions: list[dict[str, Any]]) -> tuple[Cell, ...]:
-    computed = [m for m in motions if m["margins"][name] is not None]
-    if not computed:
-        return (_MARGINS[name], None, "not computed")
-    worst = min(computed, key=lambda m: m["margins"][name])
-    return (_MARGINS[name], float(worst["margins"][name]), worst["motion"])
+def _columns(name: str, motions: list[Document]) -> list[_Column]:
+    """A margin in each unit that it has: of joints that slide and of those that turn."""
+    if all(name in motion["not_applicable"] for motion in motions):
+        return []
+    units = [one["unit"] for motion in motions for one in motion["nearest"].get(name, ())]
+    return [(name, unit) for unit in dict.fromkeys(sorted(units, reverse=True) or [_MARGINS[name][1]])]
 
 
-def _violations(motions: list[dict[str, Any]]) -> str:
+def _title(column: _Column) -> str:
+    name, unit = column
+    return f"{_MARGINS[name][0]} [{unit}]"
+
+
+def _margin(motion: Document, column: _Column) -> tuple[float | None, str]:
+    """A motion's margin, None where it was not computed, and the joint whose it is, where that is known."""
+    name, unit = column
+    nearest = motion["nearest"].get(name, ())
+    if not nearest:
+        return motion["margins"][name], ""
+    return next(((one["value"], one["where"]) for one in nearest if one["unit"] == unit), (None, ""))
+
+
+def _smallest(column: _Column, motions: list[Document]) -> tuple[Cell, ...]:
+    computed = [(*_margin(motion, column), motion["motion"]) for motion in motions]
+    known = [(value, where, motion) for value, where, motion in computed if value is not None]
+    if not known:
+        return (_title(column), None, "", "not computed")
+    value, where, motion = min(known, key=lambda one: one[0])
+    return (_title(column), float(value), where, motion)
+
+
+def _violations(motions: list[Document]) -> str:
     rows = [
-        (m["motion"], v["kind"], v["time_s"], v["where"], v["value"], v["limit"])
+        (m["motion"], v["kind"], v["time_s"], v["where"], v["value"], v["limit"], v["unit"])
         for m in motions
         for v in m["violations"]
     ]
     if not rows:
         return ""
-    return "<h3>Violations</h3>" + table(("motion", "kind", "time [s]", "where", "value", "limit"), rows)
+    return "<h3>Violations</h3>" + table(
+        ("motion", "kind", "time [s]", "where", "value", "limit", "unit"), rows
+    )

@@ -13,7 +13,8 @@ from excite.arrays import Array
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.checks.sweep import Sweep
-from excite.safety.verdict import Violation
+from excite.safety.units import sliding_joints, unit_of
+from excite.safety.verdict import Nearest, Violation
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,14 @@ class CheckResult:
         violations: at most one per kind and place, at its first time.
         applicable: False where the check means nothing for this robot.
         readable: False where the motion is so broken that nothing else can be computed from it.
+        nearest: of a margin of joints, the nearest to its limit in each unit.
     """
 
     margin: float | None = None
     violations: tuple[Violation, ...] = ()
     applicable: bool = True
     readable: bool = True
+    nearest: tuple[Nearest, ...] = ()
 
 
 class Check(ABC):
@@ -83,3 +86,22 @@ def first_violations(
             Violation(kind, float(time[row]), names[column], value if np.isfinite(value) else None, limit)
         )
     return tuple(found)
+
+
+def nearest_joints(kind: str, robot: Robot, room: Array) -> tuple[Nearest, ...]:
+    """The joints that come nearest to their limits, those that slide and those that turn apart.
+
+    Args:
+        kind: what is limited, such as ``joint_velocity``.
+        robot: whose joints.
+        room: ``(n_joints,)`` what is left to the limits, in the joints' units; what is not finite does not count.
+
+    Returns:
+        One a unit, the smallest first.
+    """
+    sliding, found = sliding_joints(robot), dict[str, Nearest]()
+    for name, value in zip(robot.joint_names, room, strict=True):
+        unit = unit_of(kind, name, sliding)
+        if np.isfinite(value) and (unit not in found or value < found[unit].value):
+            found[unit] = Nearest(name, float(value), unit)
+    return tuple(sorted(found.values(), key=lambda one: one.value))

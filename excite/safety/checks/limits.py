@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.safety.checks.base import Check, CheckResult, first_violations
+from excite.safety.checks.base import Check, CheckResult, first_violations, nearest_joints
 from excite.safety.checks.sweep import Sweep
 
 # Rounding that a motion planned exactly to a limit may show, relative to the limit (to the range for
@@ -34,7 +34,9 @@ class JointPositionCheck(Check):
         passed = np.where(below > above, limits.position_lower, limits.position_upper)
         names, time = sweep.robot.joint_names, sweep.fine.time
         return CheckResult(
-            float(-excess.max()), first_violations("joint_position", names, time, values, passed, bad)
+            float(-excess.max()),
+            first_violations("joint_position", names, time, values, passed, bad),
+            nearest=nearest_joints("joint_position", sweep.robot, -excess.max(axis=0)),
         )
 
 
@@ -63,4 +65,6 @@ def magnitude_result(kind: str, sweep: Sweep, values: Array, limits: Array) -> C
     """Judge magnitudes on the finer grid's intervals, ``(n-1, n_joints)``, against each joint's limit."""
     bad = ~(values <= limits * (1.0 + _ROUNDING))
     violations = first_violations(kind, sweep.robot.joint_names, sweep.fine.time, values, limits, bad)
-    return CheckResult(float((limits - values).min()), violations)
+    room = limits - values
+    nearest = nearest_joints(kind, sweep.robot, room.min(axis=0))
+    return CheckResult(float(room.min()), violations, nearest=nearest)

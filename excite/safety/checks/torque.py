@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.robot.joint_values import per_joint
-from excite.safety.checks.base import Check, CheckResult, first_violations
+from excite.safety.checks.base import Check, CheckResult, first_violations, nearest_joints
 from excite.safety.checks.sweep import Sweep
 from excite.safety.force_distribution import RESIDUAL_TOLERANCE
 
@@ -38,7 +38,11 @@ class JointTorqueCheck(Check):
             and robot.floating
             and (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any()
         )
-        return CheckResult(float((limits - np.abs(tau)).min()) if computed else None, violations)
+        if not computed:
+            return CheckResult(violations=violations)
+        room = limits - np.abs(tau)
+        nearest = nearest_joints("joint_torque", robot, room.min(axis=0))
+        return CheckResult(float(room.min()), violations, nearest=nearest)
 
 
 def drive_torques(sweep: Sweep) -> Array:

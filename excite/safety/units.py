@@ -1,0 +1,43 @@
+"""Units of what limits a motion: those of a joint are what it moves in, radians or metres."""
+
+from __future__ import annotations
+
+from excite.robot.robot import Robot
+
+_UNITS = {
+    "self_collision": "m",
+    "zmp": "m",
+    "com": "m",
+    "foot_lifted": "m",
+    "foot_below_ground": "m",
+    "foot_slip": "m",
+    "foot_slip_speed": "m/s",
+    "joint_position": "rad",
+    "joint_velocity": "rad/s",
+    "joint_acceleration": "rad/s²",
+    "joint_jerk": "rad/s³",
+    "joint_torque": "N·m",
+}
+_SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "rad/s³": "m/s³", "N·m": "N"}
+
+
+def sliding_joints(robot: Robot) -> frozenset[str]:
+    """Names of the joints that slide instead of turning."""
+    model = robot.model
+    return frozenset(
+        name
+        for name in robot.joint_names
+        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
+    )
+
+
+def unit_of(kind: str, where: str, sliding: frozenset[str]) -> str:
+    """Unit of the value and the limit of something violated; empty where none is known.
+
+    Args:
+        kind: what is violated, such as ``joint_velocity``.
+        where: joint, foot or pair of links.
+        sliding: joints that slide.
+    """
+    unit = _UNITS.get(kind, "")
+    return _SLIDING.get(unit, unit) if where in sliding else unit
