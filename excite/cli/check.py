@@ -8,7 +8,7 @@ import typer
 
 import excite
 from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.origin import stated_origin
+from excite.cli.session.origin import relative_to, stated_origin
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
 from excite.cli.session.workers import workers
 from excite.json_document import write_json
@@ -39,12 +39,16 @@ def command(
     robot, motions = (files[0], files[1:]) if whose is None else (whose, files)
     if not motions:
         raise typer.BadParameter("name at least one", param_hint="'MOTION…'")
+    from excite.motion.collection import motion_paths  # lazy: pinocchio
+
     loaded = excite.load_robot(robot)
     with workers(jobs, cluster) as crew, progress_bars() as progress:
         result = excite.check(loaded, excite.load_motions(motions, loaded), jobs=crew, progress=progress)
     document = result.to_json()
     if out is not None:
         document |= stated_origin(robot, None, out)
+        for entry, path in zip(document["motions"], motion_paths(motions), strict=True):
+            entry["file"] = relative_to(out, path)
         write_json(document, out / "check.json")
     then = command_line("rank", robot, *motions) if result.safe else ""
     emit(result.summary(), document, as_json=as_json, then=then)

@@ -60,6 +60,9 @@ class CheckedMotion(Block):
     """The verdict on one motion."""
 
     motion: FilePath = Field(description="name of the motion, or the file that it was read from")
+    file: FilePath | None = Field(
+        default=None, description="the file that it was read from, relative to this document's folder"
+    )
     safe: bool = Field(description="whether nothing is violated and every margin could be computed")
     margins: Margins = Field(description="smallest margins over the motion")
     nearest: dict[Name, Annotated[list[Nearest], Field(max_length=_MOST_UNITS)]] = Field(

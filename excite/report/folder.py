@@ -27,8 +27,8 @@ from excite.motion.motion import Motion
 from excite.reading.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.report.data import DOCTOR_DATA, ReportData, load_report_data
 from excite.report.record import Record, read_record
+from excite.robot.bringing import load_robot
 from excite.robot.catalogue import find_robot
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
 Document = dict[str, Any]
@@ -97,7 +97,7 @@ class Findings:
         data: of ``report_data.npz`` and ``doctor_data.npz``; empty where there are none.
         robot: the robot, None where it cannot be found.
         record: the log that the result was made from, None where none is named or it is gone.
-        motions: the plan's chosen motions that could be read, in the plan's order.
+        motions: the plan's chosen motions, else those that were checked, as far as they could be read, in order.
         files: names of the files that were read.
         made: by name of a document, the command that wrote it and when.
         left_out: what is not shown, and why.
@@ -170,7 +170,7 @@ def read_folder(folder: Path) -> Findings:
         data=data,
         robot=robot,
         record=record,
-        motions=_motions(folder, documents["plan"], robot, left_out),
+        motions=_motions(folder, _motion_files(documents), robot, left_out),
         files=tuple(files),
         made=made,
         left_out=tuple(left_out),
@@ -224,20 +224,26 @@ def _record(folder: Path, documents: dict[str, Document | None], left_out: list[
     return record
 
 
-def _motions(
-    folder: Path, plan: Document | None, robot: Robot | None, left_out: list[str]
-) -> tuple[Motion, ...]:
-    if plan is None or robot is None:
+def _motion_files(documents: dict[str, Document | None]) -> list[str]:
+    """Files of the plan's chosen motions, else of those that were checked, relative to the folder."""
+    plan, check = documents["plan"], documents["check"]
+    if plan is not None:
+        return [entry["motion"] for entry in plan["selected"]]
+    return [] if check is None else [entry["file"] for entry in check["motions"] if entry["file"]]
+
+
+def _motions(folder: Path, files: list[str], robot: Robot | None, left_out: list[str]) -> tuple[Motion, ...]:
+    if robot is None:
         return ()
     motions = []
-    for entry in plan["selected"]:
+    for file in files:
         try:
-            motion = load_motion(folder / entry["motion"], robot)
+            motion = load_motion(folder / file, robot)
         except ExciteError as error:
-            left_out.append(f"pictures of motion {entry['motion']}: {error}")
+            left_out.append(f"pictures of motion {file}: {error}")
             continue
         if np.abs(motion.q).max() > _FARTHEST:
-            left_out.append(f"pictures of motion {entry['motion']}: it goes beyond {_FARTHEST:g} rad or m")
+            left_out.append(f"pictures of motion {file}: it goes beyond {_FARTHEST:g} rad or m")
             continue
         motions.append(motion)
     return tuple(motions)

@@ -175,4 +175,4 @@ def test_a_check_of_a_bare_model_says_what_the_model_lacks_for_pictures(tmp_path
     }
     (tmp_path / "out" / "check.json").write_text(json.dumps(document))
     text = report(tmp_path / "out").read_text(encoding="utf-8")
-    assert "mine.urdf: is a model" in text and "unknown robot" not in text
+    assert "mine.urdf: robot: has no &lt;link&gt;" in text and "unknown robot" not in text

@@ -16,11 +16,15 @@ def stated_origin(robot: str, log: Path | None, folder: Path) -> dict[str, str]:
         log: the first log; None where there is none.
         folder: folder of the document.
     """
-    here = Path(folder).resolve()
     files = {"robot_file": Path(robot)} if os.path.exists(robot) else {}
     if log is not None:
         files["log_file"] = Path(log)
-    return {name: Path(os.path.relpath(file.resolve(), here)).as_posix() for name, file in files.items()}
+    return {name: relative_to(folder, file) for name, file in files.items()}
+
+
+def relative_to(folder: Path, file: Path) -> str:
+    """A file as a document in a folder names it."""
+    return Path(os.path.relpath(Path(file).resolve(), Path(folder).resolve())).as_posix()
 
 
 def robot_of_log(name: str, file: str, log: Path) -> str | Path:

@@ -1,4 +1,4 @@
-"""The chosen motions: pictures, what moves, and why others were rejected."""
+"""The chosen or checked motions: pictures, what moves, and why others were rejected."""
 
 from __future__ import annotations
 
@@ -33,12 +33,14 @@ class Motions(Section):
     """Snapshots, activity of the joints, the list of motions, the count of rejections by reason."""
 
     identifier = "motions"
-    title = "Chosen motions"
+    title = "Motions"
 
     def build(self, findings: Findings) -> str:
         """See :class:`Section`."""
         if findings.plan is None:
-            return ""
+            figures = _figures(findings) if findings.check is not None else []
+            lead = "The motions that were checked, whether they are safe or not."
+            return section(self.identifier, self.title, lead, *figures) if figures else ""
         selected = findings.plan["selected"]
         rows: list[tuple[Cell, ...]] = [
             (entry["motion"], ", ".join(entry["segments"]), float(entry["duration_s"])) for entry in selected
@@ -72,7 +74,7 @@ def _figures(findings: Findings) -> list[str]:
         return []
     shown = choose_motions(motions, _N_PICTURES)
     snapshots = paragraph(_caption(robot), "lead") + figure(
-        draw_snapshots(robot, shown).to_svg("Snapshots of the chosen motions")
+        draw_snapshots(robot, shown).to_svg("Snapshots of the motions")
     )
     activity = draw_activity(robot, motions).to_svg("Peak speed of each joint in each motion")
     caption = folded("Which joint moves in which motion", figure(activity))
@@ -91,6 +93,9 @@ def _tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], li
     found: dict[str, Any] = {}
     left, size = [], 0
     for motion in motions:
+        if size > _MOST_BYTES:
+            left.append(motion.name)
+            continue
         try:
             content = tracks(robot, motion).to_json()
         except ExciteError:
