@@ -17,7 +17,7 @@ from excite.campaign.plan import plan
 from excite.campaign.plan_document import conditioning_comparison, merged_plan, robot_file
 from excite.campaign.result import Campaign, Iteration
 from excite.campaign.settings import CampaignSettings
-from excite.campaign.targets import Miss, joints_to_aim_at, misses
+from excite.campaign.targets import Earlier, Miss, joints_to_aim_at, misses
 from excite.claim import claimed
 from excite.errors import NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
@@ -183,12 +183,20 @@ class _State:
         self.progress("identify", len(self.iterations), self.settings.max_iterations)
         self.identification = identify(self.robot, join_logs(self.logs), self.settings.method)
         essential = self.identification.essential
-        missed = misses(self.robot, essential, unexcited(self.conditioning), self.settings.target_rsd)
         trials = [trial for entry in self.logs for trial in entry.role("identification")]
+        seconds = float(sum(trial.time[-1] - trial.time[0] for trial in trials))
+        missed = misses(
+            self.robot,
+            essential,
+            unexcited(self.conditioning),
+            self.settings.target_rsd,
+            seconds=seconds,
+            earlier=[Earlier(one.seconds, one.rsd_percent) for one in self.iterations],
+        )
         self.iterations.append(
             Iteration(
                 n_motions=len(planned.chosen) + len(planned.validation),
-                seconds=float(sum(trial.time[-1] - trial.time[0] for trial in trials)),
+                seconds=seconds,
                 rsd_percent={item.name: item.rsd_percent for item in essential},
                 missed=missed,
                 forecast=self.expected,

@@ -41,6 +41,7 @@ class Iteration:
             "seconds": self.seconds,
             "rsd_percent": self.rsd_percent,
             "not_met": [miss.parameter for miss in self.missed],
+            "helped": [miss.parameter for miss in self.missed if miss.reason.helped_by_motion],
             "forecast": None if self.forecast is None else self.forecast.to_json(),
             "reasons": {miss.parameter: miss.reason.value for miss in self.missed},
         }
@@ -142,4 +143,6 @@ class Campaign(Tabled):
         else:
             lines.append(f"{len(self.missed)} targets not met:")
             lines += [f"  {miss}" for miss in self.missed]
+            if not any(miss.reason.helped_by_motion for miss in self.missed):
+                lines.append("more motion would meet none of them")
         return "\n".join(lines)

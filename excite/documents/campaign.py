@@ -35,6 +35,9 @@ class Iteration(Block):
         description="relative standard deviation by base parameter [percent]; null where it is infinite"
     )
     not_met: Texts = Field(description="parameters that missed the target")
+    helped: Texts | None = Field(
+        default=None, description="those of them that more motion may help; null where nobody says"
+    )
     forecast: Forecast | None = Field(
         default=None,
         description="what its plan said of the target; null where the sensors' noise is not stated",

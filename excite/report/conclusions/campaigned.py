@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.report.conclusions.identified import taken
+from excite.report.conclusions.identified import of_identification, taken
 from excite.report.conclusions.result import NAMED, Conclusion, begun_with, count, robot_words
 from excite.report.folder import Document, Findings
 from excite.report.html import number
@@ -32,8 +32,19 @@ def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     if campaign["targets_met"]:
         return Conclusion(f"{found}: the targets are met.", True, *taken(findings))
     worst = ", ".join(missed[:NAMED]) + (f" and {len(missed) - NAMED} more" if len(missed) > NAMED else "")
+    if last["helped"] == []:
+        said = f"{found}; not enough for {worst}, and more motion would help none of them, see Certainty for why."
+        identified = findings.identification
+        onward = None if identified is None else of_identification(identified, findings)
+        return (
+            Conclusion(said, False)
+            if onward is None
+            else Conclusion(said, False, onward.command, onward.purpose)
+        )
+    some = last["helped"] is not None and len(last["helped"]) < len(missed)
+    those = f"; more motion may help {len(last['helped'])} of them" if some else ""
     return Conclusion(
-        f"{found}; not enough for {worst}, see Certainty for why.",
+        f"{found}; not enough for {worst}{those}, see Certainty for why.",
         False,
         _again(findings, "--max-iterations", 2 * len(campaign["iterations"])),
         "go on with more motions",

@@ -24,7 +24,7 @@ class Certainty(Section):
         target = campaign["target_rsd_percent"]
         lead = (
             "Each point is one base parameter: with every iteration the points should sink, and those that "
-            "stay above their target are the ones that new motions are made for."
+            "stay above their target are the ones that new motions are made for, where more motion can help."
         )
         plot = plot_rsd(iterations, target)
         last = iterations[-1]
