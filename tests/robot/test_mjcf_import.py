@@ -336,3 +336,18 @@ def test_a_part_that_models_include_is_sent_to_the_whole(tmp_path):
     with pytest.raises(RobotError, match="part of a MuJoCo model") as raised:
         parse_urdf(part)
     assert "file that includes it" in raised.value.remedy
+
+
+def test_rotor_inertias_that_the_model_states_are_written(tmp_path: Path) -> None:
+    """They turn with the joint: a heavy rotor leaves less acceleration, and nobody is asked for it."""
+    plain = write_scaffold(saved(ODD, tmp_path), tmp_path / "plain")
+    heavy = ODD.replace('name="yaw"', 'name="yaw" armature="4.5"', 1)
+    written = write_scaffold(saved(heavy, tmp_path, "heavy.xml"), tmp_path / "heavy")
+    assert not any("armature" in note for note in written.notes)
+    robot, bare = load_robot(written.description), load_robot(plain.description)
+    armature = robot.description.drives.armature
+    assert armature is not None and armature.joints == {"yaw": 4.5}
+    assert bare.description.drives.armature is None
+    yaw = robot.joint_index("yaw")
+    assert robot.limits.acceleration[yaw] == pytest.approx(0.3 * 40.0 / 4.5, rel=0.15)
+    assert robot.limits.acceleration[yaw] < bare.limits.acceleration[yaw]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -18,6 +18,7 @@ from excite.reading.xml_document import read_xml
 from excite.robot.mjcf.closure_blocks import BlockWriter
 from excite.robot.mjcf.closures import driven_joints, mimics, read_closures
 from excite.robot.mjcf.resting import damped_joints, excluded_pairs, rest_keyframe, tendon_groups
+from excite.robot.mjcf.rotors import rotor_inertias
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.torques import idle_balls, torque_limits
 from excite.robot.mjcf.trees import robot_root
@@ -45,6 +46,7 @@ class MjcfConversion:
         excluded: pairs of links that the model lets touch.
         loops: blocks ``loops`` of a ``robot.yaml``, which a URDF does not have.
         couplings: blocks ``couplings`` of one.
+        armature: rotor inertia by joint, where there is one [kg·m² or kg].
     """
 
     name: str
@@ -56,6 +58,7 @@ class MjcfConversion:
     excluded: tuple[tuple[str, str], ...] = ()
     loops: tuple[Mapping[str, Any], ...] = ()
     couplings: tuple[Mapping[str, Any], ...] = ()
+    armature: Mapping[str, float] = field(default_factory=dict)
 
     def write(self, path: Path) -> Path:
         """Write the URDF to ``path`` and the meshes beside it."""
@@ -153,8 +156,6 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     blocks = BlockWriter(model, closures, writer.joint_name, writer.link_name, writer.anchors)
     if model.jnt_stiffness.any():
         notes.append("springs of joints (stiffness) are left out: torques predicted there lack them")
-    if model.dof_armature[6 if root else 0 :].any():
-        notes.append("rotor inertia (armature) is not in the URDF; put it under drives in robot.yaml")
     text = '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
     return MjcfConversion(
         spec.modelname or path.stem,
@@ -166,6 +167,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         excluded_pairs(model, bodies, writer.link_name),
         blocks.loops(),
         blocks.couplings(),
+        rotor_inertias(model, writer.joint_name),
     )
 
 

@@ -79,15 +79,18 @@ def draft(
     more_weak = weak_joints(model.figure, rest)
     if more_weak and len(more_weak) < len(model.free):
         return draft(path, folder, rng, said, {**weak, **more_weak})
-    content = _content(model, rest, Path(folder or path.parent), rng)
+    content = _content(model, rest, Path(folder or path.parent), rng, said.armature)
     content["assumed"] = [*(one.model_dump() for one in said.assumed), *content["assumed"]]
     return content
 
 
-def _content(model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator) -> dict[str, Any]:
+def _content(
+    model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator, armature: Mapping[str, float]
+) -> dict[str, Any]:
     """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
     robot, path, stands = model.robot, model.path, rest.base == "floating"
-    made = Values.of(robot, model.free, rest, float(model.figure.beyond[0]), rng)
+    rotors = {n: armature[n] for n in robot.joint_names if n in armature}
+    made = Values.of(robot, model.free, rest, float(model.figure.beyond[0]), rng, rotors)
     slides = {name for name, joint in model.joints.items() if joint.get("type") == "prismatic"}
     limits, more = made.limits(slides)
     sensors, noise = numbers.sensors(made.torque, _base_link(model.root, model.joints) if stands else None)
@@ -113,12 +116,14 @@ def _content(model: BareModel, rest: Rest, folder: Path, rng: np.random.Generato
         **({"feet": made.feet()} if stands else {}),
         "sensors": sensors,
         "controller": made.controller(),
+        **({"drives": {"armature": _armature(rotors)}} if rotors else {}),
         **({"segments": {"pairs": pairs}} if pairs else {}),
         "collision": _collision(model, rest, ground),
         "assumed": [one.model_dump() for one in (*structure, *rest.assumed, *more, *noise)],
     }
     follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
-    for block in (*limits.values(), sensors.get("noise_torque"), *content["controller"].values()):
+    drives = content.get("drives", {}).values()
+    for block in (*limits.values(), sensors.get("noise_torque"), *content["controller"].values(), *drives):
         if isinstance(block, dict) and "joints" in block:
             block["joints"] = {name: value for name, value in block["joints"].items() if name not in follow}
     return content
@@ -129,6 +134,12 @@ def _model(path: Path, folder: Path, faults: dict[str, str]) -> dict[str, Any]:
     taken = {"acknowledged": {k: f"as the model has it: {v}" for k, v in faults.items()}} if faults else {}
     where = os.path.relpath(path.resolve(), folder.resolve())
     return {"path": where, **taken, "source": f"the file {path.name}"}
+
+
+def _armature(rotors: Mapping[str, float]) -> dict[str, Any]:
+    """The block ``drives.armature`` of joints whose rotor inertia the model states [kg·m² or kg]."""
+    joints = {name: float(f"{value:.6g}") for name, value in rotors.items()}
+    return {"joints": joints, "source": "the model's armature"}
 
 
 def _collision(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:

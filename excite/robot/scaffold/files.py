@@ -145,6 +145,7 @@ def _described(
         (*conversion.excluded, *ignored),
         conversion.loops,
         conversion.couplings,
+        armature=conversion.armature,
     )
     place = TemporaryFolder()
     return _renamed_errors(conversion.write(place.path / urdf.name), place.path, file, seed, said)

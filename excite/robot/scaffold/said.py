@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from excite.robot.description import Assumed
@@ -20,6 +20,7 @@ class Said:
         loops: blocks ``loops`` of a ``robot.yaml``.
         couplings: blocks ``couplings`` of one.
         assumed: what was assumed to make the URDF.
+        armature: rotor inertia by joint [kg·m² or kg].
     """
 
     floating: bool | None = None
@@ -28,3 +29,4 @@ class Said:
     loops: tuple[Mapping[str, Any], ...] = ()
     couplings: tuple[Mapping[str, Any], ...] = ()
     assumed: tuple[Assumed, ...] = ()
+    armature: Mapping[str, float] = field(default_factory=dict)

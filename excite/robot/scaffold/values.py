@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -43,10 +44,20 @@ class Values:
 
     @classmethod
     def of(
-        cls, robot: Robot, free: tuple[JointGuess, ...], rest: Rest, mass: float, rng: np.random.Generator
+        cls,
+        robot: Robot,
+        free: tuple[JointGuess, ...],
+        rest: Rest,
+        mass: float,
+        rng: np.random.Generator,
+        rotors: Mapping[str, float],
     ) -> Self:
-        """The values of a robot of that mass [kg]; ``rng`` draws the postures in which joints are looked at."""
-        inertia, legs, weight = joint_inertias(robot, rng), _legs(robot, rest), 9.81 * mass
+        """The values of a robot of that mass [kg]; ``rng`` draws the postures in which joints are looked at.
+
+        ``rotors`` are the drives' own inertias by joint, which their torques turn too [kg·m² or kg].
+        """
+        own = np.array([rotors.get(name, 0.0) for name in robot.joint_names])
+        inertia, legs, weight = joint_inertias(robot, rng) + own, _legs(robot, rest), 9.81 * mass
         free = numbers.believable(free, weight)
         loads = numbers.weight_loads(robot, rng, legs, weight if legs else 0.0)
         assumed, said = numbers.torque_limits(robot, free, loads, inertia)
