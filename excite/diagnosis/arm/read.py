@@ -9,7 +9,7 @@ from functools import cached_property
 from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.attribution.attribution import Attribution, Scored, Stage
 from excite.diagnosis.attribution.extended import extended
-from excite.diagnosis.attribution.hypotheses import Hypothesis, Search, at_rows
+from excite.diagnosis.attribution.hypotheses import Hypothesis, Search, along, at_rows
 from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.attribution.structured import structured_joints
@@ -18,7 +18,7 @@ from excite.diagnosis.budget.reading import alone, clear, explained
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.fitted_signs import signs_again
+from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
 
 # Candidates that are listed.
 _LISTED = 8
@@ -167,7 +167,11 @@ def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None
     shape = term.effect.shape(made_at or Context(baseline), term.location, term.theta)
     columns = at_rows(Context(baseline), shape)
     fit = baseline.solver.fit(columns.extra, columns.offset, 6, term.effect.widths)
-    return Hypothesis(term.effect, term.location, term.theta, columns, fit, baseline, made_at)
+    made = Hypothesis(term.effect, term.location, term.theta, columns, fit, baseline, made_at)
+    # Free parameters of a body may be those of none that can exist.
+    if term.direction is None or term.effect.possible(term.context, term.location, fit.extra):
+        return made
+    return along(made, term.direction)
 
 
 def _second_name(item: Scored, final: Baseline) -> str | None:

@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.equations.friction_sign import SIGNS, SignChange, damping_of_bristles, sign_of_motion
+from excite.diagnosis.equations.dry_friction.friction_sign import (
+    SIGNS,
+    SignChange,
+    damping_of_bristles,
+    sign_of_motion,
+)
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.rows.drive_terms import DRIVE_TERMS
 

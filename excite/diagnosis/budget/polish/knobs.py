@@ -13,7 +13,7 @@ from excite.diagnosis.budget.polish.state import State, made_like
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Theta
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
     COULOMB,

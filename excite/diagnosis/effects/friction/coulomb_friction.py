@@ -14,9 +14,9 @@ from excite.diagnosis.effects.friction.build_up import PRESLIDING, BuildUp
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
 from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.effects.note import Noted
-from excite.diagnosis.equations.friction_sign import WIDTHS
+from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS
+from excite.diagnosis.equations.dry_friction.play import behind_play
 from excite.diagnosis.equations.own_columns import COULOMB
-from excite.diagnosis.equations.play import behind_play
 
 # Rigid bodies' share of an axis' torque (root mean square) below which it carries no mass to speak of: less than 1e-5
 # on a friction damper whose moving parts are not part of the record.

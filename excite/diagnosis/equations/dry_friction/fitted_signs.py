@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import PLAIN, SIGNS, SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import PLAIN, SIGNS, SignChange
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,

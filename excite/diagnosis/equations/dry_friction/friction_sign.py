@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.equations.presliding import bend
+from excite.diagnosis.equations.dry_friction.presliding import bend
 from excite.diagnosis.equations.samples import ArmSamples
 
 # Widths of the sign change of Coulomb friction that are tried [rad/s].
