@@ -47,7 +47,9 @@ class Reading:
         first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
         stages, kept = self._stages([first, *(item for item in others if alone(item))])
-        return self._named(stages, kept) if kept else self._open()
+        if not kept or not self._nearer(stages[-1].context.baseline):
+            return self._open()
+        return self._named(stages, kept)
 
     def _open(self) -> tuple[Attribution, Judgement]:
         """Nothing that is named is the gap."""
@@ -92,6 +94,21 @@ class Reading:
             tuple(p for _, p in named),
         )
         return after, judgement
+
+    def _nearer(self, last: Baseline) -> bool:
+        """Whether a baseline leaves less of the trials that judge than that without effects."""
+        rows = ~last.samples.identification
+        rows = rows if rows.any() else last.samples.identification
+        base = self.scorer.baseline
+        before, after = (
+            float(
+                (
+                    b.samples.squares(b.plain(b.fit.residual))[:, rows].mean(axis=1) / self.scorer.scale**2
+                ).sum()
+            )
+            for b in (base, last)
+        )
+        return after < before
 
     def _stages(self, chosen: Iterable[Named]) -> tuple[list[Stage], list[Named]]:
         """The effects one after the other, at last nothing; and which of them can be there."""

@@ -28,7 +28,7 @@ _CHANGED = 0.98
 _FIRST_STEP, _LAST_STEP = 1.5, 1.06
 
 # What the search may reach: no velocity of a log tells less apart, nor deflections.
-WIDTH_BOUNDS, BREAKAWAY_BOUNDS, DAMPED_BOUNDS = (1e-3, 0.06), (5e-5, 2e-2), (0.01, 0.3)
+BREAKAWAY_BOUNDS, DAMPED_BOUNDS = (5e-5, 2e-2), (0.01, 0.3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,13 +9,12 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.friction_sign import PLAIN, SIGNS, SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import PLAIN, SIGNS, SignChange, width_bounds
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
     COULOMB,
     DAMPED_BOUNDS,
-    WIDTH_BOUNDS,
     best_sign,
     own_terms,
     refined,
@@ -28,6 +27,8 @@ _ITERATIONS = 6
 _LATEST = 0.04
 # By how much a delay has to lower the loss where bristles were found.
 _CLEARLY = 0.05
+# Width of a straight sign change over that of the smooth one, a hyperbolic tangent, that is most like it.
+_STRAIGHTER = 1.3
 
 
 def first_signs(baseline: Baseline, *, late: bool) -> Baseline:
@@ -126,22 +127,34 @@ def _refined(baseline: Baseline) -> Baseline:
 
 
 def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
-    """One joint's sign change, a number of it after the other."""
+    """One joint's sign change, a number of it after the other; without memory in either of two shapes."""
     terms, use = own_terms(baseline.modelled), baseline.samples.identification
-    searched = {"breakaway": BREAKAWAY_BOUNDS} if sign.bent else {"width": WIDTH_BOUNDS}
-    if sign.damped and np.isfinite(sign.damped_below):
-        searched["damped_below"] = DAMPED_BOUNDS
-    for name, bounds in searched.items():
+    target = baseline.fit.before_own[j]
 
-        def at(value: float, name: str = name, sign: SignChange = sign) -> SignChange:
-            return sign._replace(**{name: value})
+    def searched(name: str, bounds: tuple[float, float], begun: SignChange) -> SignChange:
+        def rows_at(value: float) -> Array:
+            return baseline.own_rows(terms, j, begun.at(name, value))
 
-        def rows_at(value: float, at: Callable[[float], SignChange] = at) -> Array:
-            return baseline.own_rows(terms, j, at(value))
+        value = float(getattr(begun, name))
+        return begun.at(name, refined(target, rows_at, value, rows_at(value), use, bounds))
 
-        value = float(getattr(sign, name))
-        sign = at(refined(baseline.fit.before_own[j], rows_at, value, rows_at(value), use, bounds))
-    return sign
+    if sign.bent:
+        sign = searched("breakaway", BREAKAWAY_BOUNDS, sign)
+        damped = sign.damped and np.isfinite(sign.damped_below)
+        return searched("damped_below", DAMPED_BOUNDS, sign) if damped else sign
+    bounds = width_bounds(baseline.samples, j)
+    sign = searched("width", bounds, sign)
+    other = sign._replace(width=min(sign.width * _STRAIGHTER, bounds[1]), straight=True)
+    if sign.straight or not _better(baseline, j, other, sign):
+        return sign
+    return searched("width", bounds, other)
+
+
+def _better(baseline: Baseline, j: int, one: SignChange, other: SignChange) -> bool:
+    """Whether a sign change leaves less of a joint's equation than another."""
+    terms, use = own_terms(baseline.modelled), baseline.samples.identification
+    target = baseline.fit.before_own[j][use]
+    return best_sign(target, [baseline.own_rows(terms, j, s)[use] for s in (other, one)], (other, one)) == 1
 
 
 def _newton(baseline: Baseline, slopes: Sequence[Array]) -> float:

@@ -44,26 +44,34 @@ def sticking_joints(baseline: Baseline) -> frozenset[int]:
 
     Friction that follows from the motion, bristles and Stribeck's law among it, leaves of a joint's equation where the
     joint is slow what it leaves elsewhere. Friction of a joint that sticks leaves several times as much, and no
-    function of the velocity takes that away.
+    function of the velocity takes that away. Torques that come late leave something everywhere: that goes first.
 
     Args:
         baseline: fitted, friction with it.
     """
     samples, use = baseline.samples, baseline.samples.identification
-    left = samples.unweighed(baseline.plain(baseline.fit.residual))
-    slips, joints = samples.slips(range(len(left))), set[int]()
+    residual = samples.unweighed(baseline.plain(baseline.fit.residual))
+    later = samples.rows([np.gradient(t.tau, t.time, axis=0) for t in samples.trials]).T
+    slips, joints = samples.slips(range(len(residual))), set[int]()
     for j, mixed in enumerate(samples.rows(np.where(slips, 0.0, 1.0)).T):
         near, inside, outside = use & (mixed >= _FAST), mixed > _SLOW, use & (mixed < _FAST)
         if not (near & inside).any() or not outside.any():
             continue
+        left = _less(residual[j], later[j], outside)
         friction = coulomb_level(baseline.modelled, baseline.fit.own[j])
-        least = max(_WORSE * _rms(left[j, outside]), _SHARE * abs(friction))
-        if _rms(left[j, near & inside]) < least:
+        least = max(_WORSE * _rms(left[outside]), _SHARE * abs(friction))
+        if _rms(left[near & inside]) < least:
             continue
-        beside = left[j, near] - _of_velocity(samples, j, left[j], near)
+        beside = left[near] - _of_velocity(samples, j, left, near)
         if _rms(beside[inside[near]]) >= least:
             joints.add(j)
     return frozenset(joints)
+
+
+def _less(left: Array, column: Array, rows: NDArray[np.bool_]) -> Array:
+    """What is left without as much of a column as some rows ask for, ``(n_rows,)``."""
+    size = float(column[rows] @ left[rows]) / max(float(column[rows] @ column[rows]), 1e-300)
+    return left - size * column
 
 
 def _of_velocity(samples: ArmSamples, joint: int, left: Array, rows: NDArray[np.bool_]) -> Array:
