@@ -28,8 +28,9 @@ class SignChange(NamedTuple):
         breakaway: deflection over which it builds up [rad] (Dahl 1968); 0 where it follows the velocity.
         damped_below: speed beyond which the damping of bristles has died out [rad/s]; 0 without damping, infinite
             where it never does (Canudas de Wit et al. 1995, eqs. 3 and 6).
-        straight: whether friction that follows the velocity grows with it up to its level, as what a simulator
-            softens does, and not ever more slowly.
+        straight: whether friction that follows the velocity grows with it up to its level, and not ever more slowly.
+            So does what a simulator softens: of four simulated arms (MuJoCo's frictionloss as it comes) 8 of 26 joints
+            have 0.1 to 0.5 times as much left with it and with widths up to 0.3 rad/s.
     """
 
     width: float
