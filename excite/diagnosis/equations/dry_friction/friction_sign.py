@@ -14,6 +14,9 @@ from excite.diagnosis.equations.samples import ArmSamples
 WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
 # What the search between these may reach; no velocity of a log tells less apart.
 WIDTH_BOUNDS = (1e-3, 0.06)
+# Of fast joints. Simulated joints that creep have 0.1 to 0.25; with 0.9 the pitch axis of a surgical arm that sways at
+# as much takes friction of a velocity's third power for it, and a part of a weight with that.
+WIDEST = 0.3
 # Deflections over which dry friction builds up before it slips that are tried [rad]; 0: friction of the velocity.
 BREAKAWAYS = (1.5e-4, 5e-4, 1.5e-3, 4e-3)
 # Speeds beyond which bristles are not damped that are tried [rad/s]: never, soon, at any speed.
@@ -76,7 +79,7 @@ def of_velocity(v: Array, sign: SignChange) -> Array:
 def width_bounds(samples: ArmSamples, joint: int) -> tuple[float, float]:
     """What widths a joint's motion tells [rad/s]: up to its usual speed, beyond which friction is viscous."""
     v = samples.of_motor("v", joint)
-    return WIDTH_BOUNDS[0], max(WIDTH_BOUNDS[1], float(np.sqrt((v**2).mean())))
+    return WIDTH_BOUNDS[0], max(WIDTH_BOUNDS[1], min(float(np.sqrt((v**2).mean())), WIDEST))
 
 
 def damping_of_bristles(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
