@@ -13,11 +13,11 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.own_columns import coulomb_level
 from excite.diagnosis.equations.samples import ArmSamples
 
-# How many times as much as elsewhere is left of a joint that sticks where it is slow, and what share of its dry friction
-# that is at least. Of simulated arms of four makers (MuJoCo's frictionloss, made hard or as it comes, fast and slow) 60
+# How many times as much as elsewhere is left of a joint that sticks where it is slow, and at least what share of its
+# dry friction. Of simulated arms of four makers (MuJoCo's frictionloss, made hard or as it comes, fast and slow) 60
 # joints that stick have 4.1 to 49 times and 5 to 31 %, nine that turn through 1.2 to 2.4 times; a carriage on bristles
-# that bend over 0.3 to 3 mm has 1.5 to 5 times and 1 to 2 %. Of ten records with six effects each (gap/many) 3, 4 and 6
-# times find the same 53, and name 4, 4 and 3 that are not there.
+# that bend over 0.3 to 3 mm has 1.5 to 5 times and 1 to 2 %. Of ten records with six effects each (gap/many) 3, 4 and
+# 6 times find the same 53, and name 4, 4 and 3 that are not there.
 _WORSE, _SHARE = 4.0, 0.04
 # Widths of the functions of the velocity, in speeds up to which the joint may as well stand: those of Stribeck's law,
 # and what is the same in both directions.
