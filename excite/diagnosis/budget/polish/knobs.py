@@ -82,8 +82,9 @@ def knobs_of(state: State, joint: int | None = None) -> list[Knob]:
         if term.effect.friction and term.own is not None:
             rubbing.add(term.own)
     for j in sorted(rubbing):
-        bent = state.full.signs[j].bent
-        bounds = BREAKAWAY_BOUNDS if bent else width_bounds(state.full.samples, j)
+        sign = state.full.signs[j]
+        widths = width_bounds(state.full.samples, j, straight=sign.straight)
+        bounds = BREAKAWAY_BOUNDS if sign.bent else widths
         knobs.append(Knob(SIGN, j, 0, *bounds))
     return knobs
 

@@ -9,12 +9,19 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.friction_sign import PLAIN, SIGNS, SignChange, width_bounds
+from excite.diagnosis.equations.dry_friction.friction_sign import (
+    PLAIN,
+    SIGNS,
+    WIDTH_BOUNDS,
+    SignChange,
+    width_bounds,
+)
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
     COULOMB,
     DAMPED_BOUNDS,
+    FIRST_STEP,
     best_sign,
     own_terms,
     refined,
@@ -142,19 +149,18 @@ def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
         sign = searched("breakaway", BREAKAWAY_BOUNDS, sign)
         damped = sign.damped and np.isfinite(sign.damped_below)
         return searched("damped_below", DAMPED_BOUNDS, sign) if damped else sign
-    bounds = width_bounds(baseline.samples, j)
-    sign = searched("width", bounds, sign)
-    other = sign._replace(width=min(sign.width * _STRAIGHTER, bounds[1]), straight=True)
-    if sign.straight or not _better(baseline, j, other, sign):
+    sign = searched("width", width_bounds(baseline.samples, j, straight=sign.straight), sign)
+    if sign.straight:
         return sign
-    return searched("width", bounds, other)
-
-
-def _better(baseline: Baseline, j: int, one: SignChange, other: SignChange) -> bool:
-    """Whether a sign change leaves less of a joint's equation than another."""
-    terms, use = own_terms(baseline.modelled), baseline.samples.identification
-    target = baseline.fit.before_own[j][use]
-    return best_sign(target, [baseline.own_rows(terms, j, s)[use] for s in (other, one)], (other, one)) == 1
+    low, high = width_bounds(baseline.samples, j, straight=True)
+    # A search that ended at its bound says nothing of how far beyond it the width is.
+    wide = [high, 0.5 * high] if sign.width * FIRST_STEP > WIDTH_BOUNDS[1] else []
+    tried = [
+        sign,
+        *(sign._replace(width=w, straight=True) for w in (min(sign.width * _STRAIGHTER, high), *wide)),
+    ]
+    best = tried[best_sign(target[use], [baseline.own_rows(terms, j, s)[use] for s in tried], tried)]
+    return searched("width", (low, high), best) if best.straight else sign
 
 
 def _newton(baseline: Baseline, slopes: Sequence[Array]) -> float:

@@ -76,8 +76,10 @@ def of_velocity(v: Array, sign: SignChange) -> Array:
     return np.clip(relative, -1.0, 1.0) if sign.straight else np.tanh(relative)
 
 
-def width_bounds(samples: ArmSamples, joint: int) -> tuple[float, float]:
-    """What widths a joint's motion tells [rad/s]: up to its usual speed, beyond which friction is viscous."""
+def width_bounds(samples: ArmSamples, joint: int, *, straight: bool) -> tuple[float, float]:
+    """What widths the search may reach [rad/s]; straight up to the joint's usual speed, beyond which it is viscous."""
+    if not straight:
+        return WIDTH_BOUNDS
     v = samples.of_motor("v", joint)
     return WIDTH_BOUNDS[0], max(WIDTH_BOUNDS[1], min(float(np.sqrt((v**2).mean())), WIDEST))
 
