@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.attribution.attribution import Attribution, Scored, Stage
 from excite.diagnosis.attribution.extended import extended
@@ -19,9 +21,12 @@ from excite.diagnosis.budget.record import Found
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
+from excite.diagnosis.simulator.accepted_values import fitted_sizes
 
 # Candidates that are listed.
 _LISTED = 8
+# Standard deviations by which a size of a named effect is no less than that it is none. EXPERIMENT
+_TOLD = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +51,14 @@ class Reading:
         # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
         first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
-        stages, kept = self._stages([first, *(item for item in others if alone(item))])
-        if not kept or not self._nearer(stages[-1].context.baseline):
-            return self._open()
-        return self._named(stages, kept)
+        chosen = [first, *(item for item in others if alone(item))]
+        while True:
+            stages, kept = self._stages(chosen)
+            if not kept or not self._nearer(stages[-1].context.baseline):
+                return self._open()
+            chosen = self._of_some_size(stages, kept)
+            if chosen == kept:
+                return self._named(stages, kept)
 
     def _open(self) -> tuple[Attribution, Judgement]:
         """Nothing that is named is the gap."""
@@ -94,6 +103,17 @@ class Reading:
             tuple(p for _, p in named),
         )
         return after, judgement
+
+    def _of_some_size(self, stages: list[Stage], kept: list[Named]) -> list[Named]:
+        """Those effects of which a size, as it is beside the others, is told from none: what is told leaves it out."""
+        made, found = replace(self._nothing, stages=tuple(stages), final=stages[-1].context.baseline), []
+        for item, scored, beta in zip(kept, made.accepted, fitted_sizes(made), strict=True):
+            told, linear = scored.hypothesis.told.extra_std, scored.hypothesis.effect.linear
+            spread = np.maximum(told, [item.values.get(p.name, (0.0, None))[1] or 0.0 for p in linear])
+            there = (np.abs(beta) > _TOLD * spread) & [not p.beside for p in linear]
+            if not linear or there.any():
+                found.append(item)
+        return found
 
     def _nearer(self, last: Baseline) -> bool:
         """Whether a baseline leaves less of the trials that judge than that without effects."""

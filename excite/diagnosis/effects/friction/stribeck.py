@@ -170,8 +170,8 @@ class StribeckBristles(Stribeck):
 
     linear = (
         *Stribeck.linear,
-        Parameter("presliding", "N·m", 0.0),
-        Parameter("bristle_damping", "N·m·s", 0.0),
+        Parameter("presliding", "N·m", 0.0, beside=True),
+        Parameter("bristle_damping", "N·m·s", 0.0, beside=True),
     )
     searched = (*Stribeck.searched, Parameter("breakaway", "rad", 1e-4, 2e-2))
 
