@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.attribution.extended import extended
-from excite.diagnosis.attribution.hypotheses import Search
+from excite.diagnosis.attribution.hypotheses import Search, along
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.registry import EFFECTS
@@ -46,6 +46,21 @@ def test_predictions_with_an_effect_are_those_of_the_fit_with_it(baseline: Basel
     after = extended(item)
     scale = baseline.samples.trials[0].tau.std(axis=0)[:, None]
     # The effect's size moves a little in the common fit: its column stays where it was.
+    off = np.abs(left(after) - after.plain(after.fit.residual)) / scale
+    assert off.max() < 0.02
+
+
+def test_a_body_of_which_only_the_size_is_fitted_keeps_its_proportions(baseline: Baseline):
+    item = Search(Context(baseline), baseline.solver).coarse(EFFECTS["payload"], "panda_link6")
+    assert item is not None
+    half_a_decimetre_out = np.array([1.0, 0.05, 0.0, 0.0, 1e-4, 0.0, 2.6e-3, 0.0, 0.0, 2.6e-3])
+    made = along(item, half_a_decimetre_out)
+    np.testing.assert_allclose(made.fit.extra, made.fit.extra[0] * half_a_decimetre_out)
+    free = baseline.solver.fit(item.columns.extra)
+    assert made.loss > float(np.log(free.sigma).sum())
+    after = extended(made)
+    assert after.basis.shape[1] == baseline.basis.shape[1] + 1
+    scale = baseline.samples.trials[0].tau.std(axis=0)[:, None]
     off = np.abs(left(after) - after.plain(after.fit.residual)) / scale
     assert off.max() < 0.02
 

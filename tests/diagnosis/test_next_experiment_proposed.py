@@ -21,7 +21,7 @@ from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.friction_sign import SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.next_experiment.candidates import beyond, joined_motions, near

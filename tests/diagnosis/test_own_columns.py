@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from excite.arrays import Array
-from excite.diagnosis.equations.own_columns import BREAKAWAY_BOUNDS, WIDTH_BOUNDS, refined
+from excite.diagnosis.equations.dry_friction.friction_sign import WIDTH_BOUNDS
+from excite.diagnosis.equations.own_columns import BREAKAWAY_BOUNDS, refined
 
 
 def _dahl(deflection: Array, breakaway: float) -> Array:

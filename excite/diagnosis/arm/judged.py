@@ -71,6 +71,7 @@ def judged_record(record: TorqueRecord) -> Judged:
     # Torques that were not measured are no better further up in the spectrum.
     least = np.minimum(white_floor(samples), spectral) if measured else spectral
     full = begun_baseline(samples, record.modelled, least)
+    samples = full.samples
     baseline = fit_baseline(samples, record.modelled, least, like=full)
     columns = [record.log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, record.log.trials)

@@ -6,10 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.attribution.attribution import Attribution, Scored, Stage
 from excite.diagnosis.attribution.extended import extended
-from excite.diagnosis.attribution.hypotheses import Hypothesis, Search, at_rows
+from excite.diagnosis.attribution.hypotheses import Hypothesis, Search, along, at_rows
 from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.attribution.structured import structured_joints
@@ -18,10 +20,13 @@ from excite.diagnosis.budget.reading import alone, clear, explained
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.fitted_signs import signs_again
+from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
+from excite.diagnosis.simulator.accepted_values import fitted_sizes
 
 # Candidates that are listed.
 _LISTED = 8
+# Standard deviations by which a size of a named effect is no less than that it is none. EXPERIMENT
+_TOLD = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +51,14 @@ class Reading:
         # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
         first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
-        stages, kept = self._stages([first, *(item for item in others if alone(item))])
-        return self._named(stages, kept) if kept else self._open()
+        chosen = [first, *(item for item in others if alone(item))]
+        while True:
+            stages, kept = self._stages(chosen)
+            if not kept or not self._nearer(stages[-1].context.baseline):
+                return self._open()
+            chosen = self._of_some_size(stages, kept)
+            if chosen == kept:
+                return self._named(stages, kept)
 
     def _open(self) -> tuple[Attribution, Judgement]:
         """Nothing that is named is the gap."""
@@ -92,6 +103,32 @@ class Reading:
             tuple(p for _, p in named),
         )
         return after, judgement
+
+    def _of_some_size(self, stages: list[Stage], kept: list[Named]) -> list[Named]:
+        """Those effects of which a size, as it is beside the others, is told from none: what is told leaves it out."""
+        made, found = replace(self._nothing, stages=tuple(stages), final=stages[-1].context.baseline), []
+        for item, scored, beta in zip(kept, made.accepted, fitted_sizes(made), strict=True):
+            told, linear = scored.hypothesis.told.extra_std, scored.hypothesis.effect.linear
+            spread = np.maximum(told, [item.values.get(p.name, (0.0, None))[1] or 0.0 for p in linear])
+            there = (np.abs(beta) > _TOLD * spread) & [not p.beside for p in linear]
+            if not linear or there.any():
+                found.append(item)
+        return found
+
+    def _nearer(self, last: Baseline) -> bool:
+        """Whether a baseline leaves less of the trials that judge than that without effects."""
+        rows = ~last.samples.identification
+        rows = rows if rows.any() else last.samples.identification
+        base = self.scorer.baseline
+        before, after = (
+            float(
+                (
+                    b.samples.squares(b.plain(b.fit.residual))[:, rows].mean(axis=1) / self.scorer.scale**2
+                ).sum()
+            )
+            for b in (base, last)
+        )
+        return after < before
 
     def _stages(self, chosen: Iterable[Named]) -> tuple[list[Stage], list[Named]]:
         """The effects one after the other, at last nothing; and which of them can be there."""
@@ -167,7 +204,11 @@ def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None
     shape = term.effect.shape(made_at or Context(baseline), term.location, term.theta)
     columns = at_rows(Context(baseline), shape)
     fit = baseline.solver.fit(columns.extra, columns.offset, 6, term.effect.widths)
-    return Hypothesis(term.effect, term.location, term.theta, columns, fit, baseline, made_at)
+    made = Hypothesis(term.effect, term.location, term.theta, columns, fit, baseline, made_at)
+    # Free parameters of a body may be those of none that can exist.
+    if term.direction is None or term.effect.possible(term.context, term.location, fit.extra):
+        return made
+    return along(made, term.direction)
 
 
 def _second_name(item: Scored, final: Baseline) -> str | None:

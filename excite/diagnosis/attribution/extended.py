@@ -19,9 +19,11 @@ def extended(item: Hypothesis) -> Baseline:
     y, shared, basis = e.y, e.shared, baseline.basis
     if item.columns.offset is not None:
         y = y - item.columns.offset
-    if item.columns.extra is not None:
+    if (fitted := item.fitted) is not None:
         scale = 10.0 * np.maximum(np.abs(fit.extra), 10.0 * np.maximum(fit.extra_std, 1e-12))
-        shared = np.concatenate([shared, item.columns.extra * scale], axis=2)
+        if item.direction is not None:
+            scale = np.array([np.linalg.norm(scale) / np.linalg.norm(item.direction)])
+        shared = np.concatenate([shared, fitted * scale], axis=2)
         basis = np.hstack([basis, np.zeros((len(basis), len(scale)))])
     solver = Solver(replace(e, y=y, shared=shared))
     torque = torque_of(item)

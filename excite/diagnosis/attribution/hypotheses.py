@@ -39,6 +39,7 @@ class Hypothesis:
         fit: the fit with it.
         baseline: what it was fitted on; its sign changes may differ from those that the search began with.
         made_at: predictions that its columns were made of, where these are not the baseline's own.
+        direction: ``(n_linear,)`` that its linear parameters are a multiple of; None where each is free.
     """
 
     effect: Effect
@@ -48,6 +49,13 @@ class Hypothesis:
     fit: Fit
     baseline: Baseline
     made_at: Context | None = None
+    direction: Array | None = None
+
+    @property
+    def fitted(self) -> Array | None:
+        """Columns of what is fitted, ``(n_joints, n_rows, n)``: of each linear parameter, or of them all together."""
+        extra = self.columns.extra
+        return extra if extra is None or self.direction is None else extra @ self.direction[:, None]
 
     @property
     def context(self) -> Context:
@@ -104,6 +112,15 @@ def at_rows(context: Context, shape: Shape) -> Columns:
         offset = np.zeros((len(context.joints), n_rows))
         offset[keys] = stacked.T * root[keys]
     return Columns(extra, offset)
+
+
+def along(item: Hypothesis, direction: Array) -> Hypothesis:
+    """A hypothesis of whose linear parameters only the size is left to be fitted, ``direction (n_linear,)`` times."""
+    whole = replace(item, direction=direction)
+    one = item.baseline.solver.fit(whole.fitted, item.columns.offset)
+    size, std = one.extra[0], one.extra_std[0]
+    fit = replace(one, extra=size * direction, extra_std=std * np.abs(direction), columns=item.columns.extra)
+    return replace(whole, fit=fit)
 
 
 @dataclass(frozen=True, eq=False)

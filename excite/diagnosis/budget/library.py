@@ -13,7 +13,7 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
 from excite.diagnosis.effects.forces.end_stop import EndStop
-from excite.diagnosis.equations.friction_sign import SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, OwnTerm, own_rows
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import stands_throughout

@@ -11,7 +11,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.fitted_signs import signs_again
+from excite.diagnosis.equations.dry_friction.fitted_signs import signs_again
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.regressor.kernels import inverse_dynamics

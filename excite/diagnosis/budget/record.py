@@ -24,7 +24,7 @@ from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.dry_friction.sticking_joints import fit_where_slipping
 from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 
@@ -51,7 +51,7 @@ class Found:
 
 def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
     """What every model of a record begins with: what is modelled, and friction and constants whether or not."""
-    return fit_baseline(samples, with_begun(modelled), floor)
+    return fit_where_slipping(samples, with_begun(modelled), floor)
 
 
 def model_of_gap(

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import sign_of_motion
+from excite.diagnosis.equations.dry_friction.friction_sign import sign_of_motion
 from excite.regressor.kernels import inverse_dynamics
 
 # Steps of first and second differences [rad], [rad/s].

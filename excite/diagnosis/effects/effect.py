@@ -31,6 +31,7 @@ class Parameter:
         low: least value that is physical.
         high: greatest value that is physical.
         width: standard deviation that it has a priori.
+        beside: whether it comes along with what the effect's name stands for.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Parameter:
     low: float = -np.inf
     high: float = np.inf
     width: float = np.inf
+    beside: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial
-from excite.diagnosis.equations.friction_sign import SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.joint_torque import Fit, Solver
 from excite.diagnosis.equations.own_columns import OwnTerm, own_rows, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.fitted_signs import first_signs
-from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
+from excite.diagnosis.equations.dry_friction.fitted_signs import first_signs
+from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Equations, Solver
 from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples

@@ -10,6 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.dry_friction.friction_sign import of_velocity
 from excite.diagnosis.equations.known_motion import noise_density
 from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
@@ -57,9 +58,8 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
             v, rate = trial.v[:, i], d.first[:, i]
             change[:, j] += own.get(ARMATURE, 0.0) * d.second[:, i]
             change[:, j] += own.get(VISCOUS, 0.0) * rate
-            if not baseline.signs[j].bent:
-                width = baseline.signs[j].width
-                change[:, j] += own.get(COULOMB, 0.0) * (np.tanh((v + rate) / width) - np.tanh(v / width))
+            if not (sign := baseline.signs[j]).bent:
+                change[:, j] += own.get(COULOMB, 0.0) * (of_velocity(v + rate, sign) - of_velocity(v, sign))
         parts.append(change)
     return samples.rows(parts, range(len(index))).T
 

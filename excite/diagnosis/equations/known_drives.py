@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.dry_friction.sticking_joints import fit_where_slipping
 from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, OwnTerm
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.robot.joint_values import per_joint
@@ -51,7 +51,7 @@ def less_known(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> 
     known = known_terms(samples, modelled)
     if not known:
         return samples
-    free = fit_baseline(samples, (*modelled, *(item.term.words[0] for item in known)), floor)
+    free = fit_where_slipping(samples, (*modelled, *(item.term.words[0] for item in known)), floor)
     led = free.samples
     motors = np.column_stack(
         [

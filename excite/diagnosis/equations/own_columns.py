@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.equations.friction_sign import SIGNS, SignChange, damping_of_bristles, sign_of_motion
+from excite.diagnosis.equations.dry_friction.friction_sign import (
+    SIGNS,
+    SignChange,
+    damping_of_bristles,
+    sign_of_motion,
+)
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.rows.drive_terms import DRIVE_TERMS
 
@@ -20,10 +25,10 @@ _BETTER = 0.95
 # How a joint's friction changes sign is only thought over for a loss below this share.
 _CHANGED = 0.98
 # Factors between neighbouring values of the search, first and last.
-_FIRST_STEP, _LAST_STEP = 1.5, 1.06
+FIRST_STEP, _LAST_STEP = 1.5, 1.06
 
 # What the search may reach: no velocity of a log tells less apart, nor deflections.
-WIDTH_BOUNDS, BREAKAWAY_BOUNDS, DAMPED_BOUNDS = (1e-3, 0.06), (5e-5, 2e-2), (0.01, 0.3)
+BREAKAWAY_BOUNDS, DAMPED_BOUNDS = (5e-5, 2e-2), (0.01, 0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +185,7 @@ def refined(
         The value.
     """
     low, high = bounds
-    best, step = _loss(target[use], columns[use]), _FIRST_STEP
+    best, step = _loss(target[use], columns[use]), FIRST_STEP
     while step > _LAST_STEP:
         moved = False
         for way in (step, 1.0 / step):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
+from excite.diagnosis.equations.dry_friction.sticking import counted, surely_slips
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
 from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Robot
 from excite.rows.beyond import reached
-from excite.rows.sticking import counted, surely_slips
 
 _ORDER = 4
 
@@ -46,7 +46,7 @@ class ArmSamples:
         coupling: ``(n_joints, n_joints)`` from velocities of these joints to those of their motors, each seen
             through its own gear; the identity where every motor turns its own joint alone.
         standstill: ``(n_joints,)`` speed up to which a joint may as well stand [rad/s].
-        turns_count: whether equations count where joints may stick too: when friction turns tells how late torques are.
+        sticking: joints whose equations are left out where they may stick.
         trials: the trials.
         rate_hz: full rate.
         bands: frequencies.
@@ -60,7 +60,7 @@ class ArmSamples:
     bands: Bands
     coupling: Array
     standstill: Array
-    turns_count: bool = False
+    sticking: frozenset[int] = frozenset()
 
     @property
     def coupled(self) -> bool:
@@ -154,22 +154,20 @@ class ArmSamples:
     @cached_property
     def slipping(self) -> Array:
         """How far each joint's equation counts, ``(n_samples, n_joints)``: hardly where a motor on it may stick."""
-        return counted(self._slips())
+        return counted(self.slips(self.sticking))
 
     def sticks(self, joint: int) -> bool:
         """Whether a joint's equation is left out where it may stick."""
-        return bool(self.slipping[:, joint].min() < 1.0)
+        return joint in self.sticking
 
-    def _slips(self) -> NDArray[np.bool_]:
-        """Where all motors on each joint surely slip, ``(n_samples, n_joints)``."""
-        joints, cutoff = range(len(self.joints)), self.bands.kinematics_hz
-        if self.turns_count:
-            return np.ones((len(self.starts), len(joints)), dtype=np.bool_)
-        slips = [
-            surely_slips(self.of_motor("v", k), self.starts, self.standstill[k], self.rate_hz, cutoff)
-            for k in joints
-        ]
-        return np.column_stack([np.all([slips[k] for k in self.motors(j)], axis=0) for j in joints])
+    def slips(self, joints: Iterable[int]) -> NDArray[np.bool_]:
+        """Where all motors on some joints surely turn, ``(n_samples, n_joints)``; True for the others."""
+        made, cutoff = np.ones((len(self.starts), len(self.joints)), dtype=np.bool_), self.bands.kinematics_hz
+        for joint in joints:
+            for k in self.motors(joint):
+                v = self.of_motor("v", k)
+                made[:, joint] &= surely_slips(v, self.starts, self.standstill[k], self.rate_hz, cutoff)
+        return made
 
     def unweighed(self, residual: Array) -> Array:
         """Residuals ``(n_joints, n_rows)`` without what rows weigh more for those that :attr:`slipping` leaves out."""

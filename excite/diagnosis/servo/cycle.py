@@ -85,7 +85,7 @@ def servo_cycle(
     """
     rotors_too = (*modelled, *ARMATURE.words)
     own = own_terms(rotors_too)
-    samples = replace(samples, turns_count=True)
+    samples = replace(samples, sticking=frozenset())
     baseline = fit_baseline(samples, rotors_too, spectral_floor(samples), late=False)
     context = Context(baseline)
     common = ActuatorLag().shape(context, "torque", ()).columns

@@ -25,7 +25,7 @@ def fitted_sizes(attribution: Attribution) -> tuple[Array, ...]:
     columns = last.solver.equations.shared
     first = attribution.stages[0].context.baseline.basis.shape[1]
     for item in attribution.accepted:
-        extra = item.hypothesis.columns.extra
+        extra, direction = item.hypothesis.fitted, item.hypothesis.direction
         count = 0 if extra is None else extra.shape[2]
         here = slice(first + place, first + place + count)
         beta = item.hypothesis.fit.extra
@@ -33,6 +33,7 @@ def fitted_sizes(attribution: Attribution) -> tuple[Array, ...]:
             size = np.linalg.norm(extra, axis=(0, 1))
             scale = np.linalg.norm(columns[:, :, here], axis=(0, 1)) / np.where(size > 0.0, size, 1.0)
             beta = last.fit.shared[here] * scale
+            beta = beta if direction is None else beta * direction
         place += count
         made.append(beta)
     return tuple(made)

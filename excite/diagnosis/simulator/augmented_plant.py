@@ -10,7 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.effects.form import Form
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import sign_of_motion
+from excite.diagnosis.equations.dry_friction.friction_sign import sign_of_motion
 from excite.diagnosis.equations.known_drives import known_terms
 from excite.diagnosis.equations.own_columns import ARMATURE, CONSTANT, COULOMB, VISCOUS, OwnTerm, own_terms
 from excite.diagnosis.simulator.physical_bodies import PhysicalBodies, nearest_bodies

@@ -33,7 +33,7 @@ from excite.diagnosis.effects.readings.encoder_offset import EncoderOffset
 from excite.diagnosis.effects.readings.time_delay import TimeDelay
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Derived
-from excite.diagnosis.equations.friction_sign import SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.servo.encoders import LoggedOffset
 from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
 from excite.diagnosis.simulator.found import Found

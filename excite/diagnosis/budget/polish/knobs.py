@@ -13,11 +13,10 @@ from excite.diagnosis.budget.polish.state import State, made_like
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Theta
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import SignChange, width_bounds
 from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
     COULOMB,
-    WIDTH_BOUNDS,
     own_rows,
     own_terms,
 )
@@ -83,7 +82,9 @@ def knobs_of(state: State, joint: int | None = None) -> list[Knob]:
         if term.effect.friction and term.own is not None:
             rubbing.add(term.own)
     for j in sorted(rubbing):
-        bounds = BREAKAWAY_BOUNDS if state.full.signs[j].bent else WIDTH_BOUNDS
+        sign = state.full.signs[j]
+        widths = width_bounds(state.full.samples, j, straight=sign.straight)
+        bounds = BREAKAWAY_BOUNDS if sign.bent else widths
         knobs.append(Knob(SIGN, j, 0, *bounds))
     return knobs
 
@@ -104,7 +105,7 @@ class Moved:
         for knob, value in zip(knobs, values, strict=True):
             if knob.term == SIGN:
                 sign = signs[knob.joint]
-                signs[knob.joint] = sign._replace(**{number_of(sign): value})
+                signs[knob.joint] = sign.at(number_of(sign), value)
             else:
                 theta = thetas[knob.term]
                 thetas[knob.term] = (*theta[: knob.place], value, *theta[knob.place + 1 :])

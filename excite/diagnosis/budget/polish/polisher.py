@@ -22,7 +22,7 @@ from excite.diagnosis.budget.refine import RICHER
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ from excite.diagnosis.effects.friction.build_up import PRESLIDING, BuildUp
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
 from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.effects.note import Noted
-from excite.diagnosis.equations.friction_sign import WIDTHS
+from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange, of_velocity
+from excite.diagnosis.equations.dry_friction.play import behind_play
 from excite.diagnosis.equations.own_columns import COULOMB
-from excite.diagnosis.equations.play import behind_play
 
 # Rigid bodies' share of an axis' torque (root mean square) below which it carries no mass to speak of: less than 1e-5
 # on a friction damper whose moving parts are not part of the record.
@@ -49,7 +49,8 @@ class CoulombFriction(Effect):
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
-        return Shape({j: np.tanh(context.v[:, [j]] / theta[0])})
+        sign = SignChange(theta[0], straight=context.baseline.signs[j].straight)
+        return Shape({j: of_velocity(context.v[:, [j]], sign)})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         speed = float(np.sqrt(np.mean(context.v[:, context.row(location)] ** 2)))

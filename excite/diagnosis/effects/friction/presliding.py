@@ -6,9 +6,14 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.equations.friction_sign import SignChange, bent, damped_rate, sign_of_motion
+from excite.diagnosis.equations.dry_friction.friction_sign import (
+    SignChange,
+    bent,
+    damped_rate,
+    sign_of_motion,
+)
+from excite.diagnosis.equations.dry_friction.presliding import RATIO, bend_further
 from excite.diagnosis.equations.own_columns import coulomb_level
-from excite.diagnosis.equations.presliding import RATIO, bend_further
 
 # No bristle is damped for longer [s]: where there is hardly any Coulomb friction, its damping tells nothing.
 _LONGEST = 0.1

@@ -16,7 +16,11 @@ from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.friction.presliding import bent_excess
 from excite.diagnosis.effects.note import Beyond, JointStep, Note
-from excite.diagnosis.equations.friction_sign import SignChange, damping_of_bristles, sign_of_motion
+from excite.diagnosis.equations.dry_friction.friction_sign import (
+    SignChange,
+    damping_of_bristles,
+    sign_of_motion,
+)
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import COULOMB, coulomb_level
 
@@ -166,8 +170,8 @@ class StribeckBristles(Stribeck):
 
     linear = (
         *Stribeck.linear,
-        Parameter("presliding", "N·m", 0.0),
-        Parameter("bristle_damping", "N·m·s", 0.0),
+        Parameter("presliding", "N·m", 0.0, beside=True),
+        Parameter("bristle_damping", "N·m·s", 0.0, beside=True),
     )
     searched = (*Stribeck.searched, Parameter("breakaway", "rad", 1e-4, 2e-2))
 

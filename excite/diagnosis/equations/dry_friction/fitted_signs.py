@@ -9,13 +9,19 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import PLAIN, SIGNS, SignChange
+from excite.diagnosis.equations.dry_friction.friction_sign import (
+    PLAIN,
+    SIGNS,
+    WIDTH_BOUNDS,
+    SignChange,
+    width_bounds,
+)
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
     COULOMB,
     DAMPED_BOUNDS,
-    WIDTH_BOUNDS,
+    FIRST_STEP,
     best_sign,
     own_terms,
     refined,
@@ -28,6 +34,8 @@ _ITERATIONS = 6
 _LATEST = 0.04
 # By how much a delay has to lower the loss where bristles were found.
 _CLEARLY = 0.05
+# Width of a straight sign change over that of the smooth one, a hyperbolic tangent, that is most like it.
+_STRAIGHTER = 1.3
 
 
 def first_signs(baseline: Baseline, *, late: bool) -> Baseline:
@@ -126,22 +134,33 @@ def _refined(baseline: Baseline) -> Baseline:
 
 
 def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
-    """One joint's sign change, a number of it after the other."""
+    """One joint's sign change, a number of it after the other; without memory in either of two shapes."""
     terms, use = own_terms(baseline.modelled), baseline.samples.identification
-    searched = {"breakaway": BREAKAWAY_BOUNDS} if sign.bent else {"width": WIDTH_BOUNDS}
-    if sign.damped and np.isfinite(sign.damped_below):
-        searched["damped_below"] = DAMPED_BOUNDS
-    for name, bounds in searched.items():
+    target = baseline.fit.before_own[j]
 
-        def at(value: float, name: str = name, sign: SignChange = sign) -> SignChange:
-            return sign._replace(**{name: value})
+    def searched(name: str, bounds: tuple[float, float], begun: SignChange) -> SignChange:
+        def rows_at(value: float) -> Array:
+            return baseline.own_rows(terms, j, begun.at(name, value))
 
-        def rows_at(value: float, at: Callable[[float], SignChange] = at) -> Array:
-            return baseline.own_rows(terms, j, at(value))
+        value = float(getattr(begun, name))
+        return begun.at(name, refined(target, rows_at, value, rows_at(value), use, bounds))
 
-        value = float(getattr(sign, name))
-        sign = at(refined(baseline.fit.before_own[j], rows_at, value, rows_at(value), use, bounds))
-    return sign
+    if sign.bent:
+        sign = searched("breakaway", BREAKAWAY_BOUNDS, sign)
+        damped = sign.damped and np.isfinite(sign.damped_below)
+        return searched("damped_below", DAMPED_BOUNDS, sign) if damped else sign
+    sign = searched("width", width_bounds(baseline.samples, j, straight=sign.straight), sign)
+    if sign.straight:
+        return sign
+    low, high = width_bounds(baseline.samples, j, straight=True)
+    # A search that ended at its bound says nothing of how far beyond it the width is.
+    wide = [high, 0.5 * high] if sign.width * FIRST_STEP > WIDTH_BOUNDS[1] else []
+    tried = [
+        sign,
+        *(sign._replace(width=w, straight=True) for w in (min(sign.width * _STRAIGHTER, high), *wide)),
+    ]
+    best = tried[best_sign(target[use], [baseline.own_rows(terms, j, s)[use] for s in tried], tried)]
+    return searched("width", (low, high), best) if best.straight else sign
 
 
 def _newton(baseline: Baseline, slopes: Sequence[Array]) -> float:

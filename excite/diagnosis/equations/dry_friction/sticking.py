@@ -8,8 +8,6 @@ to nothing where it may stand, before the filter: the equation holds there too, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,9 +23,6 @@ _SPEED, _AROUND = 2.0, 0.5
 # Of a joint that is slow throughout, no more than what is slower than this share of its usual speed. On two records of
 # 8 to 28 mrad/s .1, .25, .5 and 1 leave .30, .12, .15 and .49 times what is left without, no such limit .70.
 _SLOW = 0.25
-# Share of the slow time at rest from which a motor sticks. A motor that turns with an even acceleration has .25; of 26
-# simulated joints whose friction creeps 20 have .18 to .29, of 46 that stick 37 have .33 to .92.
-_STANDS = 0.3
 # What an equation weighs where its joint may stick. Nothing would leave .147 on those arms, .01 leaves .149, .05
 # leaves .178; with nothing a joint that hardly slips would have no equation.
 _STUCK = 0.01
@@ -49,15 +44,12 @@ def surely_slips(
     moving = speed[speed > still]
     if not len(moving):
         return np.ones(len(v), dtype=np.bool_)
-    slow, ends = min(_SPEED * still, _SLOW * float(np.median(moving))), np.flatnonzero(starts)[1:]
-    if time_at_rest(np.split(speed, ends), slow) < _STANDS:
-        return np.ones(len(v), dtype=np.bool_)
-    stuck = speed <= slow
+    stuck = speed <= min(_SPEED * still, _SLOW * float(np.median(moving)))
     turned = (v[1:] * v[:-1] < 0.0) & ~starts[1:]
     stuck[1:] |= turned
     stuck[:-1] |= turned
     around = round(_AROUND * rate_hz / cutoff_hz)
-    return np.concatenate([~near(part, around) for part in np.split(stuck, ends)])
+    return np.concatenate([~near(part, around) for part in np.split(stuck, np.flatnonzero(starts)[1:])])
 
 
 def counted(slips: NDArray[np.bool_]) -> Array:
@@ -71,19 +63,3 @@ def counted(slips: NDArray[np.bool_]) -> Array:
     """
     made = np.where(slips | ~slips.any(axis=0), 1.0, _STUCK)
     return np.asarray(made / np.sqrt((made**2).mean(axis=0)))
-
-
-def time_at_rest(speeds: Sequence[Array], slow: float) -> float:
-    """Share of the time below a speed that is spent below a quarter of it: a quarter where motors turn without a stop.
-
-    Args:
-        speeds: of a motor, ``(n,)`` a trial, standstill before and after the motion among them.
-        slow: the speed, in the same unit.
-    """
-    below = rest = 0
-    for speed in speeds:
-        fast = np.flatnonzero(speed > slow)
-        within = speed[fast[0] : fast[-1]] if len(fast) else speed[:0]
-        below += int(np.count_nonzero(within <= slow))
-        rest += int(np.count_nonzero(within <= 0.25 * slow))
-    return rest / max(below, 1)
