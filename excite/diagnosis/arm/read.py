@@ -110,8 +110,8 @@ class Reading:
         for item, scored, beta in zip(kept, made.accepted, fitted_sizes(made), strict=True):
             told, linear = scored.hypothesis.told.extra_std, scored.hypothesis.effect.linear
             spread = np.maximum(told, [item.values.get(p.name, (0.0, None))[1] or 0.0 for p in linear])
-            there = (np.abs(beta) > _TOLD * spread) & [not p.beside for p in linear]
-            if not linear or there.any():
+            there = np.abs(beta) > _TOLD * spread
+            if not linear or any(sure for sure, p in zip(there, linear, strict=True) if not p.beside):
                 found.append(item)
         return found
 
