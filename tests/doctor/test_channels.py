@@ -228,3 +228,18 @@ def test_a_joint_that_counts_whole_turns_is_not_in_degrees(panda, log):
     """The wrist turned once too often lies beyond three times its range, and inside it in degrees."""
     wound = changed(log, lambda t: replace(t, q=t.q + 4.0 * np.pi * np.array([0, 0, 0, 0, 0, 0, 1])))
     assert "degrees" not in {item.kind for item in examine(panda, wound).findings}
+
+
+def test_positions_alone_tell_nothing(panda, log):
+    """A bag of joint states without efforts; with commands, or of a robot on sensors, it would tell something."""
+    header = log.header.model_copy(update={"torque": "none"})
+    bare = tuple(replace(trial, tau=None, current=None, q_cmd=None) for trial in log.trials)
+    found = examine(panda, replace(log, header=header, trials=bare)).findings
+    assert [(item.kind, item.severity) for item in found if item.severity == "fatal"] == [
+        ("no_torques", "fatal")
+    ]
+    commanded = tuple(replace(trial, q_cmd=trial.q) for trial in bare)
+    assert not any(
+        item.kind == "no_torques"
+        for item in examine(panda, replace(log, header=header, trials=commanded)).findings
+    )

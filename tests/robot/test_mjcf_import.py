@@ -45,6 +45,10 @@ ODD = """
 """
 
 
+# The motor that the slide of the odd arm lacks.
+REACH = '<motor joint="reach" ctrlrange="-3 3"/>'
+
+
 def saved(text: str, folder: Path, name: str = "odd.xml") -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
@@ -158,7 +162,7 @@ def with_loop(crank: str = "crank", more: str = "") -> str:
 
 
 def test_joints_of_a_closed_loop_without_enough_motors_are_held_still(tmp_path: Path) -> None:
-    written = write_scaffold(saved(with_loop(), tmp_path), tmp_path / "out")
+    written = write_scaffold(saved(with_loop(more=REACH), tmp_path), tmp_path / "out")
     assert any("fewer motors than freedoms are held still (crank, link, end)" in n for n in written.notes)
     assert set(load_robot(written.description).joint_names) == {"yaw", "pitch", "reach"}
 
@@ -271,6 +275,21 @@ def test_a_ball_that_no_motor_turns_is_held_still_and_said(tmp_path: Path) -> No
     assert sum(i.mass for i in model.inertias) == pytest.approx(float(truth.body_mass.sum()), rel=1e-6)
 
 
+def test_a_joint_that_no_motor_drives_is_held_still_and_said(tmp_path: Path) -> None:
+    """An acrobot's shoulder: no command moves it, so that no motion of it can be safe."""
+    written = write_scaffold(saved(ODD, tmp_path), tmp_path / "out")
+    assert any("joints that no motor drives are held still (reach)" in note for note in written.notes)
+    assert load_robot(written.description).joint_names == ("yaw", "pitch")
+
+
+def test_joints_are_free_where_a_model_does_not_tell_its_motors(tmp_path: Path) -> None:
+    bare = ODD[: ODD.index("<actuator>")] + "</mujoco>"
+    of_body = ODD.replace("</actuator>", '<adhesion body="slider" ctrlrange="0 1"/></actuator>')
+    for number, text in enumerate((bare, of_body)):
+        written = write_scaffold(saved(text, tmp_path, f"odd_{number}.xml"), tmp_path / str(number))
+        assert load_robot(written.description).joint_names == ("yaw", "pitch", "reach")
+
+
 def test_the_keyframe_of_rest_is_the_posture(tmp_path: Path) -> None:
     """Angles count from the reference position, 10 degrees of the second joint."""
     key = '<keyframe><key name="other" qpos="0 0 0"/><key name="home" qpos="0.3 -0.2 0.1"/></keyframe>'
@@ -280,7 +299,10 @@ def test_the_keyframe_of_rest_is_the_posture(tmp_path: Path) -> None:
 
 
 def test_a_joint_that_damping_locks_is_held_still_and_said(tmp_path: Path) -> None:
-    path = saved(ODD.replace('name="yaw"', 'name="yaw" damping="1e11"'), tmp_path)
+    text = ODD.replace('name="yaw"', 'name="yaw" damping="1e11"').replace(
+        "</actuator>", f"{REACH}</actuator>"
+    )
+    path = saved(text, tmp_path)
     written = write_scaffold(path, tmp_path / "out")
     assert any("damping lets nothing move them are held still (yaw)" in note for note in written.notes)
     robot = load_robot(written.description)

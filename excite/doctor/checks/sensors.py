@@ -112,6 +112,15 @@ class Constant(Check):
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
         header = log.header
+        if unforced(log):
+            lost = Finding(
+                "no_torques",
+                "no torque, no current and no command was recorded: nothing tells what moved the joints",
+                {"channels": 0.0},
+                severity="fatal",
+                remedy="record torques or currents (tau.*, i.*), or at least the commanded positions (q_cmd.*)",
+            )
+            return Outcome(log, (lost,))
         dead, torques = [], []
         for attribute, prefix in (("tau", "tau"), ("current", "i"), ("q", "q")):
             values = [getattr(trial, attribute) for trial in log.trials]
@@ -157,3 +166,10 @@ class Constant(Check):
         )
         header = log.header.model_copy(update={"no_torque": silent})
         return Outcome(replace(log, header=header) if torques else log, (finding,))
+
+
+def unforced(log: Log) -> bool:
+    """Whether a log of a robot that does not move about says nothing of what moved it: positions alone."""
+    header = log.header
+    placed = header.base in ("fixed", "held") and not header.sensors
+    return placed and all(t.tau is None and t.current is None and t.q_cmd is None for t in log.trials)

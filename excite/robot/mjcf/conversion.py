@@ -20,7 +20,7 @@ from excite.robot.mjcf.closures import driven_joints, mimics, read_closures
 from excite.robot.mjcf.resting import damped_joints, excluded_pairs, rest_keyframe, tendon_groups
 from excite.robot.mjcf.rotors import rotor_inertias
 from excite.robot.mjcf.scan import scan_mjcf
-from excite.robot.mjcf.torques import idle_balls, torque_limits
+from excite.robot.mjcf.torques import idle_balls, idle_joints, torque_limits
 from excite.robot.mjcf.trees import robot_root
 from excite.robot.mjcf.urdf import UrdfWriter
 
@@ -82,7 +82,7 @@ def convert_mjcf(path: Path) -> MjcfConversion:
     and inertias that follow from geometry are as MuJoCo understands them. Bodies, hinges and slides, inertials,
     primitive solids and meshes are carried over; a joint coupled to another by a linear equality becomes a mimic
     joint, and other equalities loops and couplings of a ``robot.yaml``, where their joints without a motor follow
-    from those with one; else these are held still.
+    from those with one; else these are held still, as are all joints that no motor drives where others have one.
 
     Args:
         path: the MJCF file.
@@ -147,9 +147,11 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         model.jnt_limited[joint] = 1
         model.jnt_range[joint] = value + model.qpos0[model.jnt_qposadr[joint]]
     known = driven_joints(model).union(*closures.passive.values(), *closures.held.values())
+    idle_ones = idle_joints(model, bodies, known.union(closures.still))
     # What one motor drives through a tendon is one freedom where equalities tie it together.
     many = {joint for group in tendon_groups(model) if group - known for joint in group}
     _hold(model, many, "joints that one motor drives together through a tendon", notes)
+    _hold(model, idle_ones - many, "joints that no motor drives", notes)
     _hold(model, damped_joints(model), "joints whose damping lets nothing move them", notes)
     writer = UrdfWriter(model, bodies, mimics(model, closures), torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)

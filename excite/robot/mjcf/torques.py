@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,3 +43,23 @@ def idle_balls(model: mujoco.MjModel) -> set[int]:
     driven = {int(joint) for joint in model.actuator_trnid[on_joint, 0]}
     balls = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_BALL)
     return {int(joint) for joint in balls if int(joint) not in driven} if driven else set()
+
+
+def idle_joints(model: mujoco.MjModel, bodies: Collection[int], known: Collection[int]) -> set[int]:
+    """Hinges and slides of ``bodies`` that no motor drives, such as an acrobot's shoulder: no command moves them.
+
+    None of a model without motors, which does not tell, or with motors that act on sites or bodies, which may move any.
+
+    Args:
+        model: the model.
+        bodies: the robot's bodies.
+        known: joints that a motor drives, or that an equality ties to others or to a value.
+    """
+    import mujoco
+
+    on = mujoco.mjtTrn
+    told = np.isin(model.actuator_trntype, [on.mjTRN_JOINT, on.mjTRN_JOINTINPARENT, on.mjTRN_TENDON])
+    if not model.nu or not told.all():
+        return set()
+    one = np.isin(model.jnt_type, [mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE])
+    return {int(joint) for joint in np.flatnonzero(one) if model.jnt_bodyid[joint] in bodies} - set(known)
