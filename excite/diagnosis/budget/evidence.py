@@ -67,17 +67,27 @@ def price_of(term: Term, candidates: int) -> float:
 
 def nats_between(one: Model, other: Model) -> float:
     """How many nats another model predicts left-out blocks better by, against what stays unexplained with it."""
-    return _nats(other.share_beside(one), one, other)
+    return float(_nats(other.share_beside(one), one, other).sum())
 
 
 def nats_alike(without: Model, one: Model, other: Model) -> float:
-    """What a model gains over one without a term, in the effective samples by which another is compared with it."""
-    return _nats(other.share_beside(one), without, one)
+    """What a model gains over one without a term, in the effective samples by which another is compared with it.
+
+    Nothing where the other surely lacks, at some joint, most of what the model gains there. A joint that is not
+    explained leaves so much that is alike that it counts few samples, beside all those of joints where both say the
+    same: of two arms on a tilted base the offset of one arm's first encoder explains one.
+    """
+    share = other.share_beside(one)
+    gained, lacked = _nats(share, without, one), _nats(share, other, one)
+    if ((lacked > THRESHOLDS.rival) & (lacked > THRESHOLDS.most * gained)).any():
+        return 0.0
+    return float(gained.sum())
 
 
-def _nats(share: Array, one: Model, other: Model) -> float:
+def _nats(share: Array, one: Model, other: Model) -> Array:
+    """Nats by joint that a model gains over one, in so large a share of the samples, ``(n_joints,)``."""
     effective = share * other.design.fitted.count.sum()
-    return float((0.5 * effective * np.log(one.predicted.sum(axis=0) / other.predicted.sum(axis=0))).sum())
+    return np.asarray(0.5 * effective * np.log(one.predicted.sum(axis=0) / other.predicted.sum(axis=0)))
 
 
 def share_taken(without: Model, with_it: Model, of: Array | None = None) -> float:
