@@ -10,6 +10,9 @@ from typing import Any, Literal
 from excite.errors import InputError, UnknownNameError
 from excite.rows.drive_terms import DRIVE_TERMS
 
+LONGEST_GAP_S = 0.1
+"""What is interpolated over longer gaps is left out [s]."""
+
 _CHOICES = {"clock": ("stamps", "positions"), "differentiation": ("central", "fourier")}
 
 
@@ -77,7 +80,7 @@ class ProblemSettings:
         0.01, "rad/s", 0.0, 10.0, "velocity over which Coulomb friction changes sign"
     )
     standstill_velocity: float = _setting(0.01, "rad/s", 0.0, 10.0, "speed below which a joint stands")
-    longest_gap_s: float = _setting(0.1, "s", 0.0, 1e3, "longest gap that is interpolated")
+    longest_gap_s: float = _setting(LONGEST_GAP_S, "s", 0.0, 1e3, "longest gap that is interpolated")
     drive_terms: tuple[str, ...] | None = None
     drive_gains: Mapping[str, float] = field(default_factory=dict)
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

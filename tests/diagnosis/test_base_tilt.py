@@ -99,3 +99,47 @@ def test_a_direction_that_nothing_shows_is_not_told() -> None:
     assert set(told) == {"angle", "gravity_x"}
     assert told["angle"].value == pytest.approx(0.05 / 9.81, rel=1e-3)
     assert told["angle"].std == pytest.approx(1e-3 / 9.81)
+
+
+TWO_ARMS = "".join(
+    f"""<link name="{side}"><inertial><origin xyz="0 0 -{far}"/><mass value="2"/>
+      <inertia ixx="0.02" iyy="0.02" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="{side}" type="revolute"><parent link="base"/><child link="{side}"/><axis xyz="0 1 0"/>
+      <origin xyz="0 {y} 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>"""
+    for side, far, y in (("left", 0.3, 0.2), ("right", 0.2, -0.2))
+)
+
+
+def test_the_offset_of_one_arm_is_no_rival_of_a_tilt_that_both_feel(tmp_path: Path):
+    """Of either arm alone a tilt about its joint's axis is an offset of its encoder."""
+    urdf = f'<robot name="two_arms"><link name="base"/>{TWO_ARMS}</robot>'
+    model = pin.buildModelFromXML(urdf)
+    model.gravity.linear = 9.81 * np.array([np.sin(TILT), 0.0, -np.cos(TILT)])
+    data, rng = model.createData(), np.random.default_rng(2)
+    trials = []
+    for name, role in (("a", "identification"), ("b", "identification"), ("c", "validation")):
+        t = np.arange(12 * RATE_HZ) / RATE_HZ
+        turns = 2.0 * np.pi * np.array([[0.2, 0.5], [0.25, 0.6]])
+        phase = rng.uniform(0.0, 6.28, (2, 2))
+        angle = turns * t[:, None, None] + phase
+        size = np.array([0.6, 0.3])
+        q, v = (size * np.sin(angle)).sum(axis=2), (size * turns * np.cos(angle)).sum(axis=2)
+        a = -(size * turns**2 * np.sin(angle)).sum(axis=2)
+        tau = np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)])
+        tau += 0.3 * v + 0.4 * np.tanh(v / 0.02) + 0.02 * rng.normal(size=q.shape)
+        trials.append(Trial(name, role, t, q, tau=tau))
+    header = LogHeader.model_validate(
+        {
+            "schema": "excite.log/1",
+            "robot": "two_arms.urdf",
+            "base": "fixed",
+            "rate_hz": RATE_HZ,
+            "joints": ["left", "right"],
+            "torque": "motor_side",
+            "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction"],
+            "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
+        }
+    )
+    result = diagnose(save_log(Log(header, tuple(trials), robot_text=urdf), tmp_path / "log"))
+    assert (result.verdict, result.effect) == ("effect", "base_tilt")
+    assert result.effects[0].parameters["angle"].value == pytest.approx(TILT, rel=0.02)

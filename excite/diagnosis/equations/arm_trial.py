@@ -41,8 +41,8 @@ class ArmTrial:
         tau: ``(n, n_joints)`` unfiltered torque, the log's joints in the model's order, less what is known [N·m].
         rows: indices of the rows that are kept.
         q_cmd: commanded positions, as ``q``; None where there are none.
-        beyond: ``(n, n_joints)`` where a torque was beyond the range of what measured it, and ``tau`` is a guess; None
-            where it never was.
+        beyond: ``(n, n_joints)`` where a torque was beyond the range of what measured it, or lost, and ``tau`` is a
+            guess; None where it never was.
         known: torque of drives whose friction and rotor inertia are known, as ``tau``; None where none are.
     """
 

@@ -16,6 +16,7 @@ from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.differentiate import central_differences
+from excite.logs.signals.resample import near_samples
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
 from excite.rows.beyond import beyond_on_grid, bridged
@@ -27,6 +28,7 @@ from excite.rows.kinematics import (
     trial_grid,
     trial_rate,
 )
+from excite.rows.settings import LONGEST_GAP_S
 
 
 def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | None = None) -> ArmSamples:
@@ -105,9 +107,10 @@ def _arm_trial(
         q_cmd = positions_on_grid(trial.time, trial.q_cmd, grid)
         commanded = in_configurations(robot, places.logged, q_cmd)
     rows = rows_of_motion(v, rate, bands, trial.name)
-    beyond = None
-    if trial.beyond is not None:
-        beyond = beyond_on_grid(trial, places.torques, grid, places.coupling)
+    beyond = beyond_on_grid(trial, places.torques, grid, places.coupling)
+    # What was interpolated over a long gap is no more known than what was beyond its range.
+    beyond = beyond | ~near_samples(trial.time, grid, max(LONGEST_GAP_S, 2.0 / rate))[:, None]
+    if beyond.any():
         columns = [robot.joint_index(places.logged[k]) for k in places.torques]
         tau = bridged(tau, inverse_dynamics(robot.model, q, v, a)[:, columns], beyond)
     return ArmTrial(
@@ -122,5 +125,5 @@ def _arm_trial(
         tau=tau,
         rows=rows,
         q_cmd=commanded,
-        beyond=beyond,
+        beyond=beyond if beyond.any() else None,
     )
