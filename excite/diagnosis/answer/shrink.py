@@ -34,9 +34,7 @@ def gap_of(
     Returns:
         The gap; where there are no validation trials, on the identification trials.
     """
-    outside = ~samples.identification
-    rows = outside if outside.any() else samples.identification
-    old, new = (samples.squares(x)[:, rows].mean(axis=1) for x in (before, after))
+    old, new = (samples.squares(x)[:, samples.judging].mean(axis=1) for x in (before, after))
     level = floor**2 / scale**2
     first, last = (float(np.sqrt(np.mean(x / scale**2))) for x in (old, new))
     total_floor = min(float(np.sqrt(level.mean())), first, last)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import Gap, share_closed
@@ -23,10 +21,7 @@ def candidate_of(
 ) -> Candidate:
     """A scored hypothesis as it stands in the document; gaps on the validation trials."""
     h = item.hypothesis
-    samples = attribution.final.samples
-    squares, rows = samples.squares(h.baseline.plain(h.fit.residual)), ~samples.identification
-    squares = squares[:, rows] if rows.any() else squares
-    after = float(np.sqrt(np.mean(squares.mean(axis=1) / attribution.scale**2)))
+    after = h.baseline.gap(h.fit.residual, attribution.scale)
     return Candidate(
         effect=item.name,
         location=item.location,

@@ -132,8 +132,7 @@ def _floor(found: Judged, after: Array) -> Array:
     """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds."""
     samples, floor = found.samples, found.attribution.floor
     repeat = repeat_floor(samples, after)
-    outside = ~samples.identification
-    outside = outside if outside.any() else samples.identification
+    outside = samples.judging
     if repeat is not None:
         floor = other_postures(np.maximum(repeat, 0.5 * floor), unrepeated(samples, found.noise, outside))
     # Of an unknown gap nobody can say what part of it friction holds.

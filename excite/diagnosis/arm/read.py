@@ -118,18 +118,8 @@ class Reading:
 
     def _nearer(self, last: Baseline) -> bool:
         """Whether a baseline leaves less of the trials that judge than that without effects."""
-        rows = ~last.samples.identification
-        rows = rows if rows.any() else last.samples.identification
-        base = self.scorer.baseline
-        before, after = (
-            float(
-                (
-                    b.samples.squares(b.plain(b.fit.residual))[:, rows].mean(axis=1) / self.scorer.scale**2
-                ).sum()
-            )
-            for b in (base, last)
-        )
-        return after < before
+        base, scale = self.scorer.baseline, self.scorer.scale
+        return last.gap(last.fit.residual, scale) < base.gap(base.fit.residual, scale)
 
     def _stages(self, chosen: Iterable[Named]) -> tuple[list[Stage], list[Named]]:
         """The effects one after the other, at last nothing; and which of them can be there."""

@@ -119,6 +119,11 @@ class Baseline:
         """Residuals with the weights that hypotheses are judged by, ``(n_joints, n_rows)`` [N·m]."""
         return residual / self.root_weight * self.strict
 
+    def gap(self, residual: Array, scale: Array) -> float:
+        """RMS of residuals ``(n_joints, n_rows)`` in the rows that judge, over scales of the joints ``(n_joints,)``."""
+        squares = self.samples.squares(self.plain(residual))[:, self.samples.judging]
+        return float(np.sqrt(np.mean(squares.mean(axis=1) / scale**2)))
+
     def with_signs(self, signs: Sequence[SignChange]) -> Baseline:
         """The equations with other sign changes of the joints, not fitted again."""
         terms, moved = own_terms(self.modelled), replace(self, signs=tuple(signs))

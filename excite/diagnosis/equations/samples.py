@@ -126,6 +126,12 @@ class ArmSamples:
         return np.concatenate([np.full(len(t.rows), t.identification) for t in self.trials])
 
     @cached_property
+    def judging(self) -> NDArray[np.bool_]:
+        """Which rows judge, ``(n_rows,)``: those of validation trials, all where there are none."""
+        outside = ~self.identification
+        return outside if outside.any() else self.identification
+
+    @cached_property
     def trial_of_row(self) -> NDArray[np.int64]:
         """Index of each row's trial, ``(n_rows,)``."""
         return np.concatenate([np.full(len(t.rows), k) for k, t in enumerate(self.trials)])
@@ -155,10 +161,6 @@ class ArmSamples:
     def slipping(self) -> Array:
         """How far each joint's equation counts, ``(n_samples, n_joints)``: hardly where a motor on it may stick."""
         return counted(self.slips(self.sticking))
-
-    def sticks(self, joint: int) -> bool:
-        """Whether a joint's equation is left out where it may stick."""
-        return joint in self.sticking
 
     def slips(self, joints: Iterable[int]) -> NDArray[np.bool_]:
         """Where all motors on some joints surely turn, ``(n_samples, n_joints)``; True for the others."""

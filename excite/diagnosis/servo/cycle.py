@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -85,7 +85,6 @@ def servo_cycle(
     """
     rotors_too = (*modelled, *ARMATURE.words)
     own = own_terms(rotors_too)
-    samples = replace(samples, sticking=frozenset())
     baseline = fit_baseline(samples, rotors_too, spectral_floor(samples), late=False)
     context = Context(baseline)
     common = ActuatorLag().shape(context, "torque", ()).columns

@@ -81,8 +81,7 @@ def of_torques(samples: ArmSamples, after: Array) -> dict[str, TrivialErrors]:
     """
     measured = samples.rows(samples.stacked("measured"))
     trials = samples.trials
-    outside = ~samples.identification
-    judge = outside if outside.any() else samples.identification
+    judge = samples.judging
     rows = [np.flatnonzero(samples.trial_of_row == k) for k in range(len(trials))]
     repeat = _repeat(
         [_Run(t) for t in trials],

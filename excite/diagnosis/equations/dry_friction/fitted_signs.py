@@ -112,7 +112,7 @@ def _chosen(baseline: Baseline, *, keep: bool, signs: Sequence[SignChange] = SIG
     rest, chosen = baseline.fit.before_own, []
     for j, now in enumerate(baseline.signs):
         # Damping of bristles acts where they bend, which is left out of a joint that sticks: any size of it would do.
-        told = [s for s in signs if not (s.damped and baseline.samples.sticks(j))]
+        told = [s for s in signs if not (s.damped and j in baseline.samples.sticking)]
         tried = told if now in told else [*told, now]
         bank = [rows[use] for rows in baseline.rows_of_signs(terms, j, tried)]
         chosen.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])

@@ -31,7 +31,7 @@ _STUCK = 0.01
 def surely_slips(
     v: Array, starts: NDArray[np.bool_], still: float, rate_hz: float, cutoff_hz: float
 ) -> NDArray[np.bool_]:
-    """Where a motor turns, as far as the filter of the kinematics tells, ``(n,)``; always if it never sticks.
+    """Where a motor turns, as far as the filter of the kinematics tells, ``(n,)``; always if it never moves.
 
     Args:
         v: its velocity in all trials, ``(n,)`` [rad/s or m/s].
