@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from excite.conversion.columns.joints import by_likeness
+from excite.conversion.columns.joints import match_labels
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
@@ -85,8 +85,8 @@ def _add_wrenches(found: Guesses, columns: Sequence[Column], machine: Machine, m
     same = {name: name for name in groups if name in sensors}
     rest = [name for name in groups if name not in same]
     free = [name for name in sensors if name not in same.values()]
-    placed = by_likeness(rest, {name: name for name in rest}, free).columns if rest and free else {}
-    same |= {name: sensor for sensor, name in placed.items()}
+    like = match_labels(rest, free) if rest and free else None
+    same |= {} if like is None else {name: sensor for sensor, name in like.placed.items()}
     for name, sensor in same.items():
         axes = [(f"wrench.{sensor}.{c.label.rpartition('.')[2]}", c) for c in groups[name]]
         _add(found, axes)

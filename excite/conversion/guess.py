@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,16 +23,18 @@ from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.questions import (
-    MOST_NAMED,
     ask_for_base,
+    ask_for_joints,
     ask_for_positions,
     ask_for_surplus,
     ask_for_torques,
     column_names,
     note_joints_without_position,
     note_order_of_legs,
+    note_other_names,
 )
 from excite.conversion.recording import Recording, Stream, stated_rate
+from excite.conversion.stated import add_stated, of_single_joints
 from excite.conversion.torques.controller import note_controllers_constants
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
@@ -59,7 +60,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
         return found
     ignored = [column for column in column_names(recording) if mapping.ignores(column)]
     clues = clues_of(recording, joints, ignored)
-    _stated_columns(found, recording, mapping, joints)
+    add_stated(found, recording, mapping, joints)
     clocks = _clocks(found, recording, clues, mapping)
     taken = {item.source for item in found.mapped} | set(clocks)
     if machine.floating:
@@ -67,7 +68,9 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
         add_base_signals(found, recording, unknown, feet_of(found, machine, mapping))
         taken |= {item.source for item in found.mapped}
     left = {name: said for name, said in clues.items() if name not in taken}
-    known = {item.channel for item in found.mapped}
+    single = of_single_joints(found, clues, mapping, joints)
+    left |= single
+    known = {item.channel for item in found.mapped if item.source not in single}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
     groups = [family for family in groups if not is_anonymous(family, joints)]
     groups = axes_as_positions(found, groups, left, known)
@@ -77,6 +80,8 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     chosen = choose(groups, found, recording)
     settle_commands(found, chosen, recording)
     ask_for_surplus(found, chosen, joints)
+    ask_for_joints(found, chosen, groups)
+    note_other_names(found, chosen)
     note_order_of_legs(found, chosen, joints, mapping)
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
@@ -95,44 +100,6 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     used = {item.source for item in found.mapped} | set(clocks)
     found.unused = [name for name in column_names(recording) if name not in used]
     return found
-
-
-def _stated_columns(found: Guesses, recording: Recording, mapping: Map, joints: Sequence[str]) -> None:
-    """What a map's ``columns`` say, patterns expanded; columns that are not there are asked for."""
-    names = column_names(recording)
-    for target, pattern in mapping.columns.items():
-        missing = []
-        for goal, column in expand(target, pattern, joints):
-            source = column if column in names else _same_but_for_stream(column, names)
-            if source is None:
-                missing.append(column)
-            else:
-                found.mapped.append(Mapped(goal, source, 1.0, "stated in the map", stated=True))
-        if missing:
-            there = ", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else "")
-            found.ask(
-                f"no column {', '.join(missing[:4])} in {recording.name}, which has {there}",
-                f'columns: {{{target}: "NAME"}}',
-            )
-
-
-def expand(target: str, pattern: str, joints: Sequence[str]) -> list[tuple[str, str]]:
-    """Channels of single joints with their columns, for a pattern with ``{joint}``, ``{n}`` or ``{n0}``."""
-    channel, _, label = target.partition(".")
-    if not re.search(r"\{(joint|n0?)\}", pattern):
-        if label or channel in {"time", "base", "wrench", "imu", "contact"} or len(joints) != 1:
-            return [(target, pattern)]
-        return [(f"{channel}.{joints[0]}", pattern)]
-    found = []
-    for k, joint in enumerate(joints):
-        column = pattern.replace("{joint}", joint).replace("{n0}", str(k)).replace("{n}", str(k + 1))
-        found.append((f"{channel}.{joint}", column))
-    return found
-
-
-def _same_but_for_stream(column: str, names: list[str]) -> str | None:
-    found = [name for name in names if name.rpartition("/")[2] == column]
-    return found[0] if len(found) == 1 else None
 
 
 def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mapping: Map) -> dict[str, Stream]:
@@ -191,6 +158,7 @@ def _without_clock(
 
 def _add(found: Guesses, chosen: dict[str, Family]) -> None:
     joints = set(chosen["q"].placed.columns) if "q" in chosen else {i.target[2:] for i in found.of("q")}
+    known = {item.target for item in found.mapped}
     for target, family in chosen.items():
         columns = {joint: column for joint, column in family.placed.columns.items() if joint in joints}
         partial = target not in ("q", "tau", "i") and set(columns) != joints
@@ -201,7 +169,9 @@ def _add(found: Guesses, chosen: dict[str, Family]) -> None:
         said = "the format says so" if family.stated else "its name"
         because = f"{said}; joint by {family.placed.because}"
         found.mapped += [
-            Mapped(f"{target}.{joint}", column, 1.0, because) for joint, column in columns.items()
+            Mapped(f"{target}.{joint}", column, 1.0, because)
+            for joint, column in columns.items()
+            if f"{target}.{joint}" not in known
         ]
 
 

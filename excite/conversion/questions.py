@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from excite.conversion.columns.families import Family
+from excite.conversion.columns.naming.match import BY_NAME
 from excite.conversion.columns.vocabulary import SHARES
 from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
@@ -59,7 +60,7 @@ def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequen
     """Columns of many more joints than the robot has are another machine's, or more than joints."""
     for target in ("q", "tau", "i"):
         family = chosen.get(target)
-        if family is None or not family.placed.because.startswith(("its number", "its name is most like")):
+        if family is None or family.placed.because == BY_NAME:
             continue
         if len(family.placed.left_over) > max(_HAND, len(joints) // 2):
             first = family.columns[0]
@@ -67,6 +68,51 @@ def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequen
                 f"{first} … are {len(family.columns)} columns for {len(joints)} joints",
                 f'columns: {{{target}.{joints[0]}: "{first}", …}}, or joints: [those that the columns begin with]',
             )
+
+
+def ask_for_joints(found: Guesses, chosen: Mapping[str, Family], groups: Sequence[Family]) -> None:
+    """Columns that may be several joints' by their names, of the channels that a log is made of."""
+    known = {item.channel for item in found.mapped} | set(chosen)
+    for target in ("q", "tau", "i"):
+        open_ones = [family for family in groups if family.target == target and family.placed.doubts]
+        if target in chosen:
+            doubts = chosen[target].placed.doubts
+        elif target in known or not open_ones or (target == "i" and "tau" in known):
+            continue
+        else:
+            doubts = open_ones[0].placed.doubts
+        for doubt in doubts:
+            names = ", ".join(f'"{column}"' for column in doubt.columns)
+            found.ask(
+                f"which joint {_shown(doubt.columns)} is of cannot be told by its name: it may be "
+                f"{' or '.join(_few(doubt.joints))}"
+                if len(doubt.columns) == 1
+                else f"which joints {_shown(doubt.columns)} are of cannot be told by their names: they may be "
+                f"{_shown(doubt.joints)}",
+                f'columns: {{{target}.{doubt.joints[0]}: "{doubt.columns[0]}"'
+                f"{', …' if len(doubt.columns) > 1 else ''}}}, or ignore: [{names}]",
+            )
+
+
+def note_other_names(found: Guesses, chosen: Mapping[str, Family]) -> None:
+    """Say which column was taken for which joint, where names or numbers that differ from the joints' told it."""
+    said: set[tuple[str, ...]] = set()
+    for target in ("q", "tau", "i"):
+        family = chosen.get(target)
+        if family is None or family.stated or family.placed.because == BY_NAME:
+            continue
+        pairs = tuple(f"{column} = {joint}" for joint, column in family.placed.columns.items())
+        if pairs and pairs not in said:
+            said.add(pairs)
+            found.facts.append((f"joints of {target}", ", ".join(pairs), family.placed.because))
+
+
+def _few(names: Sequence[str]) -> list[str]:
+    return [*names[:MOST_NAMED], *(["…"] if len(names) > MOST_NAMED else [])]
+
+
+def _shown(names: Sequence[str]) -> str:
+    return ", ".join(_few(names))
 
 
 def note_order_of_legs(

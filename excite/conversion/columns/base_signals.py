@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.conversion.columns.free_base import POSE_AXES, quaternion_order, unit_quaternions
-from excite.conversion.columns.joints import by_likeness, name_words
+from excite.conversion.columns.joints import match_labels
 from excite.conversion.columns.vocabulary import MEASURED
 from excite.conversion.columns.words import name_tokens
 from excite.conversion.guesses import Guesses, Mapped
@@ -130,20 +130,13 @@ def _add_contacts(found: Guesses, columns: Sequence[Column], feet: Sequence[tupl
 
 
 def _by_words(flags: dict[str, list[str]], feet: Sequence[tuple[str, str]]) -> dict[str, str]:
-    """Columns by foot: where a label's words stand in one foot's name or link alone, else by likeness; {} else."""
-    labels = {name: set(name_words(" ".join(words))) for name, words in flags.items()}
-    named = {foot: set(name_words(f"{foot} {link}")) for foot, link in feet}
-    found: dict[str, str] = {}
-    for name, words in labels.items():
-        fits = [foot for foot, said in named.items() if words and words <= said]
-        if len(fits) == 1:
-            found[fits[0]] = name
-    if len(found) == len(feet):
-        return found
-    like = by_likeness(
-        list(flags), {n: "_".join(words) for n, words in flags.items()}, [foot for foot, _ in feet]
-    )
-    return like.columns if len(like.columns) == len(feet) else {}
+    """Columns by foot, by the words of the feet's names and links; {} where these leave a foot open."""
+    labels = {" ".join(words): name for name, words in flags.items()}
+    named = {f"{foot} {link}": foot for foot, link in feet}
+    found = match_labels(list(labels), list(named))
+    if found is None or len(found.placed) < len(feet):
+        return {}
+    return {named[foot]: labels[label] for foot, label in found.placed.items()}
 
 
 def _groups(columns: Sequence[Column]) -> dict[tuple[str, str], list[Column]]:

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from excite.conversion.columns.families import Family, is_measured, of_motor, with_others
-from excite.conversion.columns.joints import name_words
 from excite.conversion.columns.vocabulary import ASIDE, MEASURED
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses
@@ -83,9 +82,7 @@ def _of_other_joints(family: Family, other: Family) -> bool:
 
     A gantry's slides have forces, and its turning axis a torque.
     """
-    both = [*family.placed.columns.items(), *other.placed.columns.items()]
-    words = [(set(name_words(joint)), set(name_words(column))) for joint, column in both]
-    named = all(ours and ours <= theirs for ours, theirs in words)
+    named = family.placed.named and other.placed.named
     disjoint = not family.placed.columns.keys() & other.placed.columns.keys()
     side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
     return named and disjoint and side and family.quantity == other.quantity

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from excite.conversion.columns.families import Family
-from excite.conversion.columns.joints import BY_NAME
 from excite.conversion.columns.vocabulary import FORCES
 from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
@@ -36,7 +35,7 @@ def _is_force(family: Family) -> bool:
         and not family.stated
         and bool(words & FORCES)
         and family.unit in ("", "N", "kN")
-        and family.placed.because != BY_NAME
+        and not (family.placed.named and family.placed.columns and not family.placed.left_over)
     )
 
 

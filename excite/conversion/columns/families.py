@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from excite.conversion.columns.joints import BY_NAME as _BY_NAME
-from excite.conversion.columns.joints import Placed, first_number, place
+from excite.conversion.columns.joints import Placed, first_number, place, with_words_of_joints
+from excite.conversion.columns.naming.match import BY_WORDS
 from excite.conversion.columns.unit_words import UNITS
 from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, clue, with_joints_numbers
@@ -63,7 +63,7 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
                 said = _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
                 said = said if of_stream is None else _as_its_stream(said, of_stream)
                 found[column.name] = said if of_joint is None else _of_its_joint(said, of_joint)
-    return with_joints_numbers(found)
+    return with_joints_numbers(with_words_of_joints(found, joints))
 
 
 def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
@@ -79,7 +79,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             groups.setdefault((stream.name, said.quantity, said.commanded, stem), []).append(column)
     first = first_number(list(clues.values()))
     found = []
-    for (_, quantity, commanded, stem), columns in _one_machine_each(groups, clues):
+    for (_, quantity, commanded, stem), columns in _one_machine_each(groups, clues, joints, first):
         names = [column.name for column in columns]
         units = [clues[name].unit for name in names]
         found.append(
@@ -116,7 +116,7 @@ def _across_streams(found: Sequence[Family]) -> list[Family]:
     for family in found:
         key = (family.target, family.quantity, family.stem, family.stated)
         before = merged.get(key)
-        by_name = family.placed.because == _BY_NAME and family.target != ""
+        by_name = family.placed.named and family.target != ""
         if before is None and by_name:
             merged[key] = family
         elif before is None or not by_name or before.placed.columns.keys() & family.placed.columns.keys():
@@ -130,25 +130,30 @@ def with_others(family: Family, more: Family) -> Family:
     """A family with the columns of another one, of other joints; joints of both are known by their names."""
     both = family.placed.columns | more.placed.columns
     left = family.placed.left_over + more.placed.left_over
+    because = family.placed.because if family.placed.because == more.placed.because else BY_WORDS
     return replace(
         family,
-        placed=Placed(both, _BY_NAME, left),
+        placed=Placed(both, because, left, family.placed.doubts + more.placed.doubts, named=True),
         columns=family.columns + more.columns,
         unit=family.unit if family.unit == more.unit else "",
     )
 
 
 def _one_machine_each(
-    groups: dict[_Group, list[Column]], clues: dict[str, Clue]
+    groups: dict[_Group, list[Column]], clues: dict[str, Clue], joints: Sequence[str], first: int
 ) -> Iterable[tuple[_Group, list[Column]]]:
-    """The groups, apart by words beside the joints' names or numbers where these stand twice: left and right arm."""
+    """The groups, apart by words beside the joints' names or numbers where these stand twice, as of two arms, and the
+    robot's joints have no such words."""
     for key, columns in groups.items():
         said = [clues[column.name] for column in columns]
-        joints = (
+        numbers = (
             [one.exact for one in said] if all(one.exact for one in said) else [one.number for one in said]
         )
         sizes = set(Counter(one.label for one in said).values())
-        if len(set(joints)) == len(joints) or None in joints or len(sizes) > 1 or min(sizes) < 2:
+        once = len(set(numbers)) == len(numbers) or None in numbers
+        names = [column.name for column in columns]
+        alone = once or len(sizes) > 1 or min(sizes) < 2
+        if alone or not place(names, clues, joints, first).left_over:
             yield key, columns
             continue
         machines: dict[str, list[Column]] = {}

@@ -1,0 +1,73 @@
+"""Columns that a map states: patterns expanded, what is not there asked for, single joints beside guessed ones."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from excite.conversion.columns.families import TARGETS
+from excite.conversion.columns.words import Clue
+from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.mapping import Map
+from excite.conversion.questions import MOST_NAMED, column_names
+from excite.conversion.recording import Recording
+
+
+def add_stated(found: Guesses, recording: Recording, mapping: Map, joints: Sequence[str]) -> None:
+    """What a map's ``columns`` say, patterns expanded; columns that are not there are asked for."""
+    names = column_names(recording)
+    for target, pattern in mapping.columns.items():
+        missing = []
+        for goal, column in expand(target, pattern, joints):
+            source = column if column in names else _same_but_for_stream(column, names)
+            if source is None:
+                missing.append(column)
+            else:
+                found.mapped.append(Mapped(goal, source, 1.0, "stated in the map", stated=True))
+        if missing:
+            there = ", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else "")
+            found.ask(
+                f"no column {', '.join(missing[:4])} in {recording.name}, which has {there}",
+                f'columns: {{{target}: "NAME"}}',
+            )
+
+
+def of_single_joints(
+    found: Guesses, clues: dict[str, Clue], mapping: Map, joints: Sequence[str]
+) -> dict[str, Clue]:
+    """What columns say that a map states of some joints of a channel: the others' are guessed beside them."""
+    stated: dict[str, dict[str, str]] = {}
+    for item in found.mapped:
+        channel, _, joint = item.target.partition(".")
+        if item.stated and (channel in TARGETS.values()) and joint:
+            stated.setdefault(channel, {})[joint] = item.source
+    said: dict[str, Clue] = {}
+    for (quantity, commanded), channel in TARGETS.items():
+        columns = stated.get(channel, {})
+        if len(columns) < len(joints) and not any(key == channel for key in mapping.columns):
+            said |= {
+                column: replace(clues[column], quantity=quantity, commanded=commanded, exact=joint)
+                for joint, column in columns.items()
+                if column in clues
+            }
+    return said
+
+
+def expand(target: str, pattern: str, joints: Sequence[str]) -> list[tuple[str, str]]:
+    """Channels of single joints with their columns, for a pattern with ``{joint}``, ``{n}`` or ``{n0}``."""
+    channel, _, label = target.partition(".")
+    if not re.search(r"\{(joint|n0?)\}", pattern):
+        if label or channel in {"time", "base", "wrench", "imu", "contact"} or len(joints) != 1:
+            return [(target, pattern)]
+        return [(f"{channel}.{joints[0]}", pattern)]
+    found = []
+    for k, joint in enumerate(joints):
+        column = pattern.replace("{joint}", joint).replace("{n0}", str(k)).replace("{n}", str(k + 1))
+        found.append((f"{channel}.{joint}", column))
+    return found
+
+
+def _same_but_for_stream(column: str, names: list[str]) -> str | None:
+    found = [name for name in names if name.rpartition("/")[2] == column]
+    return found[0] if len(found) == 1 else None
