@@ -77,3 +77,11 @@ def test_after_a_log_of_commands_comes_diagnose(data, arm, tmp_path):
     words = ["convert", str(file), "--robot", str(arm), "--out", str(tmp_path / "log")]
     done = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
     assert done.exit_code == 0 and "then: excite diagnose" in done.stdout
+
+
+def test_after_a_log_of_positions_alone_comes_a_plan_to_record_by(data, arm, tmp_path):
+    file = table(tmp_path / "s.csv", columns_of(data, q="q_{joint}"))
+    words = ["convert", str(file), "--robot", str(arm), "--out", str(tmp_path / "log")]
+    done = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    assert done.exit_code == 0 and "no_torques" in done.stdout
+    assert f"then: excite plan {arm} --out plan" in done.stdout and "excite diagnose" not in done.stdout

@@ -50,11 +50,19 @@ def command(
     found = excite.convert(sources, robot, out, mapping, capture)
     if not as_json:
         _show_guesses(found)
-    header = found.log.header
-    then = command_line("identify", robot, found.folder, "--out", "result")
-    if not header.free_base and header.torque == "none":
-        then = command_line("diagnose", found.folder, "--out", "diagnosis")
+    then = _then(found, robot)
     emit(found.summary(), found.to_json(), as_json=as_json, then=then)
+
+
+def _then(found: Conversion, robot: str) -> str:
+    """What can be done with the log; where nothing can, motions to record what it lacks in, or nothing."""
+    if found.chart is not None and not found.chart.usable:
+        fatal = {f.kind for f in found.chart.findings if f.severity == "fatal" and not f.repaired}
+        return command_line("plan", robot, "--out", "plan") if fatal == {"no_torques"} else ""
+    header = found.log.header
+    if not header.free_base and header.torque == "none":
+        return command_line("diagnose", found.folder, "--out", "diagnosis")
+    return command_line("identify", robot, found.folder, "--out", "result")
 
 
 def _show_guesses(found: Conversion) -> None:
