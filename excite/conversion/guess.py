@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from excite.conversion.mapping import Map
 from excite.conversion.questions import (
     ask_for_base,
     ask_for_joints,
+    ask_for_nameless_torques,
     ask_for_positions,
     ask_for_surplus,
     ask_for_torques,
@@ -83,12 +84,15 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     ask_for_joints(found, chosen, groups)
     note_other_names(found, chosen)
     note_order_of_legs(found, chosen, joints, mapping)
+    nameless: dict[str, Family] = {}
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
         named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
-        chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
+        nameless = _without_names(found, recording, machine, joints, {c for c in left if c not in named})
+        chosen |= nameless
     note_controllers_constants(found, chosen, groups, recording)
-    _add(found, chosen)
+    _add(found, chosen, nameless)
+    ask_for_nameless_torques(found, nameless, recording, mapping)
     add_base(found, recording, left, machine, mapping)
     _ask_for_doubts(found, recording, machine)
     ask_for_positions(found, recording, machine)
@@ -156,7 +160,7 @@ def _without_clock(
         found.ask_of_all(stream.name, f"no column of times{but}", "log: {rate_hz: 100}   # rows a second")
 
 
-def _add(found: Guesses, chosen: dict[str, Family]) -> None:
+def _add(found: Guesses, chosen: dict[str, Family], nameless: Container[str]) -> None:
     joints = set(chosen["q"].placed.columns) if "q" in chosen else {i.target[2:] for i in found.of("q")}
     known = {item.target for item in found.mapped}
     for target, family in chosen.items():
@@ -166,7 +170,7 @@ def _add(found: Guesses, chosen: dict[str, Family]) -> None:
             if columns:
                 found.facts.append((target, family.columns[0], "left out: not of every joint"))
             continue
-        said = "the format says so" if family.stated else "its name"
+        said = "the format says so" if family.stated else "its values" if target in nameless else "its name"
         because = f"{said}; joint by {family.placed.because}"
         found.mapped += [
             Mapped(f"{target}.{joint}", column, 1.0, because)

@@ -48,6 +48,30 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], recording: Recordi
             return
 
 
+def ask_for_nameless_torques(
+    found: Guesses, nameless: Mapping[str, Family], recording: Recording, mapping: Map
+) -> None:
+    """Of columns without names of which some were told by their values, which of those that are left are torques."""
+    if "q" not in nameless or found.of("tau") or found.of("i") or "torque" in mapping.log:
+        return
+    used = {item.source for item in found.mapped}
+    left = [
+        column.name
+        for stream in recording.streams
+        for column in stream.columns
+        if column.name not in used and not mapping.ignores(column.name) and np.nanstd(column.values) > 0.0
+    ]
+    if not left:
+        return
+    told = ", ".join(f"{f.columns[0]} … {f.columns[-1]} as {target}" for target, f in nameless.items())
+    joint = next(iter(nameless["q"].placed.columns))
+    found.ask(
+        f"the columns have no names: by their values {told} were told, and {_shown(left)} are left, of which nothing "
+        "says whether they are torques",
+        f'columns: {{tau.{joint}: "{left[0]}", …}} (i.{joint} for currents), or log: {{torque: none}}',
+    )
+
+
 def _is_supply(family: Family, recording: Recording) -> bool:
     """Whether it is what a drive is fed with: so called, and of one sign, unlike what moves a joint."""
     if not _SUPPLY & set(family.stem.split("_")):

@@ -62,6 +62,30 @@ def test_columns_without_names_are_told_apart_by_physics(arm, tmp_path):
     assert columns == expected
 
 
+@pytest.mark.parametrize("settled", ["columns", "none"])
+def test_torques_among_columns_without_names_are_asked_for_where_values_do_not_tell_them(
+    settled, arm, tmp_path
+):
+    data = written.motion()
+    np.savetxt(
+        tmp_path / "plain.txt", np.column_stack([data["time"], data["q"], data["v"], data["tau"][:, :2]])
+    )
+    with pytest.raises(UnclearError) as error:
+        excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log")
+    (question,) = error.value.questions
+    assert "column2 … column4 as q, column5 … column7 as v" in question.what
+    assert "column8, column9 are left" in question.what
+    assert 'columns: {tau.shoulder: "column8", …}' in question.line
+    told = {
+        "columns": {"columns": {"tau.shoulder": "column8", "tau.elbow": "column9"}},
+        "none": {"log": {"torque": "none"}},
+    }[settled]
+    found = excite.convert([tmp_path / "plain.txt"], arm, tmp_path / "log", Map.model_validate(told))
+    assert [found.columns[f"q.{joint}"][0] for joint in JOINTS] == ["column2", "column3", "column4"]
+    assert ("tau.elbow" in found.columns) == (settled == "columns")
+    assert not any(because.startswith("its name; joint by the columns") for *_, because in found.guesses)
+
+
 def test_all_questions_come_at_once_each_with_its_line(arm, tmp_path):
     data = written.motion()
     columns = named({"q": data["q"] * 50.0, "u": data["tau"]}, q="motor_pos_{n}", u="pwm_{n}")
