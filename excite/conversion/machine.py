@@ -15,9 +15,9 @@ from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.bringing import load_robot
 from excite.robot.loading import portable_description
 from excite.robot.robot import Robot
+from excite.robot.sliding import slides
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import parse_urdf
-from excite.rows.drive_terms import slides
 
 # Joints of the simplest leg: hip and knee.
 _LEG = 2

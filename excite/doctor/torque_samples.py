@@ -22,7 +22,7 @@ from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
-from excite.rows.drive_terms import slides
+from excite.robot.sliding import slides
 from excite.rows.joint_rows import JointRows
 from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.settings import ProblemSettings

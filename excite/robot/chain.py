@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from excite.robot.robot import Robot
+from excite.robot.sliding import slides
 
 
 def is_serial(robot: Robot) -> bool:
@@ -10,4 +11,4 @@ def is_serial(robot: Robot) -> bool:
     model, first = robot.model, 2 if robot.floating else 1
     joints = range(first, model.njoints)
     carried = all(model.parents[joint] == joint - 1 for joint in joints)
-    return carried and all(not model.joints[joint].shortname().startswith("JointModelP") for joint in joints)
+    return carried and not any(slides(model, model.idx_vs[joint]) for joint in joints)

@@ -11,6 +11,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.regressor.motor_torques import motor_torques
 from excite.robot.robot import Robot
+from excite.robot.sliding import slides
 
 _STEP = 1e-5
 # What turns speeds of sliding joints into those of turning ones [m].
@@ -109,12 +110,6 @@ class DriveTerm:
     def parameter_names(self, joints: tuple[str, ...]) -> tuple[str, ...]:
         """Names of all its parameters, joint by joint."""
         return tuple(f"{self.name}.{joint}{axis}" for joint in joints for axis in self.axes)
-
-
-def slides(model: pin.Model, column: int) -> bool:
-    """Whether the joint of one coordinate to which a velocity belongs translates."""
-    joint = int(np.searchsorted(model.idx_vs, column, side="right")) - 1
-    return bool(np.any(np.reshape(model.joints[joint].createData().S, (6, -1))[:3]))
 
 
 def smooth_sign(velocity: Array, width: float | Array) -> Array:

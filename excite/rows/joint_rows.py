@@ -1,7 +1,4 @@
-"""Rows of the joint torque equation: rigid bodies and drives against measured torques.
-
-Of a robot on feet whose contact forces nobody measures, these are taken out of both sides.
-"""
+"""Rows of the joint torque equation: bodies and drives against torques, less contact forces that nobody measures."""
 
 from __future__ import annotations
 
@@ -20,9 +17,10 @@ from excite.regressor.contact_forces import contact_elimination
 from excite.regressor.motor_torques import motor_regressor
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
+from excite.robot.sliding import slides
 from excite.rows.beyond import beyond_on_grid
 from excite.rows.contact_flags import away_from_changes, closed_on_grid
-from excite.rows.drive_terms import DRIVE_TERMS, JointSamples, slides
+from excite.rows.drive_terms import DRIVE_TERMS, JointSamples
 from excite.rows.filtered_rows import TrialRows, filtered_rows
 from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.rows.settings import Filters, ProblemSettings

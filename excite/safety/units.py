@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from excite.robot.robot import Robot
+from excite.robot.sliding import slides
 
 _UNITS = {
     "self_collision": "m",
@@ -24,11 +25,7 @@ _SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "rad/s³": "m/s³", 
 def sliding_joints(robot: Robot) -> frozenset[str]:
     """Names of the joints that slide instead of turning."""
     model = robot.model
-    return frozenset(
-        name
-        for name in robot.joint_names
-        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
-    )
+    return frozenset(n for n in robot.joint_names if slides(model, model.idx_vs[model.getJointId(n)]))
 
 
 def unit_of(kind: str, where: str, sliding: frozenset[str]) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from excite.diagnosis.answer.candidate import Estimate
+from excite.robot import sliding
 from excite.robot.robot import Robot
-from excite.rows import drive_terms
 
 _OF_SLIDES = {
     "N·m": "N",
@@ -26,7 +26,7 @@ def slides(robot: Robot, joint: str | None) -> bool:
     """Whether a place is a joint that slides."""
     if joint is None or not robot.model.existJointName(joint):
         return False
-    return drive_terms.slides(robot.model, robot.model.idx_vs[robot.model.getJointId(joint)])
+    return sliding.slides(robot.model, robot.model.idx_vs[robot.model.getJointId(joint)])
 
 
 def unit_at(robot: Robot, joint: str | None, unit: str) -> str:

@@ -13,7 +13,7 @@ from excite.finding import Finding, listed
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.robot.robot import Robot
-from excite.rows.drive_terms import slides
+from excite.robot.sliding import slides
 
 _DEGREE = 180.0 / np.pi
 # Positions may pass a limit by this share of the range (bent limits, calibration) before anything is said.

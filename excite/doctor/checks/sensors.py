@@ -11,7 +11,7 @@ from excite.doctor.torque_rails import at_rails, kind_of_torque
 from excite.finding import Finding, listed
 from excite.logs.log import Log
 from excite.robot.robot import Robot
-from excite.rows.drive_terms import slides
+from excite.robot.sliding import slides
 
 # Ends of one range agree by this share of what a joint moves in all trials: sensors that are clipped read one number,
 # turns of different motions differ by tenths.

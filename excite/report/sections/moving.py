@@ -19,7 +19,7 @@ from excite.report.replay.scene import scene
 from excite.report.replay.trial import trial_frames
 from excite.report.sections.section import Section
 from excite.robot.robot import Robot
-from excite.rows.drive_terms import slides
+from excite.robot.sliding import slides
 
 _COMMANDED = "commanded"
 _LOST = " Under the measured torques the simulator runs away by more than half a turn, and is not shown."

@@ -10,6 +10,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.robot.description import RobotDescription
 from excite.robot.shapes.shape import Shape, shape_points
+from excite.robot.sliding import slides
 
 # Hulls of meshes stand out below a mounting plane by a hundredth of their size [m].
 _FLANGE = 0.02
@@ -61,7 +62,7 @@ def reach(model: pin.Model, shapes: Sequence[Shape], *, from_base: bool) -> floa
         parent = model.parents[joint]
         if parent or from_base:
             length[joint] = length[parent] + np.linalg.norm(model.jointPlacements[joint].translation)
-        if model.joints[joint].shortname().startswith("JointModelP"):
+        if slides(model, model.idx_vs[joint]):
             at = model.joints[joint].idx_q
             length[joint] += max(abs(model.lowerPositionLimit[at]), abs(model.upperPositionLimit[at]))
     moving = [shape for shape in shapes if shape.joint or from_base]

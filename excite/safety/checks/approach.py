@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
+from excite.robot.sliding import slides
 
 
 def approach_rates(model: pin.Model, geometry: pin.GeometryModel) -> Array:
@@ -58,7 +59,7 @@ def _body_rates(model: pin.Model, shape: pin.GeometryObject) -> Array:
     rates = np.zeros(_n_columns(model))
     for joint in reversed(list(model.supports[shape.parentJoint])[1:]):
         column = _column(model, joint)
-        prismatic = model.joints[joint].shortname().startswith("JointModelP")
+        prismatic = model.nvs[joint] == 1 and slides(model, model.idx_vs[joint])
         if model.nvs[joint] == 6:
             rates[column], rates[column + 1] = 1.0, reach
             continue

@@ -1,0 +1,17 @@
+"""Which joints slide instead of turning."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+
+def slides(model: pin.Model, column: int) -> bool:
+    """Whether the joint of one coordinate to which a velocity belongs translates.
+
+    Args:
+        model: of a robot.
+        column: place of the joint's velocity among the model's.
+    """
+    joint = int(np.searchsorted(model.idx_vs, column, side="right")) - 1
+    return bool(np.any(np.reshape(model.joints[joint].createData().S, (6, -1))[:3]))
