@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.origin import robot_of_log, stated_origin
+from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.json_document import write_json
 
@@ -67,15 +67,11 @@ def _then(robot: str | None, log: Path, apply: Path | None, document: dict[str, 
         return command_line("diagnose", log, "--robot", apply / "robot.yaml", "--out", "second")
     if document["verdict"] in {"effect", "ambiguous"}:
         return command_line("diagnose", log, "--apply", "better", "--out", "first")
-    if document["verdict"] == "none" and "rigid_body" in document["modelled"]:
-        from excite.logs.header import header_path, read_header  # lazy: pydantic
+    from excite.logs.header import header_path, read_header  # lazy: pydantic
+    from excite.report.conclusions.diagnosed import identify_fitted  # lazy: pydantic
 
-        header = read_header(header_path(log))
-        if header.free_base or header.torque != "none":
-            # Bodies that are not as the file has them were taken up by the fit, and are no gap.
-            own = robot or robot_of_log(document["robot"], header.robot, log)
-            return command_line("identify", own, log, "--out", "result")
-    return ""
+    words = identify_fitted(document, read_header(header_path(log)), robot, log)
+    return command_line(*words) if words else ""
 
 
 def _checked(nominal: Robot | None, log: Path) -> Robot:

@@ -9,9 +9,10 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.origin import robot_of_log, stated_origin
+from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.json_document import write_json
+from excite.robot.catalogue import robot_of_log
 
 if TYPE_CHECKING:
     from excite.doctor.examine import Chart
@@ -54,8 +55,7 @@ def command(
     if chart.usable:
         own = robot_of_log(chart.robot, chart.log.header.robot, log)
         then = command_line("identify", robot or own, repair or log, "--out", "result")
-        if not chart.log.header.free_base and chart.log.header.torque == "none":
-            # Nothing is identified of a fixed base without torques; `convert` says so, too.
+        if not chart.log.header.measures_forces:
             then = command_line("diagnose", repair or log, "--out", "diagnosis")
         emit(chart.summary(repaired=repair), document, as_json=as_json, then=then)
     chart.check_usable()

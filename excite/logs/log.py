@@ -65,6 +65,11 @@ class LogHeader(HeaderBlock):
         return self.base in ("floating", "suspended")
 
     @property
+    def measures_forces(self) -> bool:
+        """Whether anything can be identified from it: of a fixed base not from commands alone."""
+        return self.free_base or self.torque != "none"
+
+    @property
     def measures_contacts(self) -> bool:
         """Whether wrench sensors see all that carries the base, so that the base's rows are the equations."""
         return self.base == "floating" and bool(self.sensors)

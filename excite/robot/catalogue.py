@@ -26,6 +26,19 @@ def bundled_robots() -> list[str]:
     return sorted(path.parent.name for path in data_folder("robots").glob("*/robot.yaml"))
 
 
+def robot_of_log(name: str, file: str, log: Path) -> str | Path:
+    """The robot of a log as a command names it: a bundled name, else the file that the log brings.
+
+    Args:
+        name: the robot's.
+        file: the nominal model's, relative to the log.
+        log: the log's folder, or its ``log.yaml``.
+    """
+    if name in bundled_robots():
+        return name
+    return (log if log.is_dir() else log.parent) / file
+
+
 def find_robot(name_or_path: str | Path) -> Path:
     """Path of the ``robot.yaml`` for a bundled name, a folder or a file.
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner
 
 from excite.cli.diagnose import _then
@@ -78,14 +79,20 @@ def test_a_second_diagnosis_that_would_say_the_same_is_not_proposed() -> None:
     assert "--robot" in _then(None, Path("log"), Path("better"), both)
 
 
-def test_bodies_that_were_fitted_are_said_not_to_be_the_files(tmp_path: Path) -> None:
+@pytest.mark.parametrize("named", ["", "log.yaml"])
+def test_bodies_that_were_fitted_are_said_not_to_be_the_files(named: str, tmp_path: Path) -> None:
     """A payload is taken up by bodies that are fitted: whether the file is right, identification tells."""
     log = three_trials(tmp_path, ["rigid_body", "viscous_friction", "coulomb_friction"])
     out = tmp_path / "out"
-    found = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(out)])
+    found = CliRunner().invoke(app, ["diagnose", str(log / named), "--out", str(out)])
     assert found.exit_code == 0, found.exception
     assert "the model, its bodies fitted to the record, " in found.stdout.splitlines()[0]
-    assert f"then: excite identify {log / 'two.urdf'} {log} --out result" in found.stdout
+    assert f"then: excite identify {log / 'two.urdf'} {log / named} --out result" in found.stdout
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Nothing beyond that needs to be corrected." in page
-    assert "log/two.urdf" in page and "how far these bodies are from the file" in page
+    # The page and the terminal name the same robot.
+    assert (
+        "log/two.urdf" in page
+        and "log.yaml/two.urdf" not in page
+        and "how far these bodies are from the file" in page
+    )

@@ -59,8 +59,7 @@ def _then(found: Conversion, robot: str) -> str:
     if found.chart is not None and not found.chart.usable:
         fatal = {f.kind for f in found.chart.findings if f.severity == "fatal" and not f.repaired}
         return command_line("plan", robot, "--out", "plan") if fatal == {"no_torques"} else ""
-    header = found.log.header
-    if not header.free_base and header.torque == "none":
+    if not found.log.header.measures_forces:
         return command_line("diagnose", found.folder, "--out", "diagnosis")
     return command_line("identify", robot, found.folder, "--out", "result")
 

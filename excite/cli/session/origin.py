@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import excite
-
 
 def stated_origin(robot: str, log: Path | None, folder: Path) -> dict[str, str]:
     """Where robot and log of a result lie, relative to its folder; of a bundled robot, or the log's own, only the log.
@@ -25,10 +23,3 @@ def stated_origin(robot: str, log: Path | None, folder: Path) -> dict[str, str]:
 def relative_to(folder: Path, file: Path) -> str:
     """A file as a document in a folder names it."""
     return Path(os.path.relpath(Path(file).resolve(), Path(folder).resolve())).as_posix()
-
-
-def robot_of_log(name: str, file: str, log: Path) -> str | Path:
-    """The robot of a log as a command names it: a bundled name, else the file that the log brings."""
-    if name in excite.bundled_robots():
-        return name
-    return (log if log.is_dir() else log.parent) / file

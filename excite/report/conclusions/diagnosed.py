@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from excite.report.conclusions.result import Conclusion, log_words, measures_forces, robot_of_log
+from pathlib import Path
+
+from excite.logs.log import LogHeader
+from excite.report.conclusions.result import Conclusion, log_words, robot_of_result
 from excite.report.folder import Document, Findings
 from excite.report.plots.forces import channel_label
+from excite.robot.catalogue import robot_of_log
 
 VERDICTS = {
     "effect": "an effect is named and placed",
@@ -20,8 +24,9 @@ def of_diagnosis(found: Document, findings: Findings) -> Conclusion:
     """Of ``diagnosis.json``."""
     sentence = found["sentence"] or f"{found['robot'] or 'a robot'}: {VERDICTS[found['verdict']]}."
     verdict, following = found["verdict"], found["next_experiment"]
-    if verdict == "none" and "rigid_body" in found["modelled"] and measures_forces(findings):
-        command = ("identify", robot_of_log(found, findings), log_words(found, findings), "--out", "result")
+    header = None if findings.record is None else findings.record.log.header
+    command = identify_fitted(found, header, robot_of_result(found, findings), log_words(found, findings))
+    if command:
         purpose = "see how far these bodies are from the file's"
         return Conclusion(sentence + " Nothing beyond that needs to be corrected.", True, command, purpose)
     if verdict == "none":
@@ -43,6 +48,30 @@ def of_diagnosis(found: Document, findings: Findings) -> Conclusion:
         purpose = "see whether the record is at fault; an effect of one's own can be added to the library"
         return Conclusion(sentence, False, ("doctor", log_words(found, findings)), purpose)
     return Conclusion(sentence, False, purpose=following["why"])
+
+
+def identify_fitted(
+    found: Document, header: LogHeader | None, robot: object, log: str | Path
+) -> tuple[object, ...]:
+    """Words of the command that tells how far bodies are from the file's, where a diagnosis without an effect has
+    fitted them: they were taken up by the fit, and are no gap.
+
+    Args:
+        found: contents of ``diagnosis.json``.
+        header: the log's; None where it is not known.
+        robot: as the command takes it; None for the log's own.
+        log: as the command takes it.
+
+    Returns:
+        The words without ``excite``; none where nothing is to be identified.
+    """
+    if found["verdict"] != "none" or "rigid_body" not in found["modelled"]:
+        return ()
+    if header is not None and not header.measures_forces:
+        return ()
+    if robot is None:
+        robot = "ROBOT" if header is None else robot_of_log(found["robot"], header.robot, Path(log))
+    return ("identify", robot, log, "--out", "result")
 
 
 def _left(found: Document) -> str:

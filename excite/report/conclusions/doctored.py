@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.report.conclusions.result import Conclusion, count, log_words, measures_forces, robot_of_log
+from excite.report.conclusions.result import Conclusion, count, log_words, measures_forces, robot_of_result
 from excite.report.folder import Document, Findings
 
 _SPOILS = {"fatal", "spoils"}
@@ -39,7 +39,7 @@ def of_doctor(found: Document, findings: Findings) -> Conclusion:
         return Conclusion(
             f"{verdict}{also}.", True, ("diagnose", source, "--out", "diagnosis"), "diagnose it"
         )
-    command = ("identify", robot_of_log(found, findings), source, "--out", "result")
+    command = ("identify", robot_of_result(found, findings), source, "--out", "result")
     return Conclusion(f"{verdict}{also}.", True, command, "identify from it")
 
 

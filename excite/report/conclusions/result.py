@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import shlex
 from dataclasses import dataclass
+from pathlib import Path
 
 from excite.report.folder import Document, Findings
-from excite.robot.catalogue import bundled_robots
+from excite.robot.catalogue import robot_of_log
 
 # Named worst offenders in a sentence.
 NAMED = 3
@@ -39,16 +40,17 @@ def log_words(found: Document, findings: Findings) -> str:
 def measures_forces(findings: Findings) -> bool:
     """Whether anything can be identified from the log: of a fixed base not from commands alone."""
     header = None if findings.record is None else findings.record.log.header
-    return header is None or header.free_base or header.torque != "none"
+    return header is None or header.measures_forces
 
 
-def robot_of_log(found: Document, findings: Findings) -> str:
+def robot_of_result(found: Document, findings: Findings) -> str:
     """The robot of a log as a command takes it: the file that was given, a bundled name, else the log's own."""
     if found["robot_file"]:
         return os.path.normpath(findings.folder / found["robot_file"])
-    if found["robot"] in bundled_robots() or findings.record is None:
-        return str(found["robot"] or "ROBOT")
-    return os.path.join(log_words(found, findings), findings.record.log.header.robot)
+    name = str(found["robot"] or "ROBOT")
+    if findings.record is None:
+        return name
+    return str(robot_of_log(name, findings.record.log.header.robot, Path(log_words(found, findings))))
 
 
 def robot_words(findings: Findings) -> str:
