@@ -35,6 +35,23 @@ def test_a_field_that_is_none_is_refused(name):
         jsonschema.Draft202012Validator(excite.file_schema(name)).validate(EXAMPLES[name] | {"colour": "red"})
 
 
+def test_the_example_of_a_check_has_every_field():
+    example, schema = EXAMPLES["check"], excite.file_schema("check")
+    assert set(example) == {name for name in schema["properties"] if name != "made"}
+    (motion,) = example["motions"]
+    (nearest, *_), *_ = motion["nearest"].values()
+    for shown, name in (
+        (motion, "CheckedMotion"),
+        (motion["margins"], "Margins"),
+        (nearest, "Nearest"),
+        (motion["violations"][0], "Violation"),
+    ):
+        assert set(shown) == set(schema["$defs"][name]["properties"])
+    assert (
+        "`helped`" in PAGE and "helped" in excite.file_schema("campaign")["$defs"]["Iteration"]["properties"]
+    )
+
+
 def test_every_result_has_a_schema():
     for name in schema_names():
         jsonschema.Draft202012Validator.check_schema(excite.file_schema(name))

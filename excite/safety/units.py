@@ -18,8 +18,18 @@ _UNITS = {
     "joint_acceleration": "rad/s²",
     "joint_jerk": "rad/s³",
     "joint_torque": "N·m",
+    "starts_moving": "rad/s",
+    "ends_moving": "rad/s",
+    "velocity_not_derivative": "rad/s",
+    "acceleration_not_derivative": "rad/s²",
+    "time_step": "s",
+    "time_gap": "s",
+    "time_not_increasing": "s",
+    "rate_too_low": "Hz",
 }
 _SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "rad/s³": "m/s³", "N·m": "N"}
+# Columns of a free base's velocity that are lengths a second.
+_BASE = frozenset(("base.x", "base.y", "base.z"))
 
 
 def sliding_joints(robot: Robot) -> frozenset[str]:
@@ -33,8 +43,8 @@ def unit_of(kind: str, where: str, sliding: frozenset[str]) -> str:
 
     Args:
         kind: what is violated, such as ``joint_velocity``.
-        where: joint, foot or pair of links.
+        where: joint, foot, pair of links or coordinate of the base.
         sliding: joints that slide.
     """
     unit = _UNITS.get(kind, "")
-    return _SLIDING.get(unit, unit) if where in sliding else unit
+    return _SLIDING.get(unit, unit) if where in sliding | _BASE else unit

@@ -16,6 +16,7 @@ from excite.report.page import report
 from excite.robot.bringing import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
+from excite.safety.units import unit_of
 from tests.safety.motions import RATE_HZ, joint_motion, smooth
 
 LIFT = """<robot name="lifter">
@@ -82,3 +83,29 @@ def test_a_violation_has_the_unit_of_its_joint_in_words_and_on_the_page(robot: R
     assert "|joint position [m]|−0.230|lift|made|" in text
     assert "|joint position [rad]|−0.530|elbow|made|" in text
     assert re.search(r"\|joint_position\|[\d.]+\|lift\|[\d.]+\|0\.570\|m\|", text)
+
+
+def test_a_motion_that_starts_moving_says_how_fast_in_the_joints_unit(robot: Robot) -> None:
+    verdict = check(robot, [running(robot)]).verdicts[0]
+    units = {(v.kind, v.where): v.unit for v in verdict.violations}
+    assert units["starts_moving", "lift"] == "m/s" and units["starts_moving", "elbow"] == "rad/s"
+
+
+@pytest.mark.parametrize(
+    ("kind", "where", "unit"),
+    [
+        ("starts_moving", "base.z", "m/s"),
+        ("ends_moving", "base.wz", "rad/s"),
+        ("time_gap", "time", "s"),
+        ("rate_too_low", "time", "Hz"),
+    ],
+)
+def test_coordinates_of_a_base_and_times_have_units(kind: str, where: str, unit: str) -> None:
+    assert unit_of(kind, where, frozenset()) == unit
+
+
+def running(robot: Robot) -> Motion:
+    """Both joints at a tenth of a unit a second from the first row to the last."""
+    time = np.arange(0.0, 2.0, 1.0 / RATE_HZ)
+    still = joint_motion(robot, time, np.tile(robot.rest, (len(time), 1)))
+    return replace(still, q=still.q + 0.1 * time[:, None], v=np.full_like(still.v, 0.1))
