@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import excite
 from excite.conversion.columns.joints import Placed, first_number, place
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import UnclearError
+from tests.conversion import written
 from tests.conversion.test_habits import table
 from tests.conversion.written import WHOLE
 
@@ -149,6 +151,25 @@ def test_a_conversion_says_what_it_took_for_what(tmp_path):
     assert done.columns["tau.openarm_left_joint7"][0] == "left/joint_7.torque"
     (said,) = (source for what, source, _ in done.guesses if what == "joints of q")
     assert "right/joint_3.pos = openarm_right_joint3" in said
+
+
+@pytest.mark.parametrize("shape", ["a struct a joint", "a struct a signal"])
+def test_structs_of_a_mat_go_by_their_names_whatever_their_order(shape, tmp_path):
+    data, order = written.motion(), [2, 0, 1]
+    names = [written.JOINTS[k] for k in order]
+    if shape == "a struct a joint":
+        rows = [(names[k], data["q"][:, at], data["tau"][:, at]) for k, at in enumerate(order)]
+        fields = [("name", object), ("q", object), ("tau", object)]
+    else:
+        rows = [
+            (f"{names[k]}_{kind}", data[kind][:, at]) for kind in ("q", "tau") for k, at in enumerate(order)
+        ]
+        fields = [("signalName", object), ("values", object)]
+    savemat(tmp_path / "a.mat", {"time": data["time"], "parts": np.array(rows, dtype=fields)})
+    arm = written.arm_urdf(tmp_path / "r.urdf")
+    trial = excite.convert([tmp_path / "a.mat"], arm, tmp_path / "log", WHOLE).log.trials[0]
+    np.testing.assert_allclose(trial.q, data["q"])
+    np.testing.assert_allclose(trial.tau, data["tau"])
 
 
 def test_bare_words_of_joints_are_positions(tmp_path):

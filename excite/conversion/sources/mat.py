@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from excite.conversion.columns.words import name_tokens
 from excite.conversion.recording import Recording
 from excite.conversion.sources.hdf5 import hdf5_arrays, recordings_of
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
@@ -68,10 +69,26 @@ def _collect(name: str, value: object, found: dict[str, Any], depth: int) -> Non
     elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
         found[name] = value
     elif isinstance(value, list | np.ndarray):
-        for k, inner in enumerate(np.ravel(value) if isinstance(value, np.ndarray) else value):
-            _collect(f"{name}{k + 1}", inner, found, depth + 1)
+        members = list(np.ravel(value)) if isinstance(value, np.ndarray) else value
+        called = _own_names(members)
+        for k, inner in enumerate(members):
+            _collect(f"{name}/{called[k]}" if called else f"{name}{k + 1}", inner, found, depth + 1)
     elif isinstance(value, int | float):
         found[name] = np.asarray(value)
+
+
+def _own_names(members: list[Any]) -> list[str]:
+    """What structs of an array call themselves (``name``, ``label``, ``jointName``); empty unless each has its own."""
+    if len(members) < 2 or not all(isinstance(one, dict) for one in members):
+        return []
+    for key in members[0]:
+        if not {"name", "label"} & set(name_tokens(key)):
+            continue
+        said = [one.get(key) for one in members]
+        names = [word.strip().replace("/", "_") for word in said if isinstance(word, str)]
+        if len(names) == len(members) == len(set(names)) and all(names):
+            return names
+    return []
 
 
 def _is_texts(value: object) -> bool:
