@@ -32,7 +32,7 @@ class UnphysicalParametersError(InputError):
         super().__init__(
             what,
             source=f"inertial parameters of {segment}",
-            remedy="identify with physical constraints (method lmi) or mend the model",
+            remedy="identify with physical constraints (method lmi), or give the link moments of inertia in the model",
         )
 
 
@@ -99,6 +99,28 @@ def principal_inertia(phi: Array, segment: str, *, accepted: bool = False) -> Pr
     if np.linalg.det(rotation) < 0.0:
         rotation = rotation * np.array([1.0, 1.0, -1.0])
     return PrincipalInertia(mass, com, moments, rotation)
+
+
+def possible(phi: Array, segment: str) -> Array:
+    """Ten parameters as a simulator takes them where the stated ones are accepted: as they are where a body has them.
+
+    Args:
+        phi: ten parameters.
+        segment: name of the segment, for the error.
+
+    Returns:
+        ``(10,)``; of moments that no body has, the least that are raised for it.
+
+    Raises:
+        UnphysicalParametersError: a value is not finite, or the mass is not positive.
+    """
+    try:
+        principal_inertia(phi, segment)
+    except UnphysicalParametersError:
+        body = principal_inertia(phi, segment, accepted=True)
+        inertia = body.rotation @ np.diag(body.moments) @ body.rotation.T
+        return np.asarray(pin.Inertia(body.mass, body.com, inertia).toDynamicParameters())
+    return phi
 
 
 def box_parameters(mass: float, position: Array, size: Array) -> Array:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.robot.robot import Robot
-from excite.simulation.inertial import box_parameters, deformed
+from excite.simulation.inertial import box_parameters, deformed, possible
 
 # A hand or head is the first segment, from the tip inwards, that carries at least this much [kg].
 _LIGHTEST_END = 0.2
@@ -164,6 +164,9 @@ def scattered_parameters(robot: Robot, rng: np.random.Generator, *, scatter: flo
         block = phi[10 * index : 10 * index + 10]
         if index in fixed or not block.any():
             continue
+        if robot.description.model.acknowledged:
+            # What is accepted of the model is no body's, as a point mass is not: scattered, it would be refused.
+            block = possible(block, robot.segments[index].name)
         body = pin.Inertia.FromDynamicParameters(block)
         radius = np.sqrt(np.trace(body.inertia) / (2.0 * body.mass))
         linear = np.eye(3) + 0.5 * (stretch + stretch.T)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from excite.errors import InputError
+from excite.robot import bringing
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.drives import nominal_drives, scattered_drives
@@ -71,3 +74,26 @@ def test_a_robot_without_hands_is_refused(panda: Robot) -> None:
 def test_a_part_without_mass_is_refused(g1: Robot) -> None:
     with pytest.raises(InputError, match="mass 0"):
         with_part(nominal_truth(g1), AddedPart("air", 0, "pelvis", 0.0, (0.0, 0.0, 0.0), (0.1, 0.1, 0.1)))
+
+
+def test_a_robot_of_point_masses_is_scattered_as_the_bodies_that_a_simulator_has_for_them(
+    tmp_path: Path,
+) -> None:
+    links, joints = [], []
+    for k in range(3):
+        links.append(
+            f'<link name="l{k}"><inertial><origin xyz="0.2 0 0"/><mass value="{3 - k}"/>'
+            '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
+        joints.append(
+            f'<joint name="j{k}" type="revolute"><parent link="{f"l{k - 1}" if k else "base"}"/>'
+            f'<child link="l{k}"/><origin xyz="0.3 0 0"/><axis xyz="0 {k % 2} {1 - k % 2}"/>'
+            '<limit lower="-2" upper="2" effort="50" velocity="3"/></joint>'
+        )
+    file = tmp_path / "points.urdf"
+    file.write_text(f'<robot name="points"><link name="base"/>{"".join(links + joints)}</robot>')
+    robot = bringing.load_robot(file)
+    truth = scattered_parameters(robot, generator(1))
+    for segment, phi in zip(robot.segments, truth.phi.reshape(-1, 10), strict=True):
+        assert principal_inertia(phi, segment.name).mass == pytest.approx(phi[0])
+    np.testing.assert_allclose(truth.phi[::10], robot.nominal_parameters[::10], rtol=0.3)
