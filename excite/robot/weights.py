@@ -51,11 +51,14 @@ def check_weights(model: pin.Model, torque: NDArray[np.float64], path: Path) -> 
 
 
 def typical_density(model: pin.Model) -> float:
-    """Density above which half of the mass lies, each body taken for the ellipsoid of its moments [kg/m³]."""
+    """Density above which half of the mass lies, each body taken for the ellipsoid of its moments [kg/m³].
+
+    Points without moments have none; 0 where there is nothing else.
+    """
     mass, volume = [], []
     for inertia in list(model.inertias)[1:]:
-        if inertia.mass > 0.0:
-            moments = np.linalg.eigvalsh(inertia.inertia)
+        moments = np.linalg.eigvalsh(inertia.inertia)
+        if inertia.mass > 0.0 and moments.any():
             squares = 2.5 * (moments.sum() - 2.0 * moments) / inertia.mass
             half_axes = np.sqrt(np.maximum(squares, _THINNEST**2))
             mass.append(inertia.mass)

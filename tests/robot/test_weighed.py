@@ -66,3 +66,13 @@ def test_without_masses_and_geometry_nothing_can_be_told(tmp_path: Path) -> None
     (tmp_path / "arm.urdf").write_text(text)
     with pytest.raises(RobotError, match=r"states no masses.*add <inertial>.*--package-path"):
         load_robot(tmp_path / "arm.urdf")
+
+
+def test_points_have_no_density_and_are_no_grams(tmp_path: Path) -> None:
+    """Links that are point masses, on drives that are too weak for them: their masses are kilograms all the same."""
+    text = re.sub(r'(i[xyz]{2})="[^"]*"', r'\1="0"', ARM)
+    (tmp_path / "arm.urdf").write_text(re.sub(r'effort="[^"]*"', 'effort="0.05"', text))
+    try:
+        load_robot(tmp_path / "arm.urdf")
+    except RobotError as error:
+        assert "grams" not in str(error)

@@ -10,7 +10,7 @@ from typing import Any
 from excite.errors import RobotError
 from excite.robot.robot import Robot
 from excite.robot.scaffold.guesses import JointGuess, guess_joints
-from excite.robot.scaffold.held import MASSLESS, Held, held_joints
+from excite.robot.scaffold.held import MASSLESS, TOO_WEAK, Held, held_joints
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.solids import box_shapes
@@ -88,7 +88,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     guesses = guess_joints(joints, path)
     together = tied(joints, said.loops, said.couplings)
     held = held_joints(root, joints, guesses, together.joints, together.closing)
-    held |= {name: Held(value, "its drive cannot hold what it carries") for name, value in weak.items()}
+    held |= {name: Held(value, TOO_WEAK) for name, value in weak.items()}
     held |= together.holding(held, guesses)
     still_names = _with_followers(held, guesses)
     free = tuple(guess for guess in guesses if guess.name not in still_names)

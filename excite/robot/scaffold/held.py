@@ -19,6 +19,9 @@ _FINGER = re.compile(r"finger|thumb|gripper|knuckle|jaw|pinky", re.IGNORECASE)
 _LIMB = re.compile(r"wrist|forearm|elbow|shoulder", re.IGNORECASE)
 
 MASSLESS = "nothing with mass moves with it"
+TOO_WEAK = (
+    "the torque limit that the model states cannot hold what it carries: state the drive's, if it gives more"
+)
 # Directions at right angles have a smaller cosine, however few digits their angles were typed with.
 _ACROSS = 0.01
 # Hands have three fingers or more, which weigh a twentieth of what the heaviest joint of a robot moves.
