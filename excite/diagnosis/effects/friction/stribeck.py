@@ -74,16 +74,16 @@ class Slow(Note):
             return None
         return Bristle(self.breakaway, self.bristle_damping or 0.0, static=self.static)
 
-    def held(self, level: float) -> float:
+    def held(self, level: Array) -> Array:
         # A fit may have bristles take less than none of a level, or more than all.
-        return min(max(self.presliding or 0.0, 0.0), max(level, 0.0))
+        return np.minimum(max(self.presliding or 0.0, 0.0), np.maximum(level, 0.0))
 
-    def friction(self, level: float, at: JointStep) -> tuple[float, float]:
+    def friction(self, level: Array, at: JointStep) -> tuple[Array, float]:
         if self.breakaway is not None:
-            return level - self.held(float(level)), 0.0
+            return level - self.held(level), 0.0
         if at.bends:
             return level, 0.0
-        return level + self.static.excess * self.static.share(float(at.v)), 0.0
+        return level + self.static.excess * self.static.share(at.v), 0.0
 
 
 class Stribeck(Effect):
