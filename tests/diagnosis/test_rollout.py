@@ -121,10 +121,10 @@ def test_static_friction_bends_bristles_in_a_roll_out_as_in_a_fit(damping: float
     bristle = Bristle(2e-3, damping, 0.05, static)
     v = 0.15 * np.sin(np.arange(3000) * step * 7.0) + 0.05 * np.sin(np.arange(3000) * step * 23.0)
     made = []
-    for speed in v:
-        torque, viscous = bristle.force(level, float(speed), step)
-        bristle.move(float(speed), step)
-        made.append(-(torque - viscous * speed))
+    for speed in v[:, None]:
+        torque, viscous = bristle.force(np.array([level]), speed, step)
+        bristle.move(speed, step)
+        made.append(-float((torque - viscous * speed)[0]))
     starts = np.arange(len(v)) == 0
     plain = bend(v, starts, step, 2e-3)
     further = bend_further(v, starts, step, 2e-3, static.velocity, static.exponent, RATIO)

@@ -54,5 +54,5 @@ def test_a_gear_of_which_nothing_is_told_rests_under_its_load():
     window = Window(np.zeros(1), np.zeros(1), load, np.array([0.0, 1e-3]), 0.0)
     simulator = Simulator(spec.to_xml(), ("j",))
     simulator.run(window, LoggedTorque(np.array([0.0, 1.0]), np.tile(load, (2, 1))), 1)
-    deflected = float(simulator.data.qpos[1])
+    deflected = float(simulator.runs[0].qpos[1])
     assert deflected == pytest.approx(-4.0 / STIFFNESS, rel=0.01)

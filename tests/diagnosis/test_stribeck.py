@@ -58,7 +58,8 @@ def test_drag_that_sets_in_at_high_speed_is_no_stribeck_friction(tmp_path: Path)
 def test_what_leaves_no_dry_friction_at_higher_speed_is_none_either() -> None:
     """Drag above some speed, told by viscous friction and less than no Coulomb friction, looks like it."""
     names = ("rigid_body", "coulomb_friction")
-    context = SimpleNamespace(baseline=SimpleNamespace(modelled=names), row=lambda location: 0)
+    base = SimpleNamespace(modelled=names)
+    context = SimpleNamespace(baseline=base, row=lambda location: 0, v=np.zeros((9, 1)))
 
     def settled(coulomb: float) -> bool:
         fit = SimpleNamespace(own=np.array([[coulomb]]), extra=np.array([7.0]))
@@ -70,8 +71,26 @@ def test_what_leaves_no_dry_friction_at_higher_speed_is_none_either() -> None:
     assert not settled(-8.0)
 
 
-def test_a_finer_form_does_not_leave_low_speed_either(tmp_path: Path) -> None:
-    """Friction that falls over all speeds: the textbook's form ends within its range, the finer one beyond it."""
-    result = diagnose(logged(tmp_path, lambda v: 20.0 * np.exp(-np.abs(v) / 0.45) * np.tanh(v / 0.02)))
-    stated = [e.parameters["velocity"].value for e in result.effects if e.effect == "stribeck"]
-    assert all(velocity < 0.45 for velocity in stated)
+@pytest.mark.parametrize(("velocity", "exponent"), [(0.6, 2.0), (0.45, 1.0)])
+def test_friction_that_falls_over_most_speeds_is_named(
+    tmp_path: Path, velocity: float, exponent: float
+) -> None:
+    result = diagnose(
+        logged(tmp_path, lambda v: 20.0 * np.exp(-((np.abs(v) / velocity) ** exponent)) * np.tanh(v / 0.02))
+    )
+    assert (result.verdict, result.effect) == ("effect", "stribeck")
+    values = result.effects[0].parameters
+    assert values["excess"].value == pytest.approx(20.0, rel=0.08)
+    assert values["velocity"].value == pytest.approx(velocity, rel=0.08)
+
+
+def test_of_a_slow_joint_no_stribeck_velocity_is_searched_beyond_its_speed() -> None:
+    fit = SimpleNamespace(own=np.array([[5.0]]), extra=np.array([7.0]))
+    for speed, told in ((0.1, False), (1.5, True)):
+        context = SimpleNamespace(
+            baseline=SimpleNamespace(modelled=("coulomb_friction",)),
+            row=lambda location: 0,
+            v=np.full((9, 1), speed),
+        )
+        assert Stribeck().settled(context, "slide", (0.6,), fit) == told
+        assert (max(Stribeck().grid(context, "slide")) > (0.45,)) == told

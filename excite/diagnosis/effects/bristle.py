@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,9 +25,9 @@ class Static:
     velocity: float
     exponent: float = 2.0
 
-    def share(self, v: float) -> float:
-        """What is left of it at a speed, 0…1."""
-        return math.exp(-((abs(v) / self.velocity) ** self.exponent))
+    def share(self, v: Array) -> Array:
+        """What is left of it at speeds, 0…1."""
+        return np.asarray(np.exp(-((np.abs(v) / self.velocity) ** self.exponent)))
 
 
 @dataclass(eq=False)
@@ -42,22 +42,25 @@ class Bristle:
         damping: torque per ``z'`` [N·m·s] (Canudas de Wit et al. 1995, eq. 3).
         damped_below: speed beyond which it has died out [rad/s].
         static: static friction on it.
-        z: states, without and with static friction, −1 … 1 + r.
-        kept: shares of the states that a step at the present speed leaves.
+        z: states, without and with static friction, ``(2, n_runs)``, −1 … 1 + r.
+        kept: shares of the states that a step at the present speeds leaves, likewise.
     """
 
     breakaway: float
     damping: float = 0.0
     damped_below: float = np.inf
     static: Static | None = None
-    z: tuple[float, float] = (0.0, 0.0)
-    kept: tuple[float, float] = (1.0, 1.0)
+    z: Array = field(default_factory=lambda: np.zeros((2, 1)))
+    kept: Array = field(default_factory=lambda: np.ones((2, 1)))
 
-    def start(self, v: Array, period: float) -> None:
-        """Bend it as the speeds ``(n,)`` before did, one a ``period`` [s]; it is straight where there are none."""
-        self.z = (0.0, 0.0)
+    def start(self, before: Sequence[tuple[Array, float]]) -> None:
+        """Bend it as the speeds before each run did: ``(n,)`` of them, one a period [s]; straight where none are."""
+        self.z = np.array([self._bent(v, period) for v, period in before]).T
+        self.kept = np.ones_like(self.z)
+
+    def _bent(self, v: Array, period: float) -> tuple[float, float]:
         if not len(v):
-            return
+            return 0.0, 0.0
         starts = np.zeros(len(v), dtype=np.bool_)
         starts[0] = True
         plain = float(bend(v, starts, period, self.breakaway)[-1])
@@ -65,27 +68,32 @@ class Bristle:
         if self.static is not None:
             law = self.static.velocity, self.static.exponent
             further = float(bend_further(v, starts, period, self.breakaway, *law, RATIO)[-1])
-        self.z = (plain, further)
+        return plain, further
 
-    def force(self, level: float, v: float, step: float) -> tuple[float, float]:
-        """Torque [N·m] and damping [N·m·s/rad] of the coming step, together those of its end."""
-        excess = 0.0 if self.static is None else self.static.excess / RATIO
-        slips = 1.0 if self.static is None else 1.0 + RATIO * self.static.share(v)
-        self.kept = (
-            1.0 / (1.0 + step * abs(v) / self.breakaway),
-            1.0 / (1.0 + step * abs(v) / (self.breakaway * slips)),
-        )
-        rate = self.damping * math.exp(-((v / self.damped_below) ** 2)) / step
+    def force(self, level: Array, v: Array, step: float) -> tuple[Array, Array]:
+        """Torque [N·m] and damping [N·m·s/rad] of the coming step, together those of its end, ``(n_runs,)`` each.
+
+        Args:
+            level: of the friction that it builds up to [N·m].
+            v: speeds of the joint [rad/s].
+            step: length of the step [s].
+        """
+        way = step * np.abs(v) / self.breakaway
+        self.kept = np.array([1.0 / (1.0 + way)] * 2)
+        rate = self.damping * np.exp(-((v / self.damped_below) ** 2)) / step if self.damping else 0.0
+        if self.static is None:
+            plain, (kept, _), (z, _) = level + rate, self.kept, self.z
+            return np.asarray(rate * z - plain * kept * z), np.asarray(plain * kept * step / self.breakaway)
+        excess = self.static.excess / RATIO
+        self.kept[1] = 1.0 / (1.0 + way / (1.0 + RATIO * self.static.share(v)))
         # Static friction is damped as Coulomb friction is.
-        more = rate / level * excess if level > 0.0 else 0.0
+        more = np.divide(rate * excess, level, out=np.zeros_like(level), where=level > 0.0)
         (z, z_further), (kept, kept_further) = self.z, self.kept
         plain, further = level - excess + rate - more, excess + more
         torque = -plain * kept * z + (rate - more) * z - further * kept_further * z_further + more * z_further
         damping = (plain * kept + further * kept_further) * step / self.breakaway
         return torque, damping
 
-    def move(self, v: float, step: float) -> None:
-        """Bend it by the step that was made."""
-        (plain, further), (kept, kept_further) = self.z, self.kept
-        way = step * v / self.breakaway
-        self.z = (kept * (plain + way), kept_further * (further + way))
+    def move(self, v: Array, step: float) -> None:
+        """Bend it by the step that was made at speeds ``(n_runs,)``."""
+        self.z = self.kept * (self.z + step * v / self.breakaway)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Any, ClassVar, Self
 
+import numpy as np
+
+from excite.arrays import Array
 from excite.diagnosis.effects.bristle import Bristle, Static
 
 
@@ -23,9 +26,13 @@ class Beyond(StrEnum):
     NO_FORM = "no form is given"
 
 
+def _no_runs() -> Array:
+    return np.zeros(0)
+
+
 @dataclass(eq=False, slots=True)
 class JointStep:
-    """A joint at the start of a step.
+    """A joint at the start of a step, in every run of a simulation; all arrays are ``(n_runs,)``.
 
     Attributes:
         carried: torque that its gear carries, asked for where it is needed [N·m].
@@ -37,13 +44,13 @@ class JointStep:
         growth: how far friction that drifts had come when the roll-out began, where that is known.
     """
 
-    carried: Callable[[], float]
+    carried: Callable[[], Array]
     bends: bool = False
-    q: float = 0.0
-    v: float = 0.0
-    trial_s: float = 0.0
-    session_s: float = 0.0
-    growth: float | None = None
+    q: Array = field(default_factory=_no_runs)
+    v: Array = field(default_factory=_no_runs)
+    trial_s: Array = field(default_factory=_no_runs)
+    session_s: Array = field(default_factory=_no_runs)
+    growth: Array | None = None
 
 
 class Note(ABC):
@@ -89,20 +96,20 @@ class Note(ABC):
         """Bristles of its own."""
         return None
 
-    def held(self, level: float) -> float:
-        """Dry friction that its own bristles hold, of a joint with a ``level`` of it [N·m]."""
-        return 0.0
+    def held(self, level: Array) -> Array:
+        """Dry friction that its own bristles hold, of a joint with a ``level`` of it, both ``(n_runs,)`` [N·m]."""
+        return np.zeros_like(level)
 
     def deflection(self, torque: float) -> float | None:
         """Where the joint's gear rests under a torque [N·m] that it opposes [rad]; None where it does not give way."""
         return None
 
-    def friction(self, level: float, at: JointStep) -> tuple[float, float]:
-        """A joint's level of dry friction with it [N·m], and viscous friction that it adds [N·m·s/rad]."""
+    def friction(self, level: Array, at: JointStep) -> tuple[Array, Array | float]:
+        """A joint's level of dry friction with it [N·m], and viscous friction that it adds [N·m·s/rad], by run."""
         return level, 0.0
 
-    def torque(self, at: JointStep) -> float:
-        """Torque on the joint [N·m]."""
+    def torque(self, at: JointStep) -> Array | float:
+        """Torque on the joint, ``(n_runs,)`` [N·m]."""
         return 0.0
 
     @classmethod

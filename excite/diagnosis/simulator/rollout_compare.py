@@ -22,7 +22,7 @@ from excite.diagnosis.simulator.model_text import LOUDER, MODEL, AugmentedModel,
 from excite.diagnosis.simulator.rollout import Simulator
 from excite.diagnosis.simulator.rollout_floor import replicated
 from excite.diagnosis.simulator.rollout_path import rollout_path
-from excite.diagnosis.simulator.rollout_windows import HORIZON_S, Plan, pieces, torque_plan
+from excite.diagnosis.simulator.rollout_windows import HORIZON_S, Piece, Plan, pieces, torque_plan
 from excite.errors import InputError
 
 # Simulated time on identification trials, where it is decided whether the effects help at all [s].
@@ -197,10 +197,13 @@ def _nearer(after: Array, before: Array, gain: float = 0.0) -> bool:
 
 def errors(xml: str, samples: ArmSamples, rigid: Array, plan: Plan) -> Array:
     """Simulated less recorded positions, ``(n_windows, n_kept, n_joints)`` [rad]."""
-    simulator = Simulator(xml, samples.joints)
-    return np.array(
-        [simulator.run(p.window, p.drive, p.keep) - p.recorded for p in pieces(samples, rigid, plan)]
-    )
+    few = pieces(samples, rigid, plan)
+    return _paths(Simulator(xml, samples.joints), few) - np.array([piece.recorded for piece in few])
+
+
+def _paths(simulator: Simulator, few: Sequence[Piece]) -> Array:
+    """Simulated positions of pieces, ``(n_pieces, n_kept, n_joints)`` [rad]."""
+    return simulator.run_all([p.window for p in few], [p.drive for p in few], few[0].keep)
 
 
 def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) -> tuple[str, ...]:
@@ -208,18 +211,16 @@ def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) 
     samples = baseline.samples
     few = pieces(samples, baseline.rigid, replace(plan, horizon_s=HORIZON_S, total_s=3.0 * HORIZON_S))
     said = []
-    here = Simulator(xml, samples.joints)
-    runs = [here.run(p.window, p.drive, p.keep) for p in few] if effects else []
+    if not effects:
+        return ()
+    here = _paths(Simulator(xml, samples.joints), few)
     for k, item in enumerate(effects):
         if item.formless is not None:
             continue
         bigger = replace(item, values={n: LOUDER * v for n, v in item.values.items()})
         other = augmented_model(baseline, [*effects[:k], bigger, *effects[k + 1 :]])
-        moved = Simulator(other.xml, samples.joints)
         # One that diverges of so much of it heeds it too, and what is no number equals nothing.
-        if all(
-            np.array_equal(moved.run(p.window, p.drive, p.keep), r) for p, r in zip(few, runs, strict=True)
-        ):
+        if np.array_equal(_paths(Simulator(other.xml, samples.joints), few), here):
             said.append(ignored(item.effect.name, item.location))
     return tuple(said)
 

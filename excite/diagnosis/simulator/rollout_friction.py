@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.effects.bristle import Bristle
 from excite.diagnosis.effects.note import JointStep, Note
-from excite.diagnosis.simulator.rollout_drives import Window
+from excite.diagnosis.simulator.rollout_drives import Past, Window
 
 
 @dataclass(eq=False)
@@ -29,7 +30,7 @@ class _Part:
 
 
 class Rubbing(NamedTuple):
-    """Friction of a joint over a step.
+    """Friction of a joint over a step, in every run: all but the joint ``(n_runs,)``.
 
     Attributes:
         joint: index of the joint.
@@ -39,15 +40,13 @@ class Rubbing(NamedTuple):
     """
 
     joint: int
-    level: float
-    damping: float
-    force: float
+    level: Array
+    damping: Array
+    force: Array
 
 
 class JointFriction:
     """Friction levels of all joints at every step, and the bristles of those that have some.
-
-    Numbers, not arrays: a joint or two have some, and a step of the simulation takes a few microseconds.
 
     Attributes:
         bristles: by joint, those of all joints.
@@ -81,43 +80,46 @@ class JointFriction:
         for part in every:
             self._by_joint.setdefault(part.joint, []).append(part)
 
-    def start(self, window: Window) -> None:
-        """Begin a window, bristles bent as the record before it did."""
-        past = window.past
+    def start(self, windows: Sequence[Window]) -> None:
+        """Begin a window in every run, bristles bent as the record before it did."""
         for j, bristle in self.bristles:
-            if past is None:
-                bristle.start(np.zeros(0), 0.0)
-            else:
-                bristle.start(np.ascontiguousarray(past.v[:, j]), float(past.time[1] - past.time[0]))
+            bristle.start([_before(window.past, j) for window in windows])
 
-    def acting(self, level: Sequence[float], v: Sequence[float], step: float) -> Iterator[Rubbing]:
+    def acting(self, level: Array, v: Array, step: float) -> Iterator[Rubbing]:
         """What rubs at each joint that a note is about, over the coming step.
 
         Args:
-            level: constant levels of dry friction of all joints [N·m].
-            v: their speeds [rad/s].
+            level: constant levels of dry friction, ``(n_joints,)`` [N·m].
+            v: speeds of the joints, ``(n_runs, n_joints)`` [rad/s].
             step: length of the step [s].
         """
         for j, parts in self._by_joint.items():
-            here, viscous = level[j], 0.0
-            held: list[tuple[Bristle, float]] = []
+            here, viscous = np.full(len(v), level[j]), np.zeros(len(v))
+            held: list[tuple[Bristle, Array]] = []
             for part in parts:
                 if part.bristle is not None:
                     held.append((part.bristle, part.note.held(here)))
                 here, more = part.note.friction(here, self._steps[j])
-                viscous += more
-            here = max(here, 0.0)
-            force = damping = 0.0
+                viscous = viscous + more
+            here = np.maximum(here, 0.0)
+            force = damping = np.zeros(len(v))
             whole = self._whole.get(j)
             if whole is not None:
-                force, damping = whole.force(here, v[j], step)
-                here = 0.0
+                force, damping = whole.force(here, v[:, j], step)
+                here = np.zeros(len(v))
             for bristle, size in held:
-                f, d = bristle.force(max(size, 0.0), v[j], step)
+                f, d = bristle.force(np.maximum(size, 0.0), v[:, j], step)
                 force, damping = force + f, damping + d
             yield Rubbing(j, here, viscous + damping, force)
 
-    def move(self, v: Sequence[float], step: float) -> None:
-        """Bend all bristles by the step that was made at speeds of all joints [rad/s]."""
+    def move(self, v: Array, step: float) -> None:
+        """Bend all bristles by the step that was made at speeds of all joints, ``(n_runs, n_joints)`` [rad/s]."""
         for j, bristle in self.bristles:
-            bristle.move(v[j], step)
+            bristle.move(v[:, j], step)
+
+
+def _before(past: Past | None, j: int) -> tuple[Array, float]:
+    """Speeds of a joint in the record before a window, and the period of these [s]."""
+    if past is None:
+        return np.zeros(0), 0.0
+    return np.ascontiguousarray(past.v[:, j]), float(past.time[1] - past.time[0])

@@ -165,7 +165,7 @@ def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> N
 
 def acts(note: Note) -> dict[Beyond, bool]:
     """By what a model cannot say, whether the note says such a thing."""
-    there = JointStep(carried=lambda: 1.0, q=0.1, v=0.1)
+    there = JointStep(carried=lambda: np.ones(1), q=np.array([0.1]), v=np.array([0.1]))
     return {
         Beyond.FRICTION: note.rubs,
         Beyond.SPRING: note.torque(there) != 0.0,

@@ -50,11 +50,11 @@ class Spring(Note):
     def bristle(self) -> Bristle | None:
         return None if self.breakaway is None else Bristle(self.breakaway)
 
-    def held(self, level: float) -> float:
-        return self.rubbing or 0.0
+    def held(self, level: Array) -> Array:
+        return np.full_like(level, self.rubbing or 0.0)
 
-    def torque(self, at: JointStep) -> float:
-        return -(self.quadratic * at.q**2 + self.cubic * at.q**3)
+    def torque(self, at: JointStep) -> Array:
+        return np.asarray(-(self.quadratic * at.q**2 + self.cubic * at.q**3))
 
 
 class JointSpring(Effect):

@@ -40,15 +40,15 @@ class Wave(Note):
 
     beyond = Beyond.SPRING
 
-    def torque(self, at: JointStep) -> float:
+    def torque(self, at: JointStep) -> Array:
         phase = self.periods_per_rev * at.q
         c, s = np.cos(phase), np.sin(phase)
         wave = self.cosine * c + self.sine * s
         if self.cosine_2 is not None and self.sine_2 is not None:
-            wave += self.cosine_2 * np.cos(2.0 * phase) + self.sine_2 * np.sin(2.0 * phase)
+            wave = wave + self.cosine_2 * np.cos(2.0 * phase) + self.sine_2 * np.sin(2.0 * phase)
         if self.cosine_load is not None and self.sine_load is not None:
-            wave += abs(at.carried()) * (self.cosine_load * c + self.sine_load * s)
-        return -float(wave)
+            wave = wave + np.abs(at.carried()) * (self.cosine_load * c + self.sine_load * s)
+        return np.asarray(-wave)
 
 
 class TorqueRipple(Effect):

@@ -44,16 +44,18 @@ class Drift(Note):
     def rubs(self) -> bool:
         return True
 
-    def friction(self, level: float, at: JointStep) -> tuple[float, float]:
+    def friction(self, level: Array, at: JointStep) -> tuple[Array, Array]:
         growth = self._growth(at)
         return level + growth * self.coulomb_change, growth * self.viscous_change
 
-    def _growth(self, at: JointStep) -> float:
+    def _growth(self, at: JointStep) -> Array:
         """How far it has come: held at what it was when a roll-out began, unless it may be over by its end."""
         if at.growth is not None and self.in_each_trial is None:
             return at.growth
         time = at.session_s if self.in_each_trial is None else at.trial_s
-        return float(np.expm1(-time / self.time_constant) / np.expm1(-self.session_end / self.time_constant))
+        return np.asarray(
+            np.expm1(-time / self.time_constant) / np.expm1(-self.session_end / self.time_constant)
+        )
 
 
 @LazyKernel

@@ -44,13 +44,13 @@ class Loaded(Note):
     def rubs(self) -> bool:
         return True
 
-    def friction(self, level: float, at: JointStep) -> tuple[float, float]:
+    def friction(self, level: Array, at: JointStep) -> tuple[Array, float]:
         load = at.carried()
         if self.own_share is not None:
-            load = float(motor_torque(np.array(load), np.sign(at.v), level, self.own_share))
+            load = motor_torque(load, np.sign(at.v), level, self.own_share)
         if self.exponent is None or self.power_scale is None:
-            return level + self.coefficient * abs(load), 0.0
-        return level + self.coefficient * self.power_scale * abs(load) ** self.exponent, 0.0
+            return level + self.coefficient * np.abs(load), 0.0
+        return level + self.coefficient * self.power_scale * np.abs(load) ** self.exponent, 0.0
 
 
 class LoadDependentFriction(Effect):
@@ -137,7 +137,7 @@ class MotorLoadFriction(CurvedLoadFriction):
         return theta[1] <= _OWN * beta[0] and super().admissible(context, location, theta, beta)
 
 
-def motor_torque(load: Array, sign: Array | float, level: float, share: float) -> Array:
+def motor_torque(load: Array, sign: Array, level: Array | float, share: float) -> Array:
     """Torque of a motor whose friction is a level and a share of that torque itself, like ``load`` [N·m]."""
-    along = load * sign + max(level, 0.0)
+    along = load * sign + np.maximum(level, 0.0)
     return np.asarray(np.abs(along) / np.where(along > 0.0, 1.0 - share, 1.0 + share))
