@@ -10,6 +10,7 @@ import pytest
 import excite
 from excite.conversion.columns.words import clue
 from excite.conversion.mapping import Map
+from excite.errors import ExciteError
 from tests.conversion import written
 from tests.conversion.test_guesses import named, table
 from tests.conversion.written import JOINTS
@@ -141,3 +142,33 @@ def test_a_second_signal_of_some_joints_takes_no_place_of_another(tmp_path):
     found = excite.convert([table(tmp_path / "run.csv", columns)], arm, tmp_path / "log")
     tau = np.concatenate([trial.tau for trial in found.log.trials])
     np.testing.assert_allclose(tau, data["tau"], atol=1e-6)
+
+
+@pytest.mark.parametrize("both", ["deg_mm", "mm_deg"])
+def test_of_two_units_in_a_name_each_is_of_the_joints_that_have_it(both, tmp_path):
+    arm, data = lifted(tmp_path), lift_motion()
+    units = np.array([1e3, *np.degrees([1.0, 1.0])])
+    logged = data | {name: data[name] * units for name in ("q", "q_cmd")}
+    columns = named(
+        logged, q=f"AxisPosition_{both}[{{n}}]", q_cmd=f"AxisSetpoint_{both}[{{n}}]", tau="AxisTorque_Nm[{n}]"
+    )
+    file = table(tmp_path / "run.csv", {"time_s": data["time"]} | columns)
+    found = excite.convert([file], arm, tmp_path / "log")
+    again = excite.convert([file], arm, tmp_path / "again", tmp_path / "log" / "map.yaml")
+    for log in (found.log, again.log):
+        np.testing.assert_allclose(np.concatenate([t.q for t in log.trials]), data["q"], atol=1e-6)
+        np.testing.assert_allclose(np.concatenate([t.q_cmd for t in log.trials]), data["q_cmd"], atol=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "line"), [("mm", "deg"), ("deg", "mm")])
+def test_a_unit_that_joints_cannot_have_is_asked_about(unit, line, tmp_path):
+    arm, data = lifted(tmp_path), lift_motion()
+    columns = named(data, q=f"pos{{n}}_{unit}", tau="torque{n}")
+    file = table(tmp_path / "run.csv", {"time_s": data["time"]} | columns)
+    with pytest.raises(ExciteError, match=f"say {unit}.*units: .*: {line}"):
+        excite.convert([file], arm, tmp_path / "log")
+
+
+def test_a_joints_name_with_a_unit_of_velocity_is_one():
+    said = clue("haa_dps", ["haa", "hfe"])
+    assert (said.quantity, said.unit) == ("v", "deg/s")

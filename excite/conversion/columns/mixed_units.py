@@ -39,7 +39,8 @@ def alike(
     """
     groups: dict[tuple[str, str, bool], list[Mapped]] = {}
     for item in items:
-        key = (stated_unit([item], mapping, machine), named_unit([item], columns), is_slide(item, machine))
+        slide = is_slide(item, machine)
+        key = (stated_unit([item], mapping, machine), named_unit([item], columns, slide=slide), slide)
         groups.setdefault(key, []).append(item)
     return list(groups.values())
 

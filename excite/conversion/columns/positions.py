@@ -9,6 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.conversion.columns.mixed_units import alike, apart, in_degrees, is_slide, stated_unit
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
+from excite.conversion.columns.unit_words import OF_SLIDING, OF_TURNING
 from excite.conversion.columns.units import BEYOND, TO_SI, position_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
@@ -129,24 +130,33 @@ def _unit(
 ) -> tuple[str, str]:
     """The unit of columns that share one, and why; asked for where it cannot be told."""
     channel, places = items[0].channel, [_place(item, machine) for item in items]
+    slide = is_slide(items[0], machine)
+    named = named_unit(items, columns, slide=slide)
     unit, why, sure = position_unit(
         values_of(items, columns),
         machine.lower[places],
         machine.upper[places],
         machine.slides[places],
-        named_unit(items, columns),
+        named,
     )
     stated = stated_unit(items, mapping, machine)
     if not sure and like is not None:
         unit, why = like[0], "as the measured positions"
     if mapping.motors:
         # Motors turn beyond what joints do.
-        unit, why = named_unit(items, columns) or "rad", "motors' positions"
+        unit, why = named or "rad", "motors' positions"
     elif stated:
         unit = stated
+    elif TO_SI.get(named, 1.0) != 1.0 and named in (OF_TURNING if slide else OF_SLIDING):
+        does, is_of, other = ("slide", "an angle", "mm") if slide else ("turn", "a length", "deg")
+        written = ", ".join(f"{item.target}: {other}" for item in items)
+        found.ask(
+            f"{items[0].source} … say {named}, {is_of}, and their joints {does}",
+            f"units: {{{written}}}",
+        )
     elif not unit and (channel in mapping.scale or all(item.target in mapping.scale for item in items)):
         unit, why = "rad", "scaled by the map"
-    elif maybe_shares and unit == "deg" and not named_unit(items, columns):
+    elif maybe_shares and unit == "deg" and not named:
         _ask_for_shares(found, items, values_of(items, columns))
     if not unit:
         values = values_of(items, columns)

@@ -45,7 +45,8 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
         if not everything or _left_out(found, everything, columns, mapping, machine):
             continue
         for items in alike(everything, columns, mapping, machine):
-            stated, named = stated_unit(items, mapping, machine), named_unit(items, columns)
+            slide, stated = is_slide(items[0], machine), stated_unit(items, mapping, machine)
+            named = named_unit(items, columns, slide=slide)
             if channel in ("q", "q_cmd"):
                 for unit, why in dict.fromkeys(angles[item.target] for item in items):
                     part = [item for item in items if angles[item.target] == (unit, why)]
@@ -242,9 +243,7 @@ def _torques(
     if named:
         return named, "unit as named"
     known = np.isfinite(limits)
-    if known.any() and float(np.median(largest[known] / limits[known])) > _BEYOND_LIMIT:
-        return (
-            "N·mm",
-            f"N·mm: as N·m they would exceed the joints' limits by {np.median(largest[known] / limits[known]):.0f}",
-        )
+    beyond = float(np.median(largest[known] / limits[known])) if known.any() else 0.0
+    if beyond > _BEYOND_LIMIT:
+        return "N·mm", f"N·mm: as N·m they would exceed the joints' limits by {beyond:.0f}"
     return ("N" if machine.slides[places].all() else "N·m"), "no unit stated, within what the joints can do"

@@ -26,16 +26,19 @@ def scaled(item: Mapped, mapping: Map, factor: float, zero: float, because: str)
     return replace(item, factor=factor * scale, because=because, offset=offset)
 
 
-def named_unit(items: list[Mapped], columns: dict[str, Column]) -> str:
-    """The unit that names or format state of all columns of a channel; empty for none, or several."""
+def named_unit(items: list[Mapped], columns: dict[str, Column], *, slide: bool = False) -> str:
+    """The unit that names or format state of all columns of a channel; empty for none, or several.
+
+    Args:
+        items: the columns.
+        columns: by name.
+        slide: whether they are the motion of joints that slide, whose unit a name may state beside the others'.
+    """
     units = set()
     for item in items:
-        column = columns[item.source]
-        unit = (
-            UNITS.get(column.unit.strip().lower(), "")
-            or clue(item.source, [item.target.partition(".")[2]]).unit
-        )
-        units.add(unit)
+        said = clue(item.source, [item.target.partition(".")[2]])
+        of_name = said.sliding if slide and said.sliding else said.unit
+        units.add(UNITS.get(columns[item.source].unit.strip().lower(), "") or of_name)
     return units.pop() if len(units) == 1 else ""
 
 

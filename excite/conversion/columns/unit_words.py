@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
+from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, OF_WORD
+
 # Units by how they are written, lower case; the word after the name or in brackets.
 UNITS: dict[str, str] = {
     **dict.fromkeys(("rad", "radian", "radians", "rads"), "rad"),
@@ -61,3 +65,46 @@ QUANTITY_OF_UNIT = {
     "A": "i", "mA": "i", "V": "volt",
     "s": "time", "ms": "time", "us": "time", "ns": "time", "d": "time",
 }  # fmt: skip
+# Units of how joints move that slide, and that turn.
+OF_SLIDING = frozenset({"m", "mm", "cm", "in", "m/s", "mm/s", "in/s", "N", "kN", "lb", "kip"})
+OF_TURNING = frozenset(QUANTITY_OF_UNIT) - OF_SLIDING - {"A", "mA", "V", "s", "ms", "us", "ns", "d"}
+
+
+def without_brackets(name: str) -> tuple[str, str]:
+    """A name without the unit in its brackets, and the unit."""
+    match = re.search(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]\s*$", name)
+    if match and not match[1].strip().isdigit():
+        unit = UNITS.get(match[1].strip().lower(), "")
+        if unit:
+            return name[: match.start()], unit
+    match = re.search(r"[/_ ](rad/s\^?2?|deg/s\^?2?|m/s)$|\s*([%‰])\s*$", name)
+    if match:
+        return name[: match.start()], UNITS.get((match[1] or match[2]).lower(), "")
+    return name, ""
+
+
+def trailing_unit(words: list[str]) -> tuple[list[str], str]:
+    """The unit that a name ends with, where another word says the quantity."""
+    for count in (2, 1):
+        if len(words) > count:
+            unit = UNITS.get("_".join(words[-count:]), "")
+            others = set(words[:-count]) & (frozenset(OF_WORD) | COMMANDED | MEASURED)
+            if unit == "in" and not {OF_WORD.get(word) for word in words[:-count]} & {"q"}:
+                # Of anything but a length, ``in`` is an input.
+                continue
+            if unit and (others or count == 2 or len(words[-1]) > 1):
+                return words[:-count], unit
+    return words, ""
+
+
+def of_both(words: list[str], unit: str) -> tuple[list[str], str, str]:
+    """A unit of joints that turn and one of those that slide, where a name ends with both: ``pos_deg_mm``."""
+    others, before = trailing_unit(words)
+    for turning, sliding in ((before, unit), (unit, before)):
+        if (
+            turning in OF_TURNING
+            and QUANTITY_OF_UNIT[turning] == QUANTITY_OF_UNIT.get(sliding)
+            and sliding in OF_SLIDING
+        ):
+            return others, turning, sliding
+    return words, unit, ""

@@ -8,7 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, UNITS
+from excite.conversion.columns.unit_words import (
+    QUANTITY_OF_UNIT,
+    UNITS,
+    of_both,
+    trailing_unit,
+    without_brackets,
+)
 from excite.conversion.columns.vocabulary import (
     COMMANDED,
     KNOWN,
@@ -36,6 +42,7 @@ class Clue:
         exact: the robot's joint whose name stands in it; empty for none.
         stem: the name with joint and number taken out: columns of one family share it.
         numbers: all numbers in it, in their order; the last is taken for the joint's unless others differ.
+        sliding: unit of joints that slide, where the name states one beside ``unit``.
     """
 
     quantity: str
@@ -46,11 +53,12 @@ class Clue:
     exact: str
     stem: str
     numbers: tuple[int, ...] = ()
+    sliding: str = ""
 
 
 def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     """What a column's name says of it, beside the names of the robot's joints and the unit that the file states."""
-    text, bracketed = _without_unit(name)
+    text, bracketed = without_brackets(name)
     exact, rest = _without_joint(text, joints)
     tokens = _without_servos_id(name_tokens(rest))
     numbers = [int(token) for token in tokens if token.isdigit()]
@@ -58,7 +66,11 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     found = UNITS.get(unit.strip().lower()) or bracketed
     # The letter before a number belongs to it: A1 is an axis, no ampere.
     if not found and len(words) > 1 and (not tokens[-1].isdigit() or len(words[-1]) > 1):
-        words, found = _trailing_unit(words)
+        words, found = trailing_unit(words)
+    elif not found and exact and len(words) == 1 and len(words[0]) > 1 and words[0] in UNITS.keys() - KNOWN:
+        # Nothing but a unit stands beside the joint's name.
+        words, found = [], UNITS[words[0]]
+    words, found, sliding = of_both(words, found)
     words = _joined(words)
     axis = _axis_letter(words)
     quantity = _quantity([word for word in words if word != axis], found, bool(exact or numbers or axis))
@@ -72,6 +84,7 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
         exact=exact,
         stem="_".join(words),
         numbers=tuple(numbers),
+        sliding=sliding,
     )
 
 
@@ -99,19 +112,6 @@ def _without_servos_id(tokens: list[str]) -> list[str]:
     if len(tokens) > 2 and tokens[0] == "id" and tokens[1].isdigit() and set(tokens[2:]) & set(OF_WORD):
         return tokens[1:]
     return tokens
-
-
-def _without_unit(name: str) -> tuple[str, str]:
-    """A name without the unit in its brackets, and the unit."""
-    match = re.search(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]\s*$", name)
-    if match and not match[1].strip().isdigit():
-        unit = UNITS.get(match[1].strip().lower(), "")
-        if unit:
-            return name[: match.start()], unit
-    match = re.search(r"[/_ ](rad/s\^?2?|deg/s\^?2?|m/s)$|\s*([%‰])\s*$", name)
-    if match:
-        return name[: match.start()], UNITS.get((match[1] or match[2]).lower(), "")
-    return name, ""
 
 
 def _without_joint(name: str, joints: Sequence[str]) -> tuple[str, str]:
@@ -144,20 +144,6 @@ def name_tokens(text: str) -> list[str]:
         whole = word if word.lower() in UNITS or word.lower() in KNOWN else _CASE.sub(" ", word)
         found += re.sub(r"(?<=[A-Za-zµ°])(?=\d)|(?<=\d)(?=[A-Za-zµ°])", " ", whole).split()
     return [token.lower() for token in found]
-
-
-def _trailing_unit(words: list[str]) -> tuple[list[str], str]:
-    """The unit that a name ends with, where another word says the quantity."""
-    for count in (2, 1):
-        if len(words) > count:
-            unit = UNITS.get("_".join(words[-count:]), "")
-            others = set(words[:-count]) & (frozenset(OF_WORD) | COMMANDED | MEASURED)
-            if unit == "in" and not {OF_WORD.get(word) for word in words[:-count]} & {"q"}:
-                # Of anything but a length, ``in`` is an input.
-                continue
-            if unit and (others or count == 2 or len(words[-1]) > 1):
-                return words[:-count], unit
-    return words, ""
 
 
 def _joined(words: list[str]) -> list[str]:
