@@ -260,6 +260,16 @@ def test_a_slide_in_millimetres_is_told_from_one_without_limits(tmp_path: Path) 
         written(hand_on_an_arm().replace("</robot>", f"{link('floor', 0.0)}{slide}</robot>"), tmp_path)
 
 
+def test_a_continuous_joint_rests_and_moves_in_the_range_that_it_states(tmp_path: Path) -> None:
+    text = ARM.replace('name="elbow" type="revolute"', 'name="elbow" type="continuous"')
+    robot = written(text.replace('lower="-2.0" upper="2.0"', 'lower="-2.8" upper="-0.6"'), tmp_path)
+    assert robot.limits.position_lower[1] > -2.8
+    assert robot.limits.position_upper[1] < -0.6
+    assert -2.8 < robot.rest[1] < -0.6
+    (said,) = [one for one in robot.description.assumed if "continuous" in one.what]
+    assert said.value == "elbow"
+
+
 def test_an_arm_without_limits_or_geometry_is_complete(tmp_path: Path) -> None:
     text = (
         cart().replace('velocity="5" effort="60"', 'velocity="0" effort="0"').replace("<collision>", "<none>")
