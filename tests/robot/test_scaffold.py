@@ -270,6 +270,39 @@ def test_a_continuous_joint_rests_and_moves_in_the_range_that_it_states(tmp_path
     assert said.value == "elbow"
 
 
+DRIVES = {
+    "transmission": '<transmission name="t"><joint name="shoulder"/></transmission>',
+    "ros2_control": '<ros2_control name="c" type="system"><joint name="shoulder"><command_interface name="effort"/>'
+    '</joint><joint name="elbow"><state_interface name="position"/></joint></ros2_control>',
+}
+
+
+@pytest.mark.parametrize("drives", DRIVES)
+def test_a_joint_without_effort_and_drive_is_held(drives: str, tmp_path: Path) -> None:
+    """Springs of Cassie, where motors have transmissions; a drive of the same kind makes zero a value left out."""
+    text = ARM.replace('effort="20"', 'effort="0"').replace("</robot>", DRIVES[drives] + "</robot>")
+    robot = written(text, tmp_path)
+    assert robot.joint_names == ("shoulder",)
+    (said,) = [one for one in robot.description.assumed if "held still" in one.what]
+    assert (said.what, said.value) == ("1 joint held still (no motor drives it)", "elbow")
+    more = DRIVES["transmission"].replace("shoulder", "elbow") + "</robot>"
+    assert len(written(text.replace("</robot>", more), tmp_path / "both").joint_names) == 2
+    stated = text.replace('effort="0"', 'effort="20"')
+    assert len(written(stated, tmp_path / "stated").joint_names) == 2
+
+
+def test_a_torque_limit_of_zero_is_asked_about_where_others_state_more(tmp_path: Path) -> None:
+    robot = written(ARM.replace('effort="20"', 'effort="0"'), tmp_path)
+    assert len(robot.joint_names) == 2
+    (said,) = [one for one in robot.description.assumed if one.what == "torque limits"]
+    assert "it is 0 in the model for elbow: hold under locked_joints" in said.consequence
+    nothing = written(
+        ARM.replace('effort="20"', 'effort="0"').replace('effort="50"', 'effort="0"'), tmp_path / "no"
+    )
+    (said,) = [one for one in nothing.description.assumed if one.what == "torque limits"]
+    assert "locked_joints" not in said.consequence
+
+
 def test_an_arm_without_limits_or_geometry_is_complete(tmp_path: Path) -> None:
     text = (
         cart().replace('velocity="5" effort="60"', 'velocity="0" effort="0"').replace("<collision>", "<none>")
