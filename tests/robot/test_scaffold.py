@@ -323,6 +323,32 @@ def test_xacro_takes_its_arguments(tmp_path: Path) -> None:
         write_scaffold(path, tmp_path / "out", source=Source(arguments={"tool": "drill"}))
 
 
+@pytest.mark.parametrize("given", ["", "clones", "clones/utils-main"])
+def test_a_package_is_found_by_the_name_in_its_package_xml(given: str, tmp_path: Path) -> None:
+    """PAL's pal_urdf_utils is a repository of another name; a folder of that name that is another package is not it."""
+    clone, other, own = (
+        tmp_path / "clones" / "utils-main",
+        tmp_path / "clones" / "shared_parts",
+        tmp_path / "arm-main",
+    )
+    for folder, name in ((clone, "shared_parts"), (other, "another"), (own, "arm")):
+        (folder / "urdf").mkdir(parents=True)
+        (folder / "package.xml").write_text(f"<package><name> {name} </name></package>")
+    head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="a">'
+    (clone / "urdf" / "rest.xacro").write_text(
+        f"{head}<xacro:include filename='$(find arm)/urdf/arm.xacro'/></robot>"
+    )
+    (own / "urdf" / "arm.xacro").write_text(ARM.replace('<?xml version="1.0"?>', "").strip())
+    path = own / "urdf" / "whole.urdf.xacro"
+    path.write_text(f"{head}<xacro:include filename='$(find shared_parts)/urdf/rest.xacro'/></robot>")
+    if not given:
+        with pytest.raises(RobotError, match="needs the package 'shared_parts'"):
+            write_scaffold(path, tmp_path / "out")
+        return
+    source = Source(package_path=(tmp_path / given,))
+    assert load_robot(write_scaffold(path, tmp_path / "out", source=source).description).n_joints == 2
+
+
 def test_same_seed_same_text(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(ARM, encoding="utf-8")
