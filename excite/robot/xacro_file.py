@@ -10,6 +10,7 @@ from excite.errors import RobotError
 from excite.reading.child import in_child
 from excite.reading.file import first_bytes
 from excite.reading.xml_document import read_xml
+from excite.robot.packages import package_folder
 from excite.robot.urdf.reading import find_mesh
 
 _NAMESPACE = "ros.org/wiki/xacro"
@@ -67,13 +68,10 @@ def _in_packages(name: str, package_path: tuple[Path, ...]) -> Path | None:
     if not name.startswith("package://"):
         return None
     package, _, inside = name.removeprefix("package://").lstrip("/").partition("/")
-    for folder in package_path:
-        for place in (
-            folder / package / inside,
-            folder / inside if folder.name == package else folder / "\0",
-        ):
-            if "\0" not in str(place) and place.is_file():
-                return place.resolve()
+    for given in package_path if package and "\0" not in name else ():
+        folder = package_folder(package, (given,))
+        if folder is not None and (folder / inside).is_file():
+            return (folder / inside).resolve()
     return None
 
 
@@ -82,19 +80,14 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
     from xacro import substitution_args
 
     def find(package: str) -> str:
-        places = [
-            place
-            for folder in (*package_path, *path.resolve().parents)
-            for place in (folder, folder / package)
-        ]
-        for place in places:
-            if place.name == package and place.is_dir():
-                return str(place)
+        place = package_folder(package, package_path, path.resolve().parents)
+        if place is not None:
+            return str(place)
         raise RobotError(
             f"needs the package {package!r}",
             source=path,
             field="$(find)",
-            remedy="give --package-path FOLDER",
+            remedy="give --package-path FOLDER, in which it or its clone lies",
         )
 
     known: Callable[[str], str] = substitution_args._eval_find

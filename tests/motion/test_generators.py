@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from excite.motion.generators.mixture import plan_candidates
 from excite.motion.generators.registry import GENERATORS, make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from tests.robot.test_scaffold import biped, written
 
 
 @pytest.fixture(scope="module")
@@ -170,6 +173,20 @@ def test_leg_swing_lifts_the_leg_that_is_aimed_at(g1: Robot) -> None:
         ]
         assert (candidate.feet[foot.name].evaluate(inside)[:, 2] > 0.0).all()
         assert np.allclose(candidate.feet[foot.name].evaluate(outside), 0.0)
+
+
+def test_legs_may_have_unlike_numbers_of_joints(tmp_path: Path) -> None:
+    """Of ToddlerBot's knees one is held still."""
+    text = biped().replace(
+        'name="right_ankle_roll_joint" type="revolute"', 'name="right_ankle_roll_joint" type="fixed"'
+    )
+    robot = written(text, tmp_path)
+    assert [len(leg_joints(robot, foot)) for foot in robot.feet] == [6, 5]
+    aims = make_generator("leg_swing").aims(robot)
+    assert len(aims) == len(set(aims)) == 11
+    assert aims[:2] == ("left_hip_yaw_joint", "right_hip_yaw_joint")
+    assert aims[-1] == "left_ankle_roll_joint"
+    assert len(plan_candidates(robot, 10, np.random.SeedSequence(1))) == 10
 
 
 def test_plan_shares_and_targets(g1: Robot, panda: Robot) -> None:

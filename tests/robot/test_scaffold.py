@@ -260,6 +260,49 @@ def test_a_slide_in_millimetres_is_told_from_one_without_limits(tmp_path: Path) 
         written(hand_on_an_arm().replace("</robot>", f"{link('floor', 0.0)}{slide}</robot>"), tmp_path)
 
 
+def test_a_continuous_joint_rests_and_moves_in_the_range_that_it_states(tmp_path: Path) -> None:
+    text = ARM.replace('name="elbow" type="revolute"', 'name="elbow" type="continuous"')
+    robot = written(text.replace('lower="-2.0" upper="2.0"', 'lower="-2.8" upper="-0.6"'), tmp_path)
+    assert robot.limits.position_lower[1] > -2.8
+    assert robot.limits.position_upper[1] < -0.6
+    assert -2.8 < robot.rest[1] < -0.6
+    (said,) = [one for one in robot.description.assumed if "continuous" in one.what]
+    assert said.value == "elbow"
+
+
+DRIVES = {
+    "transmission": '<transmission name="t"><joint name="shoulder"/></transmission>',
+    "ros2_control": '<ros2_control name="c" type="system"><joint name="shoulder"><command_interface name="effort"/>'
+    '</joint><joint name="elbow"><state_interface name="position"/></joint></ros2_control>',
+}
+
+
+@pytest.mark.parametrize("drives", DRIVES)
+def test_a_joint_without_effort_and_drive_is_held(drives: str, tmp_path: Path) -> None:
+    """Springs of Cassie, where motors have transmissions; a drive of the same kind makes zero a value left out."""
+    text = ARM.replace('effort="20"', 'effort="0"').replace("</robot>", DRIVES[drives] + "</robot>")
+    robot = written(text, tmp_path)
+    assert robot.joint_names == ("shoulder",)
+    (said,) = [one for one in robot.description.assumed if "held still" in one.what]
+    assert (said.what, said.value) == ("1 joint held still (no motor drives it)", "elbow")
+    more = DRIVES["transmission"].replace("shoulder", "elbow") + "</robot>"
+    assert len(written(text.replace("</robot>", more), tmp_path / "both").joint_names) == 2
+    stated = text.replace('effort="0"', 'effort="20"')
+    assert len(written(stated, tmp_path / "stated").joint_names) == 2
+
+
+def test_a_torque_limit_of_zero_is_asked_about_where_others_state_more(tmp_path: Path) -> None:
+    robot = written(ARM.replace('effort="20"', 'effort="0"'), tmp_path)
+    assert len(robot.joint_names) == 2
+    (said,) = [one for one in robot.description.assumed if one.what == "torque limits"]
+    assert "it is 0 in the model for elbow: hold under locked_joints" in said.consequence
+    nothing = written(
+        ARM.replace('effort="20"', 'effort="0"').replace('effort="50"', 'effort="0"'), tmp_path / "no"
+    )
+    (said,) = [one for one in nothing.description.assumed if one.what == "torque limits"]
+    assert "locked_joints" not in said.consequence
+
+
 def test_an_arm_without_limits_or_geometry_is_complete(tmp_path: Path) -> None:
     text = (
         cart().replace('velocity="5" effort="60"', 'velocity="0" effort="0"').replace("<collision>", "<none>")
@@ -278,6 +321,32 @@ def test_xacro_takes_its_arguments(tmp_path: Path) -> None:
     with pytest.raises(RobotError, match="root"):
         # A loose link named by the argument is refused, so its name shows that the argument arrived.
         write_scaffold(path, tmp_path / "out", source=Source(arguments={"tool": "drill"}))
+
+
+@pytest.mark.parametrize("given", ["", "clones", "clones/utils-main"])
+def test_a_package_is_found_by_the_name_in_its_package_xml(given: str, tmp_path: Path) -> None:
+    """PAL's pal_urdf_utils is a repository of another name; a folder of that name that is another package is not it."""
+    clone, other, own = (
+        tmp_path / "clones" / "utils-main",
+        tmp_path / "clones" / "shared_parts",
+        tmp_path / "arm-main",
+    )
+    for folder, name in ((clone, "shared_parts"), (other, "another"), (own, "arm")):
+        (folder / "urdf").mkdir(parents=True)
+        (folder / "package.xml").write_text(f"<package><name> {name} </name></package>")
+    head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="a">'
+    (clone / "urdf" / "rest.xacro").write_text(
+        f"{head}<xacro:include filename='$(find arm)/urdf/arm.xacro'/></robot>"
+    )
+    (own / "urdf" / "arm.xacro").write_text(ARM.replace('<?xml version="1.0"?>', "").strip())
+    path = own / "urdf" / "whole.urdf.xacro"
+    path.write_text(f"{head}<xacro:include filename='$(find shared_parts)/urdf/rest.xacro'/></robot>")
+    if not given:
+        with pytest.raises(RobotError, match="needs the package 'shared_parts'"):
+            write_scaffold(path, tmp_path / "out")
+        return
+    source = Source(package_path=(tmp_path / given,))
+    assert load_robot(write_scaffold(path, tmp_path / "out", source=source).description).n_joints == 2
 
 
 def test_same_seed_same_text(tmp_path: Path) -> None:

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from excite.conversion.machine import load_machine
 from excite.errors import RobotError
 from excite.robot.catalogue import example_robot_data
-from excite.robot.urdf.reading import Stated, find_mesh, read_urdf
+from excite.robot.urdf.reading import Stated, find_mesh, parse_urdf, read_urdf
 from tests.robot.small import ARM, ELBOW_AXIS, ELBOW_LIMIT, chain, spoiled
 
 MASS = '<mass value="1.0"/>'
@@ -149,7 +150,9 @@ FAULTS = {
         "revolute",
     ),
     "continuous joint": (
-        spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">'),
+        spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">').replace(
+            'lower="-2.0" upper="2.0" ', ""
+        ),
         "joint 'elbow'/limit: turns without end",
         "limits.position.joints.elbow",
     ),
@@ -236,6 +239,39 @@ def test_continuous_joint_gets_one_coordinate(tmp_path: Path) -> None:
     model = pin.buildModelFromXML(read_urdf(path, Stated(limits={"elbow": (-6.0, 6.0)})))
     assert model.nq == 2
     assert model.upperPositionLimit[1] == 6.0
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "kept"),
+    [
+        ("-2.8623", "-0.6458", True),
+        ("0", "0", False),
+        ("-3.14", "3.14", False),
+        ("-3.1416", "3.1416", False),
+        ("-100", "100", False),
+    ],
+)
+def test_a_continuous_joint_keeps_a_range_that_is_one(
+    lower: str, upper: str, kept: bool, tmp_path: Path
+) -> None:
+    """Cassie's knees are continuous, and state where they end; a turn, or nothing, is what others write."""
+    text = spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">')
+    path = write(tmp_path, text.replace('lower="-2.0" upper="2.0"', f'lower="{lower}" upper="{upper}"'))
+    if not kept:
+        with pytest.raises(RobotError, match="turns without end"):
+            read_urdf(path)
+        return
+    model = pin.buildModelFromXML(read_urdf(path))
+    assert (model.lowerPositionLimit[1], model.upperPositionLimit[1]) == (float(lower), float(upper))
+    stated = pin.buildModelFromXML(read_urdf(path, Stated(limits={"elbow": (-6.0, 6.0)})))
+    assert stated.upperPositionLimit[1] == 6.0
+    assert load_machine(path).upper[1] == float(upper)
+
+
+def test_a_continuous_joint_whose_limit_is_no_number_is_named(tmp_path: Path) -> None:
+    text = spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">')
+    with pytest.raises(RobotError, match=r"joint 'elbow'/limit@upper: is '2,0'"):
+        parse_urdf(write(tmp_path, text.replace('upper="2.0"', 'upper="2,0"')))
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])

@@ -46,6 +46,13 @@ def leg_joints(robot: Robot, foot: Foot) -> tuple[int, ...]:
     return tuple(joint - first for joint in chain if joint >= first and joint not in pelvis)
 
 
+def alternating_joints(robot: Robot, feet: Sequence[Foot]) -> tuple[str, ...]:
+    """Names of the joints of legs, the first of each leg in turn, then the second; legs may have unlike numbers."""
+    legs = [leg_joints(robot, foot) for foot in feet]
+    longest = max(map(len, legs), default=0)
+    return tuple(robot.joint_names[leg[k]] for k in range(longest) for leg in legs if k < len(leg))
+
+
 def upper_body(robot: Robot) -> NDArray[np.bool_]:
     """Which joints are in no leg, ``(n_joints,)``; of a robot without feet all but those that follow from others."""
     upper = np.ones(robot.n_joints, dtype=bool)

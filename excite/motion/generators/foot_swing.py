@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.motion.generators.bodyparts import (
+    alternating_joints,
     central_range,
     leg_joints,
     pelvis_height,
@@ -58,9 +59,7 @@ class FootSwing(Generator):
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
         """The joints of legs that may be lifted, one of each leg in turn."""
-        legs = [leg_joints(robot, foot) for foot in self._free_feet(robot)]
-        longest = max(map(len, legs), default=0)
-        return tuple(robot.joint_names[leg[k]] for k in range(longest) for leg in legs if k < len(leg))
+        return alternating_joints(robot, self._free_feet(robot))
 
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """A candidate whose free leg is the one that holds the first target."""

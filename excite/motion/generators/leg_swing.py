@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.motion.generators.bodyparts import (
+    alternating_joints,
     central_range,
     leg_joints,
     pelvis_height,
@@ -65,8 +66,7 @@ class LegSwing(Generator):
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
         """The joints of the legs, legs alternating."""
-        left, right = (leg_joints(robot, foot) for foot in robot.feet)
-        return tuple(robot.joint_names[i] for pair in zip(left, right, strict=True) for i in pair)
+        return alternating_joints(robot, robot.feet)
 
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """A candidate whose free leg is the one that holds the first target."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.errors import RobotError
+from excite.reading.xml_document import read_xml
 from excite.robot.robot import Robot
 from excite.robot.scaffold.guesses import JointGuess, guess_joints
 from excite.robot.scaffold.held import MASSLESS, TOO_WEAK, Held, held_joints
@@ -19,7 +20,8 @@ from excite.robot.scaffold.tied import tied
 from excite.robot.shapes.collision import collision_shapes
 from excite.robot.shapes.ground import reach
 from excite.robot.urdf.inertia import inertial_faults
-from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.ranges import stated_ranges
+from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
 from excite.robot.urdf.tree import check_tree
 from excite.robot.weights import check_weights
 
@@ -47,6 +49,7 @@ class BareModel:
         authored: boxes in its place where none could.
         figure: the robot, with stand-ins for what a person has to say.
         faults: what is wrong with links' inertia, on a base that is free (True) or not.
+        ranged: joints left to move that the file calls continuous, though it states their range.
     """
 
     path: Path
@@ -60,6 +63,7 @@ class BareModel:
     authored: list[dict[str, Any]]
     figure: Figure
     faults: dict[bool, dict[str, str]]
+    ranged: tuple[str, ...]
 
     @property
     def robot(self) -> Robot:
@@ -84,6 +88,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
         RobotError: the URDF is missing or absurd in a way that no description can mend, or nothing in it moves.
     """
     root = parse_urdf(path)
+    ranges = stated_ranges(read_xml(path, error=RobotError, max_depth=MAX_NESTING), path)
     joints = check_tree(root, path)
     guesses = guess_joints(joints, path)
     together = tied(joints, said.loops, said.couplings)
@@ -115,7 +120,10 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     if geometry.kind is None:
         robot = stand_in.robot("authored", authored)
     figure = Figure(robot, guessed=geometry.kind is None)
-    return BareModel(path, root, joints, free, held, moving, margin, geometry, authored, figure, faults)
+    ranged = tuple(guess.name for guess in free if guess.name in ranges)
+    return BareModel(
+        path, root, joints, free, held, moving, margin, geometry, authored, figure, faults, ranged
+    )
 
 
 def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:

@@ -99,7 +99,7 @@ def _content(
         held_up = rest.base == "held"
         ground = ground_height(model.figure.model, model.figure.shapes, rest.q, held_up=held_up)
     structure = assumed_structure(
-        model.held, model.faults[stands], model.geometry.fault, rest, ground, model.figure
+        model.held, model.faults[stands], model.geometry.fault, rest, ground, model.figure, model.ranged
     )
     joints = {n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6}
     pairs = [list(pair) for pair in guess_pairs(robot)]

@@ -38,6 +38,7 @@ class JointGuess:
         torque: limit [N·m or N], or None.
         follows: joint that it mimics, or None.
         blocked: where its limits leave it no range, the value at which they hold it [rad or m]; else None.
+        effortless: whether it states a torque limit of zero: it has no motor, or nobody filled that in.
     """
 
     name: str
@@ -47,6 +48,7 @@ class JointGuess:
     torque: float | None
     follows: str | None
     blocked: float | None = None
+    effortless: bool = False
 
 
 def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[JointGuess, ...]:
@@ -74,6 +76,7 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
                 torque=found.get("effort") or None,
                 follows=None if mimic is None else mimic.get("joint", ""),
                 blocked=blocked,
+                effortless=found.get("effort") == 0.0,
             )
         )
     return tuple(guesses)

@@ -18,6 +18,7 @@ _FINGER = re.compile(r"finger|thumb|gripper|knuckle|jaw|pinky", re.IGNORECASE)
 # A joint of the arm though the link that it turns is called a gripper's: the last one of a ViperX.
 _LIMB = re.compile(r"wrist|forearm|elbow|shoulder", re.IGNORECASE)
 
+UNDRIVEN = "no motor drives it"
 MASSLESS = "nothing with mass moves with it"
 TOO_WEAK = (
     "the torque limit that the model states cannot hold what it carries: state the drive's, if it gives more"
@@ -50,6 +51,7 @@ def held_joints(
     """
     masses = _masses_beyond(root, joints)
     of_hands, rolling = _of_hands(joints, masses), _planar_base(root, joints)
+    driven = _with_drives(root) & set(joints)
     hard: dict[str, Held] = {}
     soft: dict[str, Held] = {}
     for guess in guesses:
@@ -67,16 +69,35 @@ def held_joints(
             hard[guess.name] = Held(nearest(guess), MASSLESS)
         elif guess.blocked is not None:
             hard[guess.name] = Held(guess.blocked, "its limits leave it no range")
+        elif driven and guess.effortless and guess.name not in driven | tied:
+            hard[guess.name] = Held(nearest(guess), UNDRIVEN)
         elif slides and guess.position is None and guess.name not in closing:
             hard[guess.name] = Held(0.0, "a slide without limits")
         elif guess.name in rolling:
             soft[guess.name] = Held(nearest(guess), "what its wheels or legs do: it has no drive")
-        elif _WHEEL.search(called):
-            soft[guess.name] = Held(nearest(guess), "a wheel")
-        elif (_FINGER.search(called) and not _LIMB.search(guess.name)) or guess.name in of_hands:
-            soft[guess.name] = Held(nearest(guess), "of a hand or gripper")
+        elif why := _wheel_or_hand(guess.name, called, of_hands):
+            soft[guess.name] = Held(nearest(guess), why)
     moving = [g for g in guesses if g.follows is None and g.name not in hard]
     return hard if all(g.name in soft for g in moving) else {**hard, **soft}
+
+
+def _wheel_or_hand(name: str, called: str, of_hands: set[str]) -> str:
+    """Why a joint, whose own and its link's names are ``called`` so, is none of a limb; empty where it is one."""
+    if _WHEEL.search(called):
+        return "a wheel"
+    finger = _FINGER.search(called) and not _LIMB.search(name)
+    return "of a hand or gripper" if finger or name in of_hands else ""
+
+
+def _with_drives(root: ElementTree.Element) -> set[str]:
+    """Names of joints that the file gives a drive: by a transmission, or by a command of ros2_control.
+
+    A torque limit of zero alone does not tell joints without one. It is what the springs of Cassie and the rods of
+    Digit state, but also driven joints of the Vega (lift), the RM75 (six of seven) and the Dex5 (16 of 20).
+    """
+    moved = {str(joint.get("name")) for joint in root.iterfind("transmission/joint")}
+    commanded = root.iterfind("ros2_control/joint[command_interface]")
+    return moved | {str(joint.get("name")) for joint in commanded}
 
 
 def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Element]) -> set[str]:

@@ -59,6 +59,12 @@ def torque_limits(
         return {}, []
     value = f"three times weight and inertia at {len(found)} joints"
     consequence = "a motion may ask more of a drive than it gives: state limits.torque"
+    # Zero says something where others state more.
+    stating = any(guess.torque for guess in guesses)
+    zero = [g.name for g, passive in zip(guesses, robot.passive, strict=True) if g.effortless and not passive]
+    if stating and zero:
+        names = ", ".join(zero[:6]) + (", …" if len(zero) > 6 else "")
+        consequence += f"; it is 0 in the model for {names}: hold under locked_joints what no motor drives"
     return found, [Assumed(what="torque limits", value=value, consequence=consequence)]
 
 

@@ -19,9 +19,18 @@ def assumed_structure(
     rest: Rest,
     ground: float | None,
     figure: Figure,
+    ranged: tuple[str, ...] = (),
 ) -> list[Assumed]:
-    """Joints held, inertia, geometry and ground (or soles' friction) as they were assumed."""
+    """Joints held or kept in a range, inertia, geometry and ground (or soles' friction) as they were assumed."""
     found = _held_still(held)
+    if ranged:
+        found.append(
+            Assumed(
+                what="joints called continuous that do not turn on and on",
+                value=", ".join(ranged[:6]) + (", …" if len(ranged) > 6 else ""),
+                consequence="the limits that the model states of them are kept: state limits.position if they are none",
+            )
+        )
     if faults:
         found.append(
             Assumed(

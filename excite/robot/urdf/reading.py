@@ -23,6 +23,7 @@ from excite.robot.urdf.free_root import drop_free_root
 from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import check_inertials
 from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.ranges import keep_stated_ranges
 from excite.robot.urdf.tree import MOVING, check_tree
 
 # The deepest element known, a mesh of a link, is the sixth.
@@ -52,7 +53,7 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
     Mesh paths become absolute where the file is found; locked joints, and mimic joints that follow a
     locked one, become fixed at their value (other mimic joints keep their ``mimic`` element);
     continuous joints become revolute within the limits that
-    ``stated`` gives, so that each joint has one coordinate.
+    ``stated`` or the file gives, so that each joint has one coordinate.
 
     Args:
         path: the URDF file.
@@ -78,8 +79,10 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
 def parse_urdf(path: Path) -> ElementTree.Element:
     """The ``robot`` element of a URDF file, without solids that are points and without a free root.
 
+    Continuous joints that state a range are revolute in it.
+
     Raises:
-        RobotError: the file is missing, is no XML, hides entities, or is another format.
+        RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
     """
     root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
@@ -100,6 +103,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
         )
     drop_points(root)
     drop_free_root(root)
+    keep_stated_ranges(root, path)
     return root
 
 
