@@ -79,7 +79,8 @@ class FootBlock(Block):
     """A foot: its link and the sole's corners in that link's frame, in order around the sole.
 
     One corner is a point foot, which carries no moment; two are an edge, three or more a sole. A point foot that is a
-    ball has a ``radius``, and its corner is where it touches the ground at rest.
+    ball has a ``radius``, and its corner is where it touches the ground at rest; where the collision geometry has that
+    ball, any point on it will do.
     """
 
     name: Name

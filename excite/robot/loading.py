@@ -24,6 +24,7 @@ from excite.robot.mechanisms.drives import without_motors
 from excite.robot.mechanisms.reading import followers, read_mechanism
 from excite.robot.mechanisms.transmissions import add_motors, closures_of
 from excite.robot.robot import Foot, Robot
+from excite.robot.shapes.balls import with_balls_down
 from excite.robot.shapes.ground import ground_is_assumed
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import Stated, read_urdf
@@ -80,6 +81,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     if mechanism is not None:
         upright = mechanism.rest
         description = without_motors(description, joint_names, mechanism, model)
+    description = with_balls_down(description, root, model, upright, path)
     feet = tuple(read_foot(model, description, block.name, path, upright) for block in description.feet)
     sensors = read_sensors(model, description, segments, path)
     if description.sensors.imu is not None:

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 
 import excite
 from excite.errors import RobotError
@@ -121,6 +122,26 @@ def test_a_quadruped_stands_level_on_four_balls(tmp_path: Path) -> None:
     touching = np.array([data.oMi[foot.joint].act(foot.sole[0]) for foot in robot.feet])
     np.testing.assert_allclose(touching[:, 2], 0.0, atol=2e-3)
     assert np.linalg.norm(centre[:2] - touching[:, :2].mean(axis=0)) < 0.02
+
+
+def test_balls_stand_on_the_ground_in_another_posture_too(tmp_path: Path) -> None:
+    """Where a ball is lowest depends on the shank's angle: ANYmal's feet were lifted by 15 mm."""
+    robot = written(quadruped(), tmp_path)
+    text = yaml.safe_load((tmp_path / "robot.yaml").read_text())
+    assert all(foot["radius"] == 0.02 for foot in text["feet"])
+    hind = {name for name in robot.joint_names if name.startswith("hind")}
+    turned = {"roll": 0.0, "pitch": 0.7, "knee": -1.4}
+    text["posture"]["joints"] = {
+        name: turned[name.split("_")[-1]] * (1.0 if name in hind else -1.0) for name in robot.joint_names
+    }
+    (tmp_path / "other.yaml").write_text(yaml.safe_dump(text))
+    other = load_robot(tmp_path / "other.yaml")
+    data = other.model.createData()
+    pin.framesForwardKinematics(other.model, data, other.rest)
+    for foot in other.feet:
+        centre = data.oMf[other.model.getFrameId(foot.link)].act(np.array([0.0, 0.0, -0.2]))
+        np.testing.assert_allclose(centre - [0, 0, 0.02], data.oMi[foot.joint].act(foot.sole[0]), atol=1e-9)
+        assert centre[2] == pytest.approx(0.02, abs=1e-6)
 
 
 def test_a_quadruped_whose_legs_cannot_steer_it_is_held(tmp_path: Path) -> None:

@@ -24,7 +24,11 @@ REFUSALS_FILE = "refusals.json"
 # What to do about refusals that no limit lifted takes away, and that no candidate was tried again without.
 _ADVICE = {
     "no_collision_pairs": "give every link that moves a shape: <collision> in the model, or collision.shapes",
-    "unreachable": "state a posture.joints in which the legs are bent and away from their limits, or base: held",
+    # To lift a foot ANYmal C shifts by 0.2 m where its feet stand 0.9 m apart, on legs of 0.5 m: none of 12 swings is
+    # safe with knees at 1.0 … 1.4 rad, half of them unreachable, nor of 8 at 1.4 rad with the feet as wide. With hips
+    # turned in by 0.2 rad and knees at 1.2 rad 8 of 8 are.
+    "unreachable": "state a posture.joints in which the feet are nearer to one another and below the hips, the legs "
+    "bent and away from their limits, or base: held",
     "joint_position": "state a posture.joints further from the limits of the joints named",
 }
 

@@ -1,0 +1,80 @@
+"""Balls among a link's solids: where such a foot touches the ground depends on how it is turned."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
+from excite.robot.description import FootBlock, RobotDescription
+from excite.robot.links import link_placement
+from excite.robot.urdf.numbers import numbers
+
+# A corner lies on a ball to the digits of a description, half a tenth of a millimetre; one written by hand to ten times
+# that [m].
+_ON = 5e-4
+
+
+def with_balls_down(
+    description: RobotDescription, root: ElementTree.Element, model: pin.Model, upright: Array, path: Path
+) -> RobotDescription:
+    """The description with the corner of each foot that is a ball where that is lowest at rest.
+
+    The stated corner, which may be of another posture, says which ball of the collision geometry it is. Feet that are
+    none of those stay as they are stated, and all where no posture is stated: a log's bare model has none.
+
+    Args:
+        description: as it was read.
+        root: the ``robot`` element of its model.
+        model: the model.
+        upright: posture at rest ``(nq,)``.
+        path: file of the description, for errors.
+
+    Raises:
+        RobotError: a foot's link is not in the model, or an origin or a radius is no number.
+    """
+    if not description.posture.joints:
+        return description
+    data = model.createData()
+    pin.forwardKinematics(model, data, upright)
+    feet = []
+    for foot in description.feet:
+        centre = _centre(root, description, foot, path)
+        if centre is not None:
+            joint, placement = link_placement(model, foot.link, path, f"feet.{foot.name}.link")
+            down = (data.oMi[joint].rotation @ placement.rotation).T @ np.array([0.0, 0.0, -foot.radius])
+            foot = foot.model_copy(update={"sole": (tuple((centre + down).tolist()),)})
+        feet.append(foot)
+    return description.model_copy(update={"feet": tuple(feet)})
+
+
+def _centre(
+    root: ElementTree.Element, description: RobotDescription, foot: FootBlock, path: Path
+) -> Array | None:
+    """Centre ``(3,)`` of the ball that a foot is, in its link's frame [m]; None where no solid is that ball."""
+    if foot.radius <= 0.0:
+        return None
+    balls = [
+        (np.array(shape.xyz), shape.size[0])
+        for shape in description.collision.shapes
+        if shape.link == foot.link and shape.kind == "sphere"
+    ]
+    for link in (link for link in root.findall("link") if link.get("name") == foot.link):
+        for solid in link.findall(description.collision.geometry):
+            sphere, where = solid.find("geometry/sphere"), f"link {foot.link!r}/{solid.tag}"
+            if sphere is not None:
+                origin = solid.find("origin")
+                at = (
+                    (0.0, 0.0, 0.0)
+                    if origin is None
+                    else numbers(origin, "xyz", 3, path, where, default="0 0 0")
+                )
+                balls.append((np.array(at), numbers(sphere, "radius", 1, path, where)[0]))
+    for centre, radius in balls:
+        from_centre = float(np.linalg.norm(np.array(foot.sole[0]) - centre))
+        if max(abs(from_centre - radius), abs(foot.radius - radius)) < _ON:
+            return centre
+    return None
