@@ -20,8 +20,8 @@ def test_a_louder_effect_that_diverges_is_heard(
         def __init__(self, xml: str, joints: object) -> None:
             self.position = louder if xml == "louder" else 1.0
 
-        def run(self, *_: object) -> np.ndarray:
-            return np.array([[1.0, self.position]])
+        def run_all(self, *_: object) -> np.ndarray:
+            return np.array([[[1.0, self.position]]])
 
     monkeypatch.setattr(rollout_compare, "Simulator", Simulator)
     monkeypatch.setattr(rollout_compare, "pieces", lambda *_: [piece])
