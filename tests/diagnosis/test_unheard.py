@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.simulator import rollout_compare
+from excite.errors import InputError
 
 
 @pytest.mark.parametrize(("louder", "ignored"), [(1.0, True), (1.1, False), (np.nan, False)])
@@ -32,3 +33,10 @@ def test_a_louder_effect_that_diverges_is_heard(
     baseline = SimpleNamespace(samples=SimpleNamespace(joints=("elbow",)), rigid=None)
     said = rollout_compare.unheard(baseline, [found], "as it was", None)  # type: ignore[arg-type, list-item]
     assert bool(said) is ignored
+
+
+def test_trials_shorter_than_a_roll_out_give_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rollout_compare, "pieces", lambda *_: [])
+    samples = SimpleNamespace(joints=("elbow",))
+    with pytest.raises(InputError, match="no trial is as long as a roll-out"):
+        rollout_compare.errors("", samples, None, None)  # type: ignore[arg-type]

@@ -198,6 +198,8 @@ def _nearer(after: Array, before: Array, gain: float = 0.0) -> bool:
 def errors(xml: str, samples: ArmSamples, rigid: Array, plan: Plan) -> Array:
     """Simulated less recorded positions, ``(n_windows, n_kept, n_joints)`` [rad]."""
     few = pieces(samples, rigid, plan)
+    if not few:
+        raise InputError("no trial is as long as a roll-out", remedy="record trials of some seconds")
     return _paths(Simulator(xml, samples.joints), few) - np.array([piece.recorded for piece in few])
 
 
@@ -211,7 +213,7 @@ def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) 
     samples = baseline.samples
     few = pieces(samples, baseline.rigid, replace(plan, horizon_s=HORIZON_S, total_s=3.0 * HORIZON_S))
     said = []
-    if not effects:
+    if not effects or not few:
         return ()
     here = _paths(Simulator(xml, samples.joints), few)
     for k, item in enumerate(effects):
