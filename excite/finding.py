@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -108,3 +108,8 @@ def listed(names: tuple[str, ...] | list[str], most: int = 5) -> str:
     """Names in a sentence, the rest counted."""
     shown = ", ".join(names[:most])
     return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
+
+
+def first_names(names: Sequence[str], most: int = 6, *, by: str = ", ") -> str:
+    """The first names of a list in a sentence, where how many more there are does not matter."""
+    return by.join([*names[:most], *(["…"] if len(names) > most else [])])

@@ -15,6 +15,7 @@ from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Recording
 from excite.conversion.sources.table_habits import MISFIT
+from excite.finding import first_names
 
 # Columns that are named in one line.
 MOST_NAMED = 12
@@ -66,8 +67,8 @@ def ask_for_nameless_torques(
     told = ", ".join(f"{f.columns[0]} … {f.columns[-1]} as {target}" for target, f in nameless.items())
     joint = next(iter(nameless["q"].placed.columns))
     found.ask(
-        f"the columns have no names: by their values {told} were told, and {_shown(left)} are left, of which nothing "
-        "says whether they are torques",
+        f"the columns have no names: by their values {told} were told, and {first_names(left, MOST_NAMED)} are left, "
+        "of which nothing says whether they are torques",
         f'columns: {{tau.{joint}: "{left[0]}", …}} (i.{joint} for currents), or log: {{torque: none}}',
     )
 
@@ -107,12 +108,13 @@ def ask_for_joints(found: Guesses, chosen: Mapping[str, Family], groups: Sequenc
             doubts = open_ones[0].placed.doubts
         for doubt in doubts:
             names = ", ".join(f'"{column}"' for column in doubt.columns)
+            columns = first_names(doubt.columns, MOST_NAMED)
             found.ask(
-                f"which joint {_shown(doubt.columns)} is of cannot be told by its name: it may be "
-                f"{' or '.join(_few(doubt.joints))}"
+                f"which joint {columns} is of cannot be told by its name: it may be "
+                f"{first_names(doubt.joints, MOST_NAMED, by=' or ')}"
                 if len(doubt.columns) == 1
-                else f"which joints {_shown(doubt.columns)} are of cannot be told by their names: they may be "
-                f"{_shown(doubt.joints)}",
+                else f"which joints {columns} are of cannot be told by their names: they may be "
+                f"{first_names(doubt.joints, MOST_NAMED)}",
                 f'columns: {{{target}.{doubt.joints[0]}: "{doubt.columns[0]}"'
                 f"{', …' if len(doubt.columns) > 1 else ''}}}, or ignore: [{names}]",
             )
@@ -129,14 +131,6 @@ def note_other_names(found: Guesses, chosen: Mapping[str, Family]) -> None:
         if pairs and pairs not in said:
             said.add(pairs)
             found.facts.append((f"joints of {target}", ", ".join(pairs), family.placed.because))
-
-
-def _few(names: Sequence[str]) -> list[str]:
-    return [*names[:MOST_NAMED], *(["…"] if len(names) > MOST_NAMED else [])]
-
-
-def _shown(names: Sequence[str]) -> str:
-    return ", ".join(_few(names))
 
 
 def note_order_of_legs(

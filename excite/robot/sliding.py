@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from excite.robot.robot import Robot
+
 
 def slides(model: pin.Model, column: int) -> bool:
     """Whether the joint of one coordinate to which a velocity belongs translates.
@@ -15,3 +17,9 @@ def slides(model: pin.Model, column: int) -> bool:
     """
     joint = int(np.searchsorted(model.idx_vs, column, side="right")) - 1
     return bool(np.any(np.reshape(model.joints[joint].createData().S, (6, -1))[:3]))
+
+
+def sliding_joints(robot: Robot) -> frozenset[str]:
+    """Names of a robot's joints that slide."""
+    model = robot.model
+    return frozenset(n for n in robot.joint_names if slides(model, model.idx_vs[model.getJointId(n)]))

@@ -9,9 +9,10 @@ from pathlib import Path
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
+from excite.robot.sliding import sliding_joints
 from excite.safety.checks.registry import CHECKS
 from excite.safety.checks.sweep import Sweep
-from excite.safety.units import sliding_joints, unit_of
+from excite.safety.units import unit_of
 from excite.safety.verdict import Margins, Nearest, Verdict, Violation
 
 

@@ -8,9 +8,10 @@ from itertools import zip_longest
 from typing import Any
 
 from excite.robot.robot import Robot
+from excite.robot.sliding import sliding_joints
 from excite.safety.repairs.draft import Rejection
 from excite.safety.repairs.time_scaling import SPEED_SHARE
-from excite.safety.units import sliding_joints, unit_of
+from excite.safety.units import unit_of
 from excite.safety.verdict import Verdict
 
 # Refusals that a summary lists; the documents have all.

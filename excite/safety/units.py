@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from excite.robot.robot import Robot
-from excite.robot.sliding import slides
-
 _UNITS = {
     "self_collision": "m",
     "zmp": "m",
@@ -30,12 +27,6 @@ _UNITS = {
 _SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "rad/s³": "m/s³", "N·m": "N"}
 # Columns of a free base's velocity that are lengths a second.
 _BASE = frozenset(("base.x", "base.y", "base.z"))
-
-
-def sliding_joints(robot: Robot) -> frozenset[str]:
-    """Names of the joints that slide instead of turning."""
-    model = robot.model
-    return frozenset(n for n in robot.joint_names if slides(model, model.idx_vs[model.getJointId(n)]))
 
 
 def unit_of(kind: str, where: str, sliding: frozenset[str]) -> str:

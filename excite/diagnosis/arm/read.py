@@ -54,15 +54,22 @@ class Reading:
         # Of what has a rival elsewhere than in the first place nobody knows the name.
         chosen = [first, *(item for item in others if alone(item))]
         # The model of the gap may have bristles bend by less than its encoders tell, which trials that judge deny.
-        for begun in (self._begun, self.scorer.baseline):
-            while True:
-                stages, kept = self._stages(chosen, begun)
-                if not kept or not self._nearer(stages[-1].context.baseline):
-                    break
-                chosen = self._of_some_size(stages, kept)
-                if chosen == kept:
-                    return self._named(stages, kept)
+        own = () if self._begun is self.scorer.baseline else (self.scorer.baseline,)
+        for begun in (self._begun, *own):
+            stages, kept = self._that_explain(chosen, begun)
+            if kept:
+                return self._named(stages, kept)
         return self._open()
+
+    def _that_explain(self, chosen: list[Named], begun: Baseline) -> tuple[list[Stage], list[Named]]:
+        """Stages of the effects that have some size beside each other; none where trials that judge deny them."""
+        while True:
+            stages, kept = self._stages(chosen, begun)
+            if not kept or not self._nearer(stages[-1].context.baseline):
+                return [], []
+            chosen = self._of_some_size(stages, kept)
+            if chosen == kept:
+                return stages, kept
 
     def _open(self) -> tuple[Attribution, Judgement]:
         """Nothing that is named is the gap."""

@@ -78,14 +78,11 @@ class Bristle:
             v: speeds of the joint [rad/s].
             step: length of the step [s].
         """
-        way = step * np.abs(v) / self.breakaway
-        self.kept = np.array([1.0 / (1.0 + way)] * 2)
-        rate = self.damping * np.exp(-((v / self.damped_below) ** 2)) / step if self.damping else 0.0
-        if self.static is None:
-            plain, (kept, _), (z, _) = level + rate, self.kept, self.z
-            return np.asarray(rate * z - plain * kept * z), np.asarray(plain * kept * step / self.breakaway)
-        excess = self.static.excess / RATIO
-        self.kept[1] = 1.0 / (1.0 + way / (1.0 + RATIO * self.static.share(v)))
+        static, way = self.static, step * np.abs(v) / self.breakaway
+        excess = 0.0 if static is None else static.excess / RATIO
+        slips = 1.0 if static is None else 1.0 + RATIO * static.share(v)
+        self.kept = 1.0 / (1.0 + np.array([way, way / slips]))
+        rate = self.damping * np.exp(-((v / self.damped_below) ** 2)) / step
         # Static friction is damped as Coulomb friction is.
         more = np.divide(rate * excess, level, out=np.zeros_like(level), where=level > 0.0)
         (z, z_further), (kept, kept_further) = self.z, self.kept

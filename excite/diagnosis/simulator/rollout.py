@@ -16,7 +16,7 @@ from excite.diagnosis.simulator.notes import read_notes
 from excite.diagnosis.simulator.rollout_drives import Drive, LoggedTorque, PositionServo, Window
 from excite.diagnosis.simulator.rollout_friction import JointFriction
 from excite.diagnosis.simulator.rollout_lag import MotorLag
-from excite.diagnosis.simulator.rollout_state import Acting, Run
+from excite.diagnosis.simulator.rollout_state import Acting, Run, motion
 from excite.divergence import diverged, without_log_file
 
 
@@ -163,8 +163,7 @@ class Simulator:
         answer = np.empty_like(filtered)
         kept = [np.array([window.q for window in windows])]
         acting = Acting(np.tile(self._friction, (len(runs), 1)), held, np.zeros_like(held))
-        position = np.array([run.qpos for run in runs])[:, self._qpos]
-        velocity = np.array([run.qvel for run in runs])[:, self._dof]
+        position, velocity = motion(runs, self._qpos, self._dof)
         for step, elapsed in enumerate((windows[0].time - windows[0].time[0]).tolist()):
             if open_loop:
                 answer = offered[step]
@@ -183,8 +182,7 @@ class Simulator:
                 friction[:], damping[:] = acting.friction[k], acting.damping[k]
                 run.applied[:], run.ctrl[:] = acting.applied[k], control[k]
                 mujoco.mj_step(model, run.data)
-            position = np.array([run.qpos for run in runs])[:, self._qpos]
-            velocity = np.array([run.qvel for run in runs])[:, self._dof]
+            position, velocity = motion(runs, self._qpos, self._dof)
             if self._dry.bristles:
                 self._dry.move(velocity, model.opt.timestep)
             if (step + 1) % keep == 0:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from excite.arrays import Array
 
@@ -35,6 +38,18 @@ class Run:
         """Torques that the gears carry, ``(nv,)``: what the last step's motors gave less friction and rotors [N·m]."""
         motor, passive, constraint = self._forces
         return motor + passive + constraint + self.applied - self._armature * self._acceleration
+
+
+def motion(runs: Sequence[Run], positions: Array, velocities: Array) -> tuple[Array, Array]:
+    """Positions [rad] and velocities [rad/s] of joints in all runs, ``(n_runs, n_joints)`` each.
+
+    Args:
+        runs: the runs.
+        positions: ``(n_joints,)`` places of the joints' positions in the state.
+        velocities: of their velocities.
+    """
+    q, v = np.array([run.qpos for run in runs]), np.array([run.qvel for run in runs])
+    return q[:, positions], v[:, velocities]
 
 
 class Acting(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
+from excite.finding import first_names
 from excite.robot.description import Assumed
 from excite.robot.robot import Robot
 from excite.robot.scaffold.guesses import JointGuess, drawn_posture
@@ -63,8 +64,9 @@ def torque_limits(
     stating = any(guess.torque for guess in guesses)
     zero = [g.name for g, passive in zip(guesses, robot.passive, strict=True) if g.effortless and not passive]
     if stating and zero:
-        names = ", ".join(zero[:6]) + (", …" if len(zero) > 6 else "")
-        consequence += f"; it is 0 in the model for {names}: hold under locked_joints what no motor drives"
+        consequence += (
+            f"; it is 0 in the model for {first_names(zero)}: hold under locked_joints what no motor drives"
+        )
     return found, [Assumed(what="torque limits", value=value, consequence=consequence)]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from excite.finding import first_names
 from excite.robot.description import Assumed
 from excite.robot.scaffold.held import Held
 from excite.robot.scaffold.limbs import Figure
@@ -27,7 +28,7 @@ def assumed_structure(
         found.append(
             Assumed(
                 what="joints called continuous that do not turn on and on",
-                value=", ".join(ranged[:6]) + (", …" if len(ranged) > 6 else ""),
+                value=first_names(ranged),
                 consequence="the limits that the model states of them are kept: state limits.position if they are none",
             )
         )
@@ -35,7 +36,7 @@ def assumed_structure(
         found.append(
             Assumed(
                 what="inertia as the model has it",
-                value=", ".join(list(faults)[:6]) + (", …" if len(faults) > 6 else ""),
+                value=first_names(list(faults)),
                 consequence="missing or impossible there: torques predicted for them are a guess",
             )
         )
@@ -56,7 +57,7 @@ def assumed_structure(
         found.append(
             Assumed(
                 what="links without geometry",
-                value=", ".join(bare[:6]) + (", …" if len(bare) > 6 else ""),
+                value=first_names(bare),
                 consequence="nothing checks what they touch: give them <collision>, or collision.shapes",
             )
         )
@@ -94,7 +95,7 @@ def _held_still(held: dict[str, Held]) -> list[Assumed]:
         found.append(
             Assumed(
                 what=f"{len(names)} joint{'s' * (len(names) > 1)} held still ({why})",
-                value=", ".join(names[:6]) + (", …" if len(names) > 6 else ""),
+                value=first_names(names),
                 consequence="their links count as part of what carries them; hold them so at the robot",
             )
         )

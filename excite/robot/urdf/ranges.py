@@ -41,5 +41,5 @@ def keep_stated_ranges(root: ElementTree.Element, path: Path) -> None:
     """Make those joints revolute, so that every reader keeps them within; errors as for :func:`stated_ranges`."""
     ranged = stated_ranges(root, path)
     for joint in root.findall("joint"):
-        if joint.get("name") in ranged and joint.get("type") == "continuous":
+        if joint.get("name") in ranged:
             joint.set("type", "revolute")

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
+from excite.robot.sliding import sliding_joints
 from excite.safety.checks.sweep import Sweep
-from excite.safety.units import sliding_joints, unit_of
+from excite.safety.units import unit_of
 from excite.safety.verdict import Nearest, Violation
 
 
