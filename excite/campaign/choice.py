@@ -16,6 +16,7 @@ from excite.parallel.jobs import Jobs
 from excite.progress import Progress
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.robot import Robot
+from excite.robot.upright import too_soft_to_stand
 
 # Motions kept back for cross-validation.
 _N_VALIDATION = 4
@@ -127,7 +128,7 @@ def _choose(
                 f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
                 "mass on its back",
                 best=left.motions,
-                remedy="ask for more candidates, or for calmer motions",
+                remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
             )
         selection = _selected(robot, left, base, rule)
         validation = _unchosen_in_turn(left, selection.indices)

@@ -19,7 +19,7 @@ from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.simulation.execution import DivergedError
 from excite.simulation.machine import Machine
-from excite.simulation.replay import FALL_END_TILT_RAD, watched_run
+from excite.simulation.replay import FALL_END_TILT_RAD, Replay, watched_run
 from excite.simulation.true_parameters import AddedPart, with_part
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 
@@ -38,13 +38,8 @@ _LOAD_SIZE_M = 0.1
 # other, as a Spot's do, they drag feet by up to 20 %.
 MAX_SLIP_SHARE = 0.035
 # Steps of the physics [s], the next where it diverges.
-_STEPS = (5e-4, 2.5e-4)
-# On soles a first run with this step decides where the robot stays far from falling: tilts of motions that stand (of 15
-# of G1 and Romeo) are within a tenth of those with 0.25 ms, one of a motion that falls differs by 27 %. With 1 ms alone
-# a plan of the G1 keeps 132 motions and not 134, so that what is near the edge is run again with 0.5 ms. Slip is
-# another matter: point feet of 15 motions (HyQ, Go2) creep 0.4 mm further with 0.5 ms than with 0.25, and 1 to 4 mm
-# further with 1 ms.
-_QUICK_STEP = 1e-3
+_STEPS = (1e-3, 5e-4, 2.5e-4)
+# A robot that tilts further than this, on the way to its end, has come near falling.
 _FAR = 0.5 * FALL_END_TILT_RAD
 
 
@@ -59,7 +54,8 @@ def rehearse(
     """Whether a standing robot stays on its feet, does not slip on points, and stays clear of itself in each motion.
 
     The robot is the model with a load on its back, which is harder than the model itself: a real robot weighs
-    more than its model.
+    more than its model. What comes near falling on soles, or asks of a drive all that it has, has to stand without the
+    load as well: there a load may hold up what falls without it.
     A robot without feet has nothing to fall from: all its motions pass.
 
     Args:
@@ -90,28 +86,35 @@ def may_slip_m(robot: Robot) -> float:
 def _stands(shared: tuple[Robot, float], task: Motion | Path) -> bool:
     robot, load = shared
     motion = read_value(task) if isinstance(task, Path) else task
-    on_soles = all(foot.flat for foot in robot.feet)
     # Soles that slip turn and stop; legs on points that slip lose the ground that the motion counts on.
-    may_slip = np.inf if on_soles else may_slip_m(robot)
-    for step in (_QUICK_STEP, *_STEPS) if on_soles else _STEPS:
-        machine = _machine(robot, load, step, on_soles)
+    may_slip = np.inf if all(foot.flat for foot in robot.feet) else may_slip_m(robot)
+    for carried in (load, 0.0):
+        run = _run(robot, carried, motion, may_slip)
+        if run is None or not run.on_its_feet or run.max_slip_m > may_slip:
+            return False
+        if run.max_tilt_rad < _FAR and run.torque_saturation == 0.0:
+            return True
+    return True
+
+
+def _run(robot: Robot, load: float, motion: Motion, may_slip: float) -> Replay | None:
+    """A run in the longest steps of the physics in which it does not diverge; None if it does in all."""
+    for step in _STEPS:
+        machine = _machine(robot, load, step)
         try:
-            run = watched_run(
+            return watched_run(
                 machine.virtual, motion, may_slip_m=may_slip, forces=False, machine=machine
             ).replay
         except DivergedError:
             continue
-        if step != _QUICK_STEP or (run.on_its_feet and run.max_tilt_rad < _FAR):
-            return run.on_its_feet and run.max_slip_m <= may_slip
-    return False
+    return None
 
 
 @lru_cache(maxsize=4)
-def _machine(robot: Robot, load: float, step: float, may_creep: bool) -> Machine:
-    """The loaded robot with steps of the physics [s], compiled."""
-    loaded = loaded_robot(robot, load=load)
-    world = replace(loaded.world, timestep=step, feet_may_creep=may_creep)
-    return Machine(replace(loaded, world=world), watch=True)
+def _machine(robot: Robot, load: float, step: float) -> Machine:
+    """The robot with a load and steps of the physics [s], compiled."""
+    loaded = loaded_robot(robot, load=load) if load else nominal_robot(robot)
+    return Machine(replace(loaded, world=replace(loaded.world, timestep=step)), watch=True)
 
 
 def loaded_robot(

@@ -1,20 +1,13 @@
-"""Steps of the physics and of the sensors in a run, as small as the feet need to stand still."""
+"""Steps of the physics and of the sensors in a run."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from excite.motion.motion import Motion
 from excite.simulation.virtual_robot import VirtualRobot
-
-# MuJoCo finds contact forces for the joints' own inertia and then takes the step with their damping added, so that a
-# sole creeps where damping outweighs inertia: the share of a step's damping that is let be. A GR1 with the servos of a
-# first description has 17 of it in steps of 0.5 ms, and its squats slip 8 and 21 mm in simulation; with half the steps
-# 1.6 and 1.0 mm, with a quarter 0.7 and 0.6. Bundled humanoids have 3 to 5 of it in 0.5 ms.
-_DAMPING = 9.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,27 +43,4 @@ def step_of(virtual: VirtualRobot) -> float:
 
 
 def _steps_a_sample(virtual: VirtualRobot, period: float) -> int:
-    wanted = virtual.world.timestep
-    if not virtual.world.feet_may_creep:
-        wanted = min(wanted, steady_step(virtual))
-    return max(1, int(np.ceil(period / wanted - 1e-9)))
-
-
-def steady_step(virtual: VirtualRobot) -> float:
-    """Longest step in which the soles of a robot do not creep [s]; infinite without feet."""
-    robot, drives = virtual.robot, virtual.drives
-    if not robot.floating or not robot.feet:
-        return np.inf
-    upper = np.triu(pin.crba(robot.model, robot.model.createData(), robot.rest))
-    inertia = upper + np.triu(upper, 1).T
-    joints = slice(robot.n_base_v, None)
-    inertia[joints, joints] += np.diag(drives.armature)
-    light = np.diag(np.linalg.inv(inertia))[joints]
-    of_legs = np.zeros(robot.n_joints, dtype=bool)
-    for foot in robot.feet:
-        joint = foot.joint
-        while joint > 1:
-            of_legs[robot.joint_index(robot.model.names[joint])] = True
-            joint = robot.model.parents[joint]
-    damping = (light * (drives.kd + drives.total_viscous))[of_legs]
-    return float(_DAMPING / damping.max(initial=1e-9))
+    return max(1, int(np.ceil(period / virtual.world.timestep - 1e-9)))

@@ -203,8 +203,9 @@ class _Track:
         v_joint, a_joint = v[:, robot.n_base_v :], a[:, robot.n_base_v :]
         # The implicit step applies velocity-dependent forces with the velocity at its end.
         clipped = np.abs(self.actuator[:n]) >= drives.torque_limit * (1.0 - 1e-12)
-        clipped |= ~self.damped[:n, None]
-        motor = self.actuator[:n] - np.where(clipped, 0.0, drives.kd * h * a_joint)
+        # On feet damping acts as rotors do, of a clipped drive too.
+        undamped = ~self.damped[:n, None] | (clipped & (not robot.feet))
+        motor = self.actuator[:n] - np.where(undamped, 0.0, drives.kd * h * a_joint)
         total = drives.total_coulomb
         share = np.divide(drives.coulomb, total, out=np.zeros_like(total), where=total > 0.0)
         gears = share * self.coulomb[:n] - drives.viscous * (v_joint + h * a_joint)
@@ -222,6 +223,7 @@ class _Track:
             q_cmd=q_cmd[:n],
             tau_motor=motor,
             tau_link=motor + gears - drives.armature * a_joint,
+            clipped=clipped,
             contacts=contacts,
             wrenches=wrenches,
             touches=self.touches[:n],

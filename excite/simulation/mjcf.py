@@ -29,15 +29,12 @@ class World:
 
     Attributes:
         timestep: integration step, at most [s].
-        feet_may_creep: whether it is taken as it stands where soles creep in it for numerical reasons
-            (:mod:`excite.simulation.clock`).
         solref: time constant [s] and damping ratio of the contacts' reference dynamics.
         solimp: impedance of the contacts at zero and full depth, and the depth between them [m].
         sole_friction: factor on every sole's friction coefficient.
     """
 
     timestep: float = 5e-4
-    feet_may_creep: bool = False
     solref: tuple[float, float] = (0.01, 1.0)
     solimp: tuple[float, float, float] = (0.95, 0.99, 0.001)
     sole_friction: float = 1.0

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from excite.arrays import Array
 
 
@@ -23,6 +26,7 @@ class Recording:
             servo's damping act with the velocity at the end of the integration step.
         tau_link: ``(n, n_joints)`` torque that reaches the link: motor less friction of motor and
             gears and less what turns the rotor.
+        clipped: ``(n, n_joints)`` which drives were asked for more than they give.
         contacts: by foot name, ``(n, 6)``: force, and moment about the world's origin, that the ground exerts
             on the foot, in the world frame; empty where forces were not recorded.
         wrenches: by sensor name, ``(n, 6)``: wrench on the robot through the sensor, in the sensor's frame; empty
@@ -38,6 +42,7 @@ class Recording:
     q_cmd: Array
     tau_motor: Array
     tau_link: Array
+    clipped: NDArray[np.bool_]
     contacts: Mapping[str, Array]
     wrenches: Mapping[str, Array]
     touches: Array

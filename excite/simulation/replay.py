@@ -140,11 +140,10 @@ def watched_run(
     if robot.floating and robot.feet:
         stop = Fall(planned) if may_slip_m is None else FirstFault(robot, planned, may_slip_m)
     run = execute(virtual, motion, stop=stop, session_s=session_s, forces=forces, machine=machine)
-    return WatchedRun(run, _judge(virtual, planned, run))
+    return WatchedRun(run, _judge(robot, planned, run))
 
 
-def _judge(virtual: VirtualRobot, planned: Motion, run: Recording) -> Replay:
-    robot = virtual.robot
+def _judge(robot: Robot, planned: Motion, run: Recording) -> Replay:
     tilt, sink = np.zeros(1), np.zeros(1)
     if robot.floating and robot.feet:
         tilt, sink = _departure(run.q, planned.q[: len(run.q)])
@@ -152,7 +151,6 @@ def _judge(virtual: VirtualRobot, planned: Motion, run: Recording) -> Replay:
     lost[-1] |= tilt[-1] > FALL_END_TILT_RAD
     fallen = np.flatnonzero(lost)
     slip, lift = _feet(robot, run, planned)
-    saturated = np.abs(run.tau_motor) >= 0.999 * virtual.drives.torque_limit
     return Replay(
         motion=planned.name,
         fell=bool(len(fallen)),
@@ -162,7 +160,7 @@ def _judge(virtual: VirtualRobot, planned: Motion, run: Recording) -> Replay:
         lift_m=lift,
         self_collided=bool(run.touches.any()),
         max_tracking_error_rad=float(np.abs(run.q[:, robot.n_base_q :] - run.q_cmd).max()),
-        torque_saturation=float(saturated.any(axis=1).mean()),
+        torque_saturation=float(run.clipped.any(axis=1).mean()),
     )
 
 

@@ -22,6 +22,7 @@ from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.replay import replay
+from excite.simulation.virtual_robot import VirtualRobot
 
 
 def test_plan_document_has_what_scripts_read(small_plan: Plan) -> None:
@@ -117,6 +118,29 @@ def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot,
     leaning[:, waist] += 0.5
     leaning[:, ankles] += 0.4
     assert rehearse(g1, [motion, replace(motion, q=leaning)]) == (True, False)
+
+
+def test_a_motion_near_falling_has_to_stand_without_the_load_too(
+    g1: Robot, standing_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is on its back may hold it up, where a drive has nothing left or the robot tilts far."""
+    rehearsal = import_module("excite.campaign.rehearsal")
+    really, motion = rehearsal.watched_run, standing_plan.accepted[0]
+
+    def verdict(tilt: float, saturation: float, unloaded_stands: bool) -> tuple[bool, ...]:
+        def run(virtual: VirtualRobot, *args: object, **settings: object) -> object:
+            found = really(virtual, *args, **settings)
+            loaded = virtual.truth.added_mass > 0.0
+            fell = not loaded and not unloaded_stands
+            changed = replace(found.replay, max_tilt_rad=tilt, torque_saturation=saturation, fell=fell)
+            return replace(found, replay=changed)
+
+        monkeypatch.setattr(rehearsal, "watched_run", run)
+        return rehearse(g1, [motion])
+
+    assert verdict(0.01, 0.0, unloaded_stands=False) == (True,)
+    assert verdict(0.01, 0.1, unloaded_stands=False) == verdict(0.06, 0.0, unloaded_stands=False) == (False,)
+    assert verdict(0.06, 0.1, unloaded_stands=True) == (True,)
 
 
 def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

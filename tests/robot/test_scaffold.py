@@ -20,6 +20,7 @@ from excite.robot.scaffold.description import scaffold_description
 from excite.robot.scaffold.files import write_scaffold
 from excite.robot.scaffold.source import Source
 from excite.robot.shapes.collision import collision_shapes
+from excite.robot.upright import too_soft_to_stand
 from excite.simulation.replay import replay
 from tests.robot.small import ARM
 from tests.simulation.motions import standing
@@ -165,6 +166,27 @@ def test_a_biped_stands_on_its_soles(tmp_path: Path) -> None:
     assert [foot.link for foot in robot.feet] == ["left_ankle_roll", "right_ankle_roll"]
     for foot in robot.feet:
         np.testing.assert_allclose(np.ptp(foot.sole, axis=0), [0.2, 0.1, 0.0], atol=1e-3)
+
+
+def test_a_biped_is_given_servos_that_hold_it_upright_and_told_so(tmp_path: Path) -> None:
+    """Twenty times its weight at the height of its mass; what the user says instead is judged when all motions fall."""
+    robot = written(biped(), tmp_path)
+    gains = robot.description.controller.kp
+    ankles = [robot.model.names[foot.joint] for foot in robot.feet]
+    data = robot.model.createData()
+    centre = pin.centerOfMass(robot.model, data, robot.rest)
+    for foot, ankle in zip(robot.feet, ankles, strict=True):
+        topples = 9.81 * robot.mass * np.linalg.norm(centre - data.oMi[foot.joint].translation)
+        assert gains.joints[ankle] == pytest.approx(20.0 * topples, rel=0.15)
+    (said,) = [one for one in robot.description.assumed if one.what == "servo gains"]
+    assert "may fall where this one stands" in said.consequence
+    assert too_soft_to_stand(robot) is None
+    soft = yaml.safe_load((tmp_path / "robot.yaml").read_text())
+    soft["controller"]["kp"]["joints"][ankles[1]] = 40.0
+    (tmp_path / "soft.yaml").write_text(yaml.safe_dump(soft))
+    assert re.match(
+        rf"{ankles[1]} has 40 N·m/rad .* topple", too_soft_to_stand(load_robot(tmp_path / "soft.yaml"))
+    )
 
 
 def test_wheels_and_fingers_are_held_and_the_ground_is_there(tmp_path: Path) -> None:

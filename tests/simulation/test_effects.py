@@ -95,7 +95,7 @@ def test_errors_of_wrench_sensors(g1: Robot) -> None:
     plain = np.eye(6)
 
     def read(text: str) -> np.ndarray:
-        recording = Recording("r", np.arange(6.0), *[np.zeros((6, 1))] * 6, {}, {sensor: plain}, np.zeros(6))
+        recording = Recording("r", np.arange(6.0), *[np.zeros((6, 1))] * 7, {}, {sensor: plain}, np.zeros(6))
         return inject(virtual, [text]).readings[-1](recording).wrenches[sensor]
 
     np.testing.assert_allclose(np.diag(read(f"sensor_gain:{sensor}.fz:1.1")), [1, 1, 1.1, 1, 1, 1])

@@ -101,6 +101,7 @@ def happens(truth: Truth, motion: Motion, trial: int) -> Recording:
         q_cmd=q[:, 7:],
         tau_motor=torques,
         tau_link=torques,
+        clipped=np.zeros(torques.shape, dtype=bool),
         contacts=contacts,
         wrenches=sensor_wrenches(replace(robot, model=model), truth.phi, q, v, a, contacts),
         touches=np.zeros(len(q)),

@@ -101,6 +101,7 @@ def _content(
     structure = assumed_structure(
         model.held, model.faults[stands], model.geometry.fault, rest, ground, model.figure, model.ranged
     )
+    controller, stiff = made.controller()
     joints = {n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6}
     pairs = [list(pair) for pair in guess_pairs(robot)]
     content: dict[str, Any] = {
@@ -115,15 +116,15 @@ def _content(
         "limits": {"position": _positions(model.free, model.margin), **limits},
         **({"feet": made.feet()} if stands else {}),
         "sensors": sensors,
-        "controller": made.controller(),
+        "controller": controller,
         **({"drives": {"armature": _armature(rotors)}} if rotors else {}),
         **({"segments": {"pairs": pairs}} if pairs else {}),
         "collision": _collision(model, rest, ground),
-        "assumed": [one.model_dump() for one in (*structure, *rest.assumed, *more, *noise)],
+        "assumed": [one.model_dump() for one in (*structure, *rest.assumed, *more, *stiff, *noise)],
     }
     follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
     drives = content.get("drives", {}).values()
-    for block in (*limits.values(), sensors.get("noise_torque"), *content["controller"].values(), *drives):
+    for block in (*limits.values(), sensors.get("noise_torque"), *controller.values(), *drives):
         if isinstance(block, dict) and "joints" in block:
             block["joints"] = {name: value for name, value in block["joints"].items() if name not in follow}
     return content

@@ -15,6 +15,7 @@ from excite.finding import first_names
 from excite.robot.description import Assumed
 from excite.robot.robot import Robot
 from excite.robot.scaffold.guesses import JointGuess, drawn_posture
+from excite.robot.upright import UPRIGHT, toppling_stiffness
 
 SHARE_OF_TORQUE = 0.3
 """Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia."""
@@ -136,6 +137,7 @@ def gains(
     """
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.rest)
+    topples = toppling_stiffness(robot, (leg for leg, tip in legs.items() if not tip.any()), mass)
     stiffness, damping = [], []
     loaded = {}
     for leg, tip in legs.items():
@@ -149,7 +151,8 @@ def gains(
     for index, own in enumerate(inertia):
         moved = max(float(own), loaded.get(index, 0.0))
         stiff = max(own * (2.0 * math.pi * _FREQUENCY) ** 2, loads[index] / _SAG)
-        stiffness.append(stiff)
+        stiffness.append(max(stiff, UPRIGHT * topples.get(index + 1, 0.0)))
+        # Damped for its load alone: an ankle has nothing of its own to damp, and a sole that is dragged creeps.
         damping.append(2.0 * _DAMPING * math.sqrt(stiff * moved))
     names = robot.joint_names
     return {

@@ -113,11 +113,25 @@ class Values:
             )
         return feet
 
-    def controller(self) -> dict[str, Any]:
-        """The block ``controller``: gains of a servo at each joint."""
-        found = numbers.gains(self.robot, self.inertia, self.loads, _legs(self.robot, self.rest), self.mass)
+    def controller(self) -> tuple[dict[str, Any], list[Assumed]]:
+        """The block ``controller``, gains of a servo at each joint, and what was assumed for it."""
+        legs = _legs(self.robot, self.rest)
+        found = numbers.gains(self.robot, self.inertia, self.loads, legs, self.mass)
         said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
-        return {name: {"joints": values, "source": said} for name, values in found.items()}
+        if legs:
+            said += ", legs twenty times stiffer than what topples the robot"
+        block = {name: {"joints": values, "source": said} for name, values in found.items()}
+        if not legs:
+            return block, []
+        of_legs = [found["kp"][self.robot.joint_names[joint - 1]] for joint in legs]
+        stiff = Assumed(
+            what="servo gains",
+            value=f"kp {min(of_legs):g} … {max(of_legs):g} N·m/rad at the ends of the legs, as stiff as geared "
+            "position servos are",
+            consequence="motions are rehearsed with them, without feedback of balance: a robot with softer servos "
+            "may fall where this one stands: state controller.kp and kd",
+        )
+        return block, [stiff]
 
 
 def _legs(robot: Robot, rest: Rest) -> dict[int, Array]:
