@@ -6,9 +6,11 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
+from excite.conversion.columns.unit_words import unit_named
+from excite.conversion.columns.units import TO_SI
 from excite.errors import LogError
 from excite.logs.log import LogHeader
 from excite.reading.yaml_document import read_yaml
@@ -16,45 +18,20 @@ from excite.reading.yaml_document import read_yaml
 SCHEMA = "excite.map/1"
 CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wrench", "imu", "contact")
 Factor = Annotated[float, Field(ge=-1e12, le=1e12)]
-Unit = Literal[
-    "rad",
-    "deg",
-    "rev",
-    "mrad",
-    "counts/4096",
-    "counts/1024",
-    "±100",
-    "m",
-    "mm",
-    "rad/s",
-    "deg/s",
-    "rpm",
-    "m/s",
-    "mm/s",
-    "rad/s2",
-    "deg/s2",
-    "N·m",
-    "N·mm",
-    "N·cm",
-    "kN·m",
-    "kgf·cm",
-    "ozf·in",
-    "lbf·in",
-    "lbf·ft",
-    "kN",
-    "N",
-    "lb",
-    "kip",
-    "in",
-    "in/s",
-    "A",
-    "mA",
-    "s",
-    "ms",
-    "us",
-    "ns",
-    "d",
-]
+
+
+def _known(text: str) -> str:
+    """The unit in this package's spelling."""
+    unit = text if text in TO_SI or text == "±100" else unit_named(text)
+    if unit not in TO_SI and unit != "±100":
+        usual = (
+            "rad, deg, rev, m, mm, rad/s, deg/s, rpm, N·m, mN·m, kgf·cm, ozf·in, A, mA, s, ms, counts/4096"
+        )
+        raise ValueError(f"no unit: {text}; units are {usual} and others put together so")
+    return unit
+
+
+Unit = Annotated[str, AfterValidator(_known)]
 
 
 class TrialRules(BaseModel):
@@ -91,7 +68,10 @@ class Map(BaseModel):
         default={},
         description="By channel (`q`, `tau.elbow`, `wrench.SENSOR.fx` …) the column's name or a pattern of it.",
     )
-    units: dict[str, Unit] = Field(default={}, description="By channel, the unit of its columns.")
+    units: dict[str, Unit] = Field(
+        default={},
+        description="By channel, the unit of its columns: rad, deg/s, rpm, N·mm, kgf·cm … in any spelling.",
+    )
     scale: dict[str, Factor] = Field(
         default={}, description="By channel or joint, a factor on top of the unit's; -1 turns a sign."
     )

@@ -52,6 +52,7 @@ class TorqueSamples:
         rate_hz: of ``torque``, and of the stamps; ``stated_hz`` what the log's header says.
         speeds: whether every trial has logged velocities, with which the clock agrees by now.
         within: share of the rows in which each torque is not at an end of its range, ``(n_torques,)``.
+        carried: ``(10·n_segments,)`` inertial parameters that are added to the model's; None for none.
     """
 
     robot: Robot
@@ -69,7 +70,8 @@ class TorqueSamples:
     stated_hz: float
     speeds: bool
     within: Array
-    _models: dict[bytes, Predicted] = field(default_factory=dict, repr=False)
+    carried: Array | None = None
+    _models: dict[bytes, Predicted] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def measured_name(self) -> str:
@@ -109,7 +111,7 @@ class TorqueSamples:
         if key not in self._models:
             q, v, a = self.motion(reading)
             columns = self.places[self.measured]
-            torque = inverse_dynamics(self._under(reading.gravity), q, v, a)[:, columns]
+            torque = inverse_dynamics(self.under(reading.gravity), q, v, a)[:, columns]
             if len(self._models) >= _REMEMBERED:
                 del self._models[next(iter(self._models))]
             self._models[key] = Predicted(
@@ -149,14 +151,12 @@ class TorqueSamples:
         model, drive = self.predicted(reading)
         q, v, _ = self.motion(reading)
         still = np.zeros_like(v)
-        weight = inverse_dynamics(self._under(reading.gravity), q, still, still)[
-            :, self.places[self.measured]
-        ]
+        weight = inverse_dynamics(self.under(reading.gravity), q, still, still)[:, self.places[self.measured]]
         return families.by_clock(self.measured_torque(reading), model, weight, drive)
 
     def judged(self, reading: Reading) -> Array:
         """As :meth:`left`, beside the likeliest bodies for this reading; their price last, ``(n_torques + 1,)``."""
-        tree = self._under(reading.gravity)
+        tree = self.under(reading.gravity)
         motion = self.motion(reading)
         some = slice(None, None, max(1, len(self.q) // _JUDGED))
         torque = self.measured_torque(reading)[some]
@@ -187,13 +187,14 @@ class TorqueSamples:
         share = min(max(1, readings // _COMPARED), max(1, len(self.q) // _LEAST_SAMPLES))
         some = slice(None, None, share)
         thinned = {name: getattr(self, name)[some] for name in ("q", "v", "a", "rows", "first", "last")}
-        return replace(self, **thinned, _models={})
+        return replace(self, **thinned)
 
     @cached_property
     def _tree(self) -> KinematicTree:
-        return read_tree(self.robot.model)
+        tree = read_tree(self.robot.model)
+        return tree if self.carried is None else replace(tree, phi=tree.phi + self.carried)
 
-    def _under(self, gravity: Array) -> KinematicTree:
+    def under(self, gravity: Array) -> KinematicTree:
         """The robot's kinematics under another gravity."""
         return replace(self._tree, gravity=np.asarray(gravity, dtype=float))
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from excite.arrays import Array
+from excite.logs.lattice import cell_of, rounded_step
 from excite.logs.signals.clock import misfit
 
 _FEW_ROWS, _FEW_LEVELS = 200, 200
@@ -24,8 +25,9 @@ _AT_ONCE = 1_000_000
 def coarse_step(values: Array, noise: float) -> float:
     """Step of a quantised channel, 0 where none shows or matters.
 
-    All values of such a channel lie on a grid. Any file has one in its last digit: it matters where the step is no
-    smaller than the noise beside it, or where the channel takes few values at all.
+    All values of such a channel lie on a grid, or next to one, where the file's digits round them. Any file has one in
+    its last digit: it matters where the step is no smaller than the noise beside it, or where the channel takes few
+    values at all.
 
     Args:
         values: ``(n,)``.
@@ -42,7 +44,12 @@ def coarse_step(values: Array, noise: float) -> float:
     few = len(levels) < min(_FEW_LEVELS, len(values) // 5)
     # A limit at which a channel is clipped need not be on the grid.
     inner = levels[1:-1] if len(levels) > 10 else levels
-    return _common_step(inner, 0.0 if few else _COARSE * noise)
+    least = 0.0 if few else _COARSE * noise
+    cell = cell_of(inner)
+    step = rounded_step(inner, cell) if cell > 0.0 else 0.0
+    if step > 1.5 * cell:
+        return step if step >= least else 0.0
+    return _common_step(inner, least)
 
 
 def channel_noise(time: Array, channels: Sequence[Array]) -> list[float]:

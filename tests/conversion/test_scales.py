@@ -12,6 +12,8 @@ import yaml
 import excite
 from excite.conversion.guesses import UnclearError
 from excite.conversion.mapping import Map
+from excite.doctor.examine import examine
+from excite.logs.robot import nominal_robot
 from tests.conversion import written
 from tests.conversion.written import JOINTS
 
@@ -162,3 +164,55 @@ def test_a_load_and_constants_that_are_off_are_not_asked_about(tmp_path):
     data = swing(robot)
     file = table(tmp_path / "run.csv", data, "tau", data["tau"] * np.array([1.1, 1.9, 2.8]))
     assert excite.convert([file], robot, tmp_path / "log").log.header.torque == "motor_side"
+
+
+def carrying(robot: Path, mass: float) -> dict[str, np.ndarray]:
+    """The motion with the torques of the arm and of a point mass 0.2 m beyond its last joint."""
+    data = swing(robot)
+    empty, loaded = (pin.buildModelFromUrdf(str(robot)) for _ in range(2))
+    loaded.appendBodyToJoint(
+        len(JOINTS),
+        pin.Inertia(mass, np.zeros(3), np.zeros((3, 3))),
+        pin.SE3(np.eye(3), np.array([0.2, 0.0, 0.03])),
+    )
+    a = np.gradient(data["v"], data["time"], axis=0)
+    for model, sign in ((loaded, 1.0), (empty, -1.0)):
+        rows = zip(data["q"], data["v"], a, strict=True)
+        calculated = model.createData()
+        data["tau"] = data["tau"] + sign * np.array([pin.rnea(model, calculated, *row) for row in rows])
+    return data
+
+
+@pytest.mark.parametrize("mass", [2.0, 10.0, 40.0])
+@pytest.mark.parametrize("stated", [{}, {"units": {"tau": "N·m"}}])
+def test_a_load_is_no_scale(mass: float, stated: dict[str, dict[str, str]], tmp_path: Path) -> None:
+    """No line is offered for it, nor asked for, and no torque is scaled; the arm itself weighs 6 kg."""
+    robot = written.arm_urdf(tmp_path / "arm.urdf")
+    robot.write_text(robot.read_text().replace('effort="60"', 'effort="900"'))
+    data = carrying(robot, mass)
+    file = table(tmp_path / "run.csv", data, "tau", data["tau"])
+    found = excite.convert([file], robot, tmp_path / "log", Map.model_validate(stated))
+    rows = yaml.safe_load((tmp_path / "log" / "log.yaml").read_text())["guessed"]
+    said = " ".join(row["because"] for row in rows if row["what"] == "torque scale")
+    assert "scale:" not in said
+    assert not said or f"a body of {mass:.2g}" in said
+    chart = examine(nominal_robot(found.log), found.log)
+    assert not {finding.kind for finding in chart.findings} & {
+        "torque_scale",
+        "clock",
+        "torque_order",
+        "zero_position",
+    }
+    for old, new in zip(found.log.trials, chart.log.trials, strict=True):
+        np.testing.assert_array_equal(old.tau, new.tau)
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0, 100.0])
+def test_what_a_load_explains_no_better_is_a_scale(factor: float, tmp_path: Path) -> None:
+    robot = written.arm_urdf(tmp_path / "arm.urdf")
+    robot.write_text(robot.read_text().replace('effort="60"', 'effort="9000"'))
+    data = swing(robot)
+    file = table(tmp_path / "run.csv", data, "tau", factor * data["tau"])
+    excite.convert([file], robot, tmp_path / "log", Map.model_validate({"units": {"tau": "N·m"}}))
+    said = suggested(tmp_path / "log")
+    assert scale_of(said) == {"tau": pytest.approx(1.0 / factor, rel=0.1)}

@@ -79,8 +79,17 @@ def test_a_budget_in_which_nothing_is_named_says_how_near_to_the_noise_the_gap_i
         "b": ChannelBudget(0.02, 0.03, (), (), 1.0, 0.5, "N·m"),
     }
     said = Budget(channels, ()).sentence()
-    assert "b: 0.03 N·m, noise 0.02 N·m" in said
+    assert "b: 0.03 N·m, noise 0.02 N·m, 1.5 times as much" in said
     assert "%" not in said
+
+
+def test_a_gap_that_is_no_more_than_its_noise_stands_above_none() -> None:
+    """Of 0.000123 N·m beside a noise of 0.000123 N·m was said that it stands furthest above the noise."""
+    within = {"a": ChannelBudget(0.000123, 0.000123, (), (), 1.0, 0.0, "N·m")}
+    assert "furthest" not in Budget(within, ()).sentence()
+    assert "stands above its noise" in Budget(within, ()).sentence()
+    above = within | {"b": ChannelBudget(3.0, 3.3, (), (), 1.0, 1.0, "N·m")}
+    assert "at b: 3.3 N·m, noise 3 N·m, 1.1 times as much" in Budget(above, ()).sentence()
 
 
 def test_a_ripple_is_as_high_as_both_its_parts():

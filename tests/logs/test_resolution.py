@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from excite.logs.lattice import rounded_step
 from excite.logs.resolution import channel_noise, coarse_step
 
 RATE = 200.0
@@ -71,3 +72,33 @@ def test_a_limit_off_the_grid_hides_no_step() -> None:
 def test_few_rows_or_a_switch_are_no_quantised_channel() -> None:
     assert found(np.round(motion(4, 1.0)[:150], 1), TIME[:150]) == 0.0
     assert found((motion(4, 1.0) > 0.0).astype(float)) == 0.0
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    bits=st.integers(12, 18),
+    digits=st.integers(4, 7),
+    noise=st.sampled_from([0.0, 0.3, 1.0]),
+    offset=st.floats(-2.0, 2.0),
+)
+def test_the_step_of_an_encoder_is_found_under_the_digits_of_a_file(
+    seed: int, bits: int, digits: int, noise: float, offset: float
+) -> None:
+    """Differences of 1.9e-4 and 2.0e-4 in a file with five decimals are steps of 1.917e-4."""
+    step, digit = 2.0 * np.pi / 2**bits, 10.0**-digits
+    assume(step > 2.2 * digit)
+    rng = np.random.default_rng(seed)
+    counts = np.round(motion(seed, 1.0) / step + noise * rng.standard_normal(len(TIME)))
+    values = np.round(step * counts + offset, digits)
+    assert found(values) == pytest.approx(step, rel=1e-3)
+    assert found(np.radians(values)) == pytest.approx(np.radians(step), rel=1e-3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), digits=st.integers(2, 5), size=st.floats(0.01, 30.0))
+def test_digits_alone_are_their_own_step(seed: int, digits: int, size: float) -> None:
+    """No encoder is seen in a smooth channel that a file rounds, however few of its numbers occur."""
+    levels = np.unique(np.round(motion(seed, size)[:400], digits))
+    assume(len(levels) > 30)
+    assert rounded_step(levels, 10.0**-digits) == 10.0**-digits

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from excite.conversion.columns.joints import Placed, first_number, place, with_words_of_joints
 from excite.conversion.columns.naming.match import BY_WORDS
-from excite.conversion.columns.unit_words import UNITS
+from excite.conversion.columns.unit_words import unit_named
 from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, clue, with_joints_numbers
 from excite.conversion.recording import Column, Recording
@@ -233,7 +233,7 @@ def _clue(column: Column, joints: Sequence[str]) -> Clue:
         commanded=commanded,
         number=inner.number,
         label=label,
-        unit=UNITS.get(column.unit.lower(), column.unit),
+        unit=unit_named(column.unit) or column.unit,
         exact=label if label in joints else "",
         stem=channel,
     )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.conversion.columns.scaled import named_unit
+from excite.conversion.columns.unit_words import OF_TURNING, QUANTITY_OF_UNIT
 from excite.conversion.columns.units import BEYOND, TO_SI, WIDE
 from excite.conversion.guesses import Mapped
 from excite.conversion.machine import Machine
@@ -17,7 +18,7 @@ from excite.conversion.recording import Column
 
 # Channels of how joints move, and units that a channel may have of joints that turn alone.
 MOTION = ("q", "q_cmd", "v", "a")
-ANGLES = ("deg", "mrad", "rev", "deg/s", "mrad/s", "rev/s", "rpm", "deg/s2")
+ANGLES = frozenset(u for u in OF_TURNING if QUANTITY_OF_UNIT[u] != "tau" and TO_SI[u] != 1.0)
 # A joint that is held is in the others' unit, and what it is called matters little. In degrees 16 of the 17 joints that
 # are held in real recordings here stay within this number (0.054 at the most, the other 0.13); in radians 95 % of the
 # 1421 joints that move in the library's motions of eleven robots go further. What is between is asked about.

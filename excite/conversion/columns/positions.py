@@ -10,7 +10,7 @@ from excite.arrays import Array
 from excite.conversion.columns.mixed_units import alike, apart, in_degrees, is_slide, stated_unit
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
 from excite.conversion.columns.unit_words import OF_SLIDING, OF_TURNING
-from excite.conversion.columns.units import BEYOND, TO_SI, position_unit
+from excite.conversion.columns.units import BEYOND, COUNTS, TO_SI, position_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -140,6 +140,8 @@ def _unit(
         named,
     )
     stated = stated_unit(items, mapping, machine)
+    if named == "counts" and unit not in COUNTS:
+        unit, why, sure = "", "counts, by its name, and how many are a turn is not said", True
     if not sure and like is not None:
         unit, why = like[0], "as the measured positions"
     if mapping.motors:

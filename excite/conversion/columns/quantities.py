@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.conversion.columns.clock import row_seconds
 from excite.conversion.columns.mixed_units import MOTION, alike, is_slide, stated_unit
+from excite.conversion.columns.naming.wrong_kind import ask_for_kind, ask_for_rate, beginning
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
 from excite.conversion.columns.scaled import named_unit, of_imu, scaled, values_of, without_unit
 from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit, zero_of
@@ -47,6 +48,8 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
         for items in alike(everything, columns, mapping, machine):
             slide, stated = is_slide(items[0], machine), stated_unit(items, mapping, machine)
             named = named_unit(items, columns, slide=slide)
+            if not stated:
+                ask_for_kind(found, items, named, mapping)
             if channel in ("q", "q_cmd"):
                 for unit, why in dict.fromkeys(angles[item.target] for item in items):
                     part = [item for item in items if angles[item.target] == (unit, why)]
@@ -120,7 +123,7 @@ def _ask_for_sign(
     if _of_one_sign(items, columns):
         found.ask(
             f"{items[0].source} … are never negative: magnitudes, whose sign was not recorded",
-            f'ignore: ["{_beginning(items)}*"] and log: {{torque: none}}',
+            f'ignore: ["{beginning(items)}*"] and log: {{torque: none}}',
         )
 
 
@@ -133,13 +136,6 @@ def _of_one_sign(items: list[Mapped], columns: dict[str, Column]) -> bool:
     values = values_of(items, columns)
     several = len(items) >= _JOINTS_OF_ONE_SIGN
     return several and bool(np.nanmin(values) >= 0.0 and (np.nanmax(values, axis=0) > 0.0).all())
-
-
-def _beginning(items: list[Mapped]) -> str:
-    """What the columns' names begin with, all of them; none of it means anything else in a pattern."""
-    first, last = (end(item.source for item in items) for end in (min, max))
-    same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
-    return first[:same].rstrip("[0123456789") or first[:same]
 
 
 def _rates(
@@ -161,7 +157,10 @@ def _rates(
     expected = named or {**dict.fromkeys(COUNTS, "rad/s"), "deg": "deg/s", "m": "m/s", "mm": "mm/s"}.get(
         angle, "m/s" if slides else "rad/s"
     )
-    ratio = _ratio(found, items, columns, recording, angles, _SLIDING if slides else _VELOCITIES)
+    sizes = (_SLIDING if slides else _VELOCITIES) | ({named: TO_SI[named]} if named in TO_SI else {})
+    ratio = _ratio(found, items, columns, recording, angles, sizes)
+    if ratio is None or ratio[0] is None:
+        ask_for_rate(found, items, named)
     if ratio is None:
         return (
             expected,
@@ -175,7 +174,7 @@ def _rates(
             expected,
             f"they differ from the positions' derivative by a factor of {value / TO_SI.get(expected, 1.0):.3g}",
         )
-    if named and abs(np.log((_VELOCITIES | _SLIDING | COUNT_RATES)[unit] / TO_SI.get(named, 1.0))) < 0.1:
+    if named and abs(np.log((sizes | COUNT_RATES)[unit] / TO_SI.get(named, 1.0))) < 0.1:
         return named, f"as named; they are the positions' derivative (correlation {agreement:.2f})"
     said = f", though its name says {named}" if named else ""
     return unit, f"{unit}: so they are the positions' derivative (correlation {agreement:.2f}){said}"

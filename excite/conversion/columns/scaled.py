@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.columns.unit_words import UNITS
+from excite.conversion.columns.unit_words import unit_named
 from excite.conversion.columns.units import TO_SI
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Mapped
@@ -38,7 +38,7 @@ def named_unit(items: list[Mapped], columns: dict[str, Column], *, slide: bool =
     for item in items:
         said = clue(item.source, [item.target.partition(".")[2]])
         of_name = said.sliding if slide and said.sliding else said.unit
-        units.add(UNITS.get(columns[item.source].unit.strip().lower(), "") or of_name)
+        units.add(unit_named(columns[item.source].unit) or of_name)
     return units.pop() if len(units) == 1 else ""
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.naming.unit_grammar import Dimension, parse_unit
 
 TO_SI = {
     "rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3,
@@ -19,7 +20,33 @@ TO_SI = {
     "lb": 4.4482216, "kip": 4448.2216, "in": 0.0254, "in/s": 0.0254,
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0,
     "counts/4096": 2.0 * math.pi / 4096.0, "counts/1024": math.radians(300.0) / 1024.0,
+    "mdeg": math.pi / 180e3, "arcmin": math.pi / 10_800.0, "arcsec": math.pi / 648e3, "µm": 1e-6, "ft": 0.3048,
+    "µA": 1e-6, "kgf": 9.80665, "ozf": 0.27801385,
 }  # fmt: skip
+COMPOUND: dict[tuple[Dimension, float], str] = {}
+"""Units that are put together, by what they are of and the logarithm of their size."""
+
+
+def _put_together() -> None:
+    """Name every rate, torque and acceleration of the units above that has no name yet."""
+    angles, lengths = (
+        ("rad", "deg", "rev", "mrad", "mdeg", "arcmin", "arcsec"),
+        ("m", "mm", "cm", "in", "µm", "ft"),
+    )
+    rates = [f"{unit}/{time}" for time in ("s", "s2") for unit in (*angles, *lengths)]
+    torques = [
+        f"{force}·{arm}" for force in ("N", "kN", "mN", "µN", "kgf", "gf", "lbf", "ozf") for arm in lengths
+    ]
+    for name in (*tuple(TO_SI), *rates, "rpm/s", "krpm", "µN·m", *torques):
+        parsed = parse_unit(name)
+        if parsed is not None and sum(power != 0 for power in parsed.dimension) > 1:
+            key = parsed.dimension, round(math.log(parsed.factor), 3)
+            if key not in COMPOUND:
+                TO_SI.setdefault(name, parsed.factor)
+                COMPOUND[key] = name
+
+
+_put_together()
 # Servos count from the end of their range, with zero in its middle: Dynamixel's X and MX, Feetech's STS over a turn;
 # Dynamixel's AX, Feetech's SCS over 300 degrees (their control tables). Zeros of counts [rad], and how many there are.
 COUNTS = {"counts/1024": (-math.radians(150.0), 1024), "counts/4096": (-math.pi, 4096)}

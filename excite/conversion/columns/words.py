@@ -13,7 +13,9 @@ from excite.conversion.columns.unit_words import (
     UNITS,
     of_both,
     trailing_unit,
+    unit_named,
     without_brackets,
+    without_compound,
 )
 from excite.conversion.columns.vocabulary import (
     COMMANDED,
@@ -27,6 +29,9 @@ from excite.conversion.columns.vocabulary import (
 
 # Where a name changes its case: JointPos, PosFR, FRHip; a single capital letter at an end (tauJ, qD) is no word.
 _CASE = re.compile(r"(?<=[a-z])(?=[A-Z][a-z]|[A-Z]{2})|(?<=[A-Z]{2})(?=[A-Z][a-z])")
+
+
+_OF_JOINTS = frozenset({"q", "v", "a", "tau", "i"})
 
 
 @dataclass(frozen=True)
@@ -60,10 +65,12 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     """What a column's name says of it, beside the names of the robot's joints and the unit that the file states."""
     text, bracketed = without_brackets(name)
     exact, rest = _without_joint(text, joints)
+    if not bracketed:
+        rest, bracketed = without_compound(rest)
     tokens = _without_servos_id(name_tokens(rest))
     numbers = [int(token) for token in tokens if token.isdigit()]
     words = [token for token in tokens if not token.isdigit()]
-    found = UNITS.get(unit.strip().lower()) or bracketed
+    found = unit_named(unit) or bracketed
     # The letter before a number belongs to it: A1 is an axis, no ampere.
     if not found and len(words) > 1 and (not tokens[-1].isdigit() or len(words[-1]) > 1):
         words, found = trailing_unit(words)
@@ -74,6 +81,11 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     words = _joined(words)
     axis = _axis_letter(words)
     quantity = _quantity([word for word in words if word != axis], found, bool(exact or numbers or axis))
+    if quantity in _OF_JOINTS and QUANTITY_OF_UNIT.get(found) == "time":
+        # A letter of a word: ticks/s, the side of a leg.
+        found = ""
+    elif quantity == "v" and found in ("rad", "deg") and f"{found}s" in tokens:
+        found = f"{found}/s"
     left = [w for w in words if w == axis or (w not in OF_WORD and w not in COMMANDED | MEASURED | NOISE)]
     return Clue(
         quantity=quantity,

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
-from excite.conversion.columns.unit_words import UNITS
+from excite.conversion.columns.unit_words import unit_named
 from excite.conversion.sources.stamps import is_stamp
 
 COMMENTS = ("#", "%", "//", ";;", "!")
@@ -196,7 +196,7 @@ def _with_headings(names: list[str], above: list[str], separator: str) -> list[s
 
 def _is_unit(cell: str) -> bool:
     bare = cell.strip().strip("[](){}<>").strip()
-    return not bare or bare.lower() in UNITS or bare.lower() in _OTHER_UNITS
+    return not bare or unit_named(bare) != "" or bare.lower() in _OTHER_UNITS
 
 
 def _unique(names: list[str]) -> list[str]:

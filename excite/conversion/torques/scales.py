@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.doctor.limit_shares import AS_STATED, Share, share_of_limits
+from excite.doctor.mistakes.carried_load import Load, carried_load
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import torque_samples
 from excite.errors import InputError, RobotError
@@ -101,6 +102,11 @@ def scale_notes(robot: Robot, log: Log) -> list[str]:
     if not off:
         return []
     names = ", ".join(f"{joint} {gain:.3g}" for joint, gain in off.items())
+    if load := _load(robot, log):
+        return [
+            f"torques are not those of the nominal masses ({names} times as large), and no scale makes them so as "
+            f"well as a load does: {load.sentence()}; put it into the model if it was there"
+        ]
     cause, line = _cause(off, scales, robot, log)
     return [
         f"torques are not those of the nominal masses ({names} times as large): {cause}; "
@@ -127,11 +133,22 @@ def unknown_scale(robot: Robot, log: Log) -> tuple[str, str] | None:
     if not ((size < 1.0 / _NO_LOAD).all() or (size > _NO_LOAD).all()):
         if not _share_of_limits(gains, robot):
             return None
+    if _load(robot, log) is not None:
+        return None
     cause, line = _cause({joint: scale.gain for joint, scale in told.items()}, scales, robot, log)
     missing = "".join(f", tau.{joint}: FACTOR" for joint in joints if f"{joint}:" not in line)
     if missing and "tau:" not in line:
         line = f"{line[:-1]}{missing}}}"
     return cause, line
+
+
+def _load(robot: Robot, log: Log) -> Load | None:
+    """What is carried, where that explains the torques better than any scale."""
+    try:
+        samples = torque_samples(robot, log)
+    except InputError:
+        return None
+    return None if samples is None else carried_load(samples, Reading.as_stated(log))
 
 
 def _cause(off: dict[str, float], scales: dict[str, Scale], robot: Robot, log: Log) -> tuple[str, str]:

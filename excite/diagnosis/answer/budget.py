@@ -214,10 +214,16 @@ class Budget:
         """The same where nothing in the gap follows anything: how near to the noise it is."""
         if not self.channels:
             return "Nothing was compared."
-        name, most = max(
-            self.channels.items(), key=lambda item: item[1].gap / max(item[1].noise_floor, 1e-300)
-        )
+        # A channel whose gap is no more than its noise has no weight.
+        above = {
+            name: c.gap / max(c.noise_floor, 1e-300) for name, c in self.channels.items() if c.weight > 0.0
+        }
+        if not above:
+            return "No channel's gap stands above its noise on the trials that judge."
+        name = max(above, key=lambda channel: above[channel])
+        most = self.channels[name]
+        there = f"{most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}"
         return (
             "No effect and nothing that a joint does takes a part of the gap of the trials that judge; it stands "
-            f"furthest above the noise at {name}: {most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}."
+            f"furthest above the noise at {name}: {there}, {above[name]:.3g} times as much."
         )

@@ -9,7 +9,7 @@ from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.attribution.evidence import effective_counts
 
 # Power over the floor's, and nats, from which a rest is structured.
-_STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
+STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
 # Share of a torque's deviation, or power in multiples of the floor's, from which a structured rest is a gap.
 _MATTERS, _FAR = 0.02, 8.0
 # Filters and differences are no more exact than this share of a torque's deviation: exact inverse dynamics of a
@@ -34,7 +34,7 @@ def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, .
     # How friction sets in is nobody's model to the last percent: a small rest of that size is no gap.
     excess = np.sqrt(np.maximum(power - floor, 0.0)) / attribution.scale
     matters = (excess > _MATTERS) | ((ratio > _FAR) & (excess > _EXACT))
-    likely = (ratio > _STRUCTURED) & (nats > _STRUCTURED_NATS)
+    likely = (ratio > STRUCTURED) & (nats > _STRUCTURED_NATS)
     # What is different in every trial raises the floor of repeated ones; the white floor does not know it.
     wild = (power > _WILD * spectral**2) & (np.sqrt(power) > _WILD_SHARE * attribution.scale)
     # Nor does its repeat, where only this joint has it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.attribution.structured import structured_joints
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.servo.cycle import Cycle
+from excite.diagnosis.servo.position_floor import position_floor
 from excite.diagnosis.servo.servo import Servo, Signals
 from excite.diagnosis.servo.servo_drive import servo_drive
 from excite.diagnosis.servo.strength import effect_strength, without_faint
@@ -25,6 +27,7 @@ from excite.diagnosis.simulator.rollout_compare import compared
 from excite.diagnosis.simulator.rollout_drives import Drive
 from excite.diagnosis.simulator.rollout_windows import Plan, spans
 from excite.errors import InputError
+from excite.logs.log import Trial
 
 _HORIZON_S = 2.0
 # What each further effect has to take of some joint's squared error.
@@ -39,10 +42,11 @@ class ClosedLoop:
         servo: the servo.
         signals: by trial.
         cycle: when the servo's torques act.
+        logged: its trials as they were logged, by name.
         out: folder for the augmented model.
         rollout: the comparison once it is made.
         deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
-        floor: ``(n_joints,)`` what repeated trials, or the encoders' noise, leave [rad].
+        floor: ``(n_joints,)`` what encoders and what does not repeat leave in filtered positions [rad].
         order: joints in the log's order.
         tracking: steady errors of the servo.
         kept: how many of the accepted effects bring the roll-outs nearer.
@@ -56,6 +60,7 @@ class ClosedLoop:
     servo: Servo
     signals: dict[str, Signals]
     cycle: Cycle
+    logged: Mapping[str, Trial]
     out: Path | None
     rollout: Rollout | None = None
     deviation: Array | None = None
@@ -69,7 +74,7 @@ class ClosedLoop:
         q = samples.stacked("q")[:, list(samples.index)]
         inside = np.concatenate([np.full(len(t.time), t.identification) for t in samples.trials])
         self.deviation = np.maximum(q[inside].std(axis=0), 1e-9)
-        self.floor = _position_floor(baseline)
+        self.floor = position_floor(samples, self.logged, self.order)
         self.strength = max((effect_strength(item) for item in attribution.accepted[:1]), default=np.inf)
         attribution = without_faint(attribution, baseline)
         self.structured = structured_joints(attribution, baseline.solver.equations.floor)
@@ -79,7 +84,7 @@ class ClosedLoop:
         }
         shortest = min(float(t.time[-1]) for t in samples.trials)
         horizon = min(_HORIZON_S, 0.4 * shortest)
-        plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True)
+        plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True, noise=self.floor)
         try:
             comparison = compared(attribution, baseline, plan)
         except InputError as error:
@@ -105,20 +110,3 @@ class ClosedLoop:
     lags: bool = False
     structured: tuple[str, ...] = ()
     spans: tuple[tuple[str, float, float], ...] = ()
-
-
-def _position_floor(baseline: Baseline) -> Array:
-    """RMS of half the difference of repeated trials' positions; of neighbouring samples where there are none."""
-    samples = baseline.samples
-    by_name = {t.name: t for t in samples.trials}
-    squares, count, index = np.zeros(len(samples.joints)), 0, list(samples.index)
-    for t in samples.trials:
-        first = by_name.get(t.repeats or "")
-        if first is not None:
-            n = min(len(t.time), len(first.time))
-            squares += 0.5 * ((t.q[:n, index] - first.q[:n, index]) ** 2).sum(axis=0)
-            count += n
-    if count:
-        return np.sqrt(squares / count)
-    third = np.concatenate([np.diff(t.q[:, index], 3, axis=0) for t in samples.trials])
-    return np.sqrt((third**2).mean(axis=0) / 20.0)

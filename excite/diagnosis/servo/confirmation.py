@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.answer.result import Diagnosis, NextExperiment, Rollout
+from excite.diagnosis.attribution.structured import STRUCTURED
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.servo.witness import Witness
 
@@ -45,7 +47,7 @@ def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
     Args:
         rollout: the comparison.
         deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
-        floor: ``(n_joints,)`` what repeated trials leave [rad].
+        floor: ``(n_joints,)`` noise of the filtered positions [rad].
     """
     names = list(rollout.before)
     before, after = (np.array([x[n] for n in names]) for x in (rollout.before, rollout.after))
@@ -56,6 +58,24 @@ def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
         for n, b, a, f in zip(names, before, after, floor, strict=True)
     }
     return Gap(first, last, least, share_closed(first, last, least), channels)
+
+
+def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
+    """Those of some joints whose roll-outs are off by more than the noise of the positions that they are held against.
+
+    What torques leave there else, a servo that stiff, or encoders that coarse, hide in the positions; the torques are
+    made of the same positions.
+
+    Args:
+        joints: with a rest of their torques that is no noise.
+        gap: of roll-outs.
+    """
+    return tuple(
+        j
+        for j in joints
+        if j in gap.per_channel
+        and gap.per_channel[j].after ** 2 > STRUCTURED * gap.per_channel[j].noise_floor ** 2
+    )
 
 
 def with_twin(result: Diagnosis, estimated: bool, *, lags: bool = False) -> Diagnosis:

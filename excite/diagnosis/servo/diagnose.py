@@ -19,7 +19,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.servo.closed_loop import ClosedLoop
-from excite.diagnosis.servo.confirmation import confirmed, position_gap, with_twin
+from excite.diagnosis.servo.confirmation import above_noise, confirmed, position_gap, with_twin
 from excite.diagnosis.servo.cycle import acting, servo_cycle
 from excite.diagnosis.servo.encoders import servo_effects
 from excite.diagnosis.servo.gains import known_servo
@@ -75,7 +75,7 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     order = [log.header.joints.index(name) for name in samples.joints]
     cycle = servo_cycle(samples, modelled, servo.kd[order], servo.rate_hz)
     asked = tuple(replace(t, tau=acting(signals[t.name], servo, cycle)) for t in trials)
-    closed = ClosedLoop(servo, signals, cycle, out, order=log.header.joints)
+    closed = ClosedLoop(servo, signals, cycle, {t.name: t for t in trials}, out, order=log.header.joints)
 
     def floor_of(samples: ArmSamples) -> Array:
         return servo_floor(samples, servo, order)
@@ -198,6 +198,7 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         return replace(result, warnings=tuple(warnings))
     gap = position_gap(rollout, closed.deviation, closed.floor)
     result = replace(result, gap=gap)
+    unexplained = above_noise(closed.structured, gap)
     faint = closed.strength < EXACT
     if result.verdict in {"effect", "ambiguous"} and (faint or not confirmed(gap, closed.witness)):
         named = " and ".join(f"{e.effect} at {e.location}" for e in result.effects)
@@ -208,7 +209,7 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         )
         warnings.append(f"the servo's torques speak for {named}, {but}")
         # What is no gap without an effect so faint is none with it.
-        silent = faint and not closed.structured
+        silent = faint and not unexplained
         result = replace(
             result,
             verdict="none" if silent else "unknown",
@@ -225,4 +226,10 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
         if result.verdict == "effect":
             result = with_twin(result, guessed, lags=closed.lags)
+    elif result.verdict == "unknown" and result.location in closed.structured:
+        result = replace(
+            result,
+            verdict="unknown" if unexplained else "none",
+            location=unexplained[0] if unexplained else None,
+        )
     return replace(result, warnings=tuple(warnings))

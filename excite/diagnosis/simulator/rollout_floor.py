@@ -10,6 +10,7 @@ from excite.arrays import Array
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.simulator.rollout_drives import LoggedTorque
 from excite.diagnosis.simulator.rollout_windows import Plan
+from excite.logs.signals.butterworth import lowpass, noise_bandwidth
 from excite.logs.signals.spectrum import welch
 
 # Noise of filtered positions is seen between these shares of the filter's cut-off, above the motion.
@@ -48,11 +49,14 @@ def replicated(samples: ArmSamples, plan: Plan, rng: np.random.Generator) -> tup
         Record and plan of the replicas.
     """
     sigma, index = position_noise(samples), list(samples.index)
+    rate, band = samples.rate_hz, samples.bands.kinematics_hz
+    if plan.noise is not None:
+        sigma = plan.noise / np.sqrt(noise_bandwidth(rate, band))
     trials, drives = [], dict(plan.drives)
     for trial in samples.trials:
         drawn = sigma * rng.standard_normal((len(trial.time), len(index)))
         q = trial.q.copy()
-        q[:, index] += drawn
+        q[:, index] += drawn if plan.noise is None else lowpass(drawn, rate, band)
         trials.append(replace(trial, q=q))
         drive = plan.drives[trial.name]
         if plan.torques is not None and isinstance(drive, LoggedTorque):

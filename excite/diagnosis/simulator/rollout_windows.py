@@ -40,6 +40,7 @@ class Plan:
         torques: what drives them where that is the log's torques.
         least_gain: share of some joint's squared error that each effect after the first has to take away.
         all_effects: whether errors with all effects are wanted where some do not help.
+        noise: ``(n_joints,)`` standard deviation of the filtered positions' noise [rad or m]; None where it is unknown.
     """
 
     horizon_s: float
@@ -52,6 +53,7 @@ class Plan:
     torques: DrivingTorques | None = None
     least_gain: float = 0.0
     all_effects: bool = False
+    noise: Array | None = None
 
 
 def torque_plan(samples: ArmSamples) -> Plan:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from excite.doctor.check import Check, Outcome
 from excite.doctor.misreadings import LEAST_GAIN, Misreading, misreadings
+from excite.doctor.mistakes.carried_load import carried_load
 from excite.doctor.mistakes.registry import OF_TORQUES, OF_WRENCHES
 from excite.doctor.reading import Reading
-from excite.doctor.torque_samples import torque_samples
+from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import Finding
 from excite.logs.log import Log
@@ -53,8 +55,24 @@ def _read(robot: Robot, log: Log) -> _Read:
     elif log.header.torque not in {None, "none"}:
         torques = torque_samples(robot, log)
         if torques is not None:
-            return _Read(*misreadings(torques, stated, OF_TORQUES), torques.measured_name)
+            return _Read(*_of_torques(torques, stated), torques.measured_name)
     return _Read(stated, (), "")
+
+
+def _of_torques(samples: TorqueSamples, stated: Reading) -> tuple[Reading, tuple[Misreading, ...]]:
+    """What torques betray; beside a load where that explains them better than the first mistake would.
+
+    A load of a robot's own weight is no likely body: torques of an arm that carried one were scaled, and without that
+    its clock looked fast.
+    """
+    reading, found = misreadings(samples, stated, OF_TORQUES)
+    load = carried_load(samples, stated) if found else None
+    if load is None:
+        return reading, found
+    loaded = replace(samples, carried=load.parameters)
+    if float((samples.judged(stated) - loaded.judged(stated)).sum()) <= found[0].gain:
+        return reading, found
+    return misreadings(loaded, stated, OF_TORQUES)
 
 
 def _as_logged(reading: Reading, found: tuple[Misreading, ...]) -> Reading:

@@ -1,48 +1,13 @@
-"""Rows that a logger repeated, lost or wrote out of order."""
+"""Rows that a logger stamped twice, lost or wrote out of order."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-
-import numpy as np
-from numpy.typing import NDArray
 
 from excite.doctor.check import Check, Outcome
 from excite.finding import Finding, listed
-from excite.logs.log import Cleaning, Log, Trial
+from excite.logs.log import Cleaning, Log
 from excite.robot.robot import Robot
-
-
-class HeldRows(Check):
-    """Rows in which every measured channel repeats the row before: a logger that read the same packet twice."""
-
-    kinds = ("repeated_rows",)
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        held = {trial.name: _held(trial) for trial in log.trials}
-        count = {name: int(rows.sum()) for name, rows in held.items() if rows.any()}
-        if not count:
-            return Outcome(log)
-        trials = tuple(t.rows(~held[t.name]) if t.name in count else t for t in log.trials)
-        rows = sum(count.values())
-        finding = Finding(
-            "repeated_rows",
-            f"{rows} rows repeat the row before, in {_in(count)}: the logger read the same packet twice",
-            {"rows": float(rows)},
-            repaired=True,
-            remedy="they are left out",
-            trials=tuple(count),
-        )
-        return Outcome(replace(log, trials=trials), (finding,))
-
-
-def _held(trial: Trial) -> NDArray[np.bool_]:
-    measured = [v for v in (trial.q, trial.tau, trial.current, *trial.wrenches.values()) if v is not None]
-    same = np.all(np.diff(np.hstack(measured), axis=0) == 0.0, axis=1)
-    moving = np.abs(np.diff(trial.q, axis=0)).max(axis=1)
-    # What stands and is read without noise repeats itself by right.
-    return np.concatenate([[False], same & (np.median(moving) > 0.0)])
 
 
 class CountedRows(Check):

@@ -1,0 +1,129 @@
+"""The step of a sensor whose readings a file has rounded to its own, finer grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.arrays import Array
+
+# Cells of the file's grid that are looked at, more where they hold fewer levels than tell a period.
+_CELLS, _MOST_CELLS, _LEVELS = 2**16, 2**20, 30
+# Frequencies between two of the transform's, so that the height of a peak between them is seen to 3 %.
+_FINER = 4
+# Levels that rounding moves by up to half a cell g cohere by sin(πg/s)/(πg/s), 0.64 at a step s of two cells.
+_COHERENT = 0.6
+# Fewer steps in the stretch that is looked at are its own shape.
+_FEWEST_STEPS = 12
+# Peaks that are tried, from the longest period: a step has overtones.
+_TRIED = 8
+# Rounding moves a level by half a cell; the line that is fitted to all is off by up to 0.03 of one where a step's
+# fractions of a cell repeat themselves (140 steps of encoders of 12 to 18 bits in 3 to 7 digits).
+_ROUNDED = 0.6
+# Levels of text are exact to a few units of double precision; the finest grid looked for, as a share of the largest.
+_EXACT, _FINEST = 1e-15, 1e-10
+# A remainder this near to zero or to a cell, in cells, that its own error may have made tells nothing.
+_TOLD = 0.1
+# Shortest distances, whose grid is nearly always that of all, and how often others are taken in.
+_SHORTEST, _PASSES = 64, 8
+
+
+def cell_of(levels: Array) -> float:
+    """Largest number of which all levels are multiples apart, to double precision; 0 where there is none.
+
+    Args:
+        levels: ``(n,)`` different values, sorted.
+    """
+    distance, error = np.diff(levels), _EXACT * float(np.abs(levels[[0, -1]]).max())
+    few = np.sort(distance)[:_SHORTEST]
+    for _ in range(_PASSES):
+        cell = _common(few, error)
+        if cell <= 0.0:
+            return 0.0
+        off = np.abs(distance - cell * np.rint(distance / cell))
+        odd = off > _TOLD * cell
+        if not odd.any():
+            return cell
+        few = np.append(few, distance[odd].min())
+    return 0.0
+
+
+def _common(distance: Array, error: float) -> float:
+    """Greatest common divisor of distances that are each off by ``error``, by Euclid's algorithm; 0 for none."""
+    cell, own = float(distance.min()), error
+    while cell > _FINEST / _EXACT * error:
+        count = np.rint(distance / cell)
+        off, bound = np.abs(distance - cell * count), own * count + error
+        rest = np.flatnonzero(off > bound)
+        if not len(rest):
+            # A mean over all that are short enough is as exact as they are together.
+            near = bound < _TOLD * cell
+            return float(distance[near].sum() / count[near].sum()) if near.any() else 0.0
+        least = rest[np.argmin(off[rest])]
+        cell, own = float(off[least]), float(bound[least])
+        if own > _TOLD * cell:
+            return 0.0
+    return 0.0
+
+
+def rounded_step(levels: Array, cell: float) -> float:
+    """Step of the sensor of whose levels all are the roundings to the file's grid; ``cell`` where there is none.
+
+    Levels of a sensor with the step ``s`` are ``start + s k``; the file holds its cells that are nearest to them.
+    Such levels, in cells, cohere at the frequency ``cell/s``. A step that is found so is believed where every level is
+    within half a cell of a multiple of its own, which chance does with ``(cell/s)^n``.
+
+    Args:
+        levels: ``(n,)`` different values, sorted.
+        cell: of which all levels are multiples apart, same unit.
+    """
+    number = np.rint((levels - levels[0]) / cell)
+    few = _densest(number)
+    if len(few) < _LEVELS:
+        return cell
+    cells = int(few[-1] - few[0]) + 1
+    size = _FINER * 2 ** int(np.ceil(np.log2(cells)))
+    there = np.zeros(size)
+    there[(few - few[0]).astype(np.intp)] = 1.0
+    coherence = np.abs(np.fft.rfft(there)) / len(few)
+    high = np.flatnonzero(coherence > _COHERENT)
+    high = high[high >= _FEWEST_STEPS * size / cells]
+    peaks = [k for k in high if coherence[k] == coherence[max(k - _FINER, 0) : k + _FINER + 1].max()]
+    for k in peaks[:_TRIED]:
+        step = _fitted(number, few, size / float(k))
+        if step > 0.0:
+            return step * cell
+    return cell
+
+
+def _densest(number: Array) -> Array:
+    """Levels in the stretch of few cells that holds most of them, or in a longer one if these are too few."""
+    cells = _CELLS
+    while True:
+        last = np.searchsorted(number, number + cells)
+        first = int(np.argmax(last - np.arange(len(number))))
+        few = number[first : last[first]]
+        if len(few) >= _LEVELS or cells >= _MOST_CELLS or len(few) == len(number):
+            return few
+        cells *= 4
+
+
+def _fitted(number: Array, few: Array, period: float) -> float:
+    """The period of all levels [cells], from one that holds for a few; 0 where one is off its multiple's rounding."""
+    start = float(few[0])
+    low, high = float(few[0]), float(few[-1])
+    while True:
+        inside = number[(number >= low) & (number <= high)]
+        if len(inside) < _LEVELS:
+            return 0.0
+        # The second time from a period that no longer misplaces a level at an end.
+        for _ in range(2):
+            count = np.rint((inside - start) / period)
+            period, start = np.polyfit(count, inside, 1)
+        if (np.diff(count) < 1.0).any():
+            return 0.0
+        if np.abs(inside - start - period * count).max() > _ROUNDED:
+            return 0.0
+        if len(inside) == len(number):
+            return float(period)
+        span = high - low
+        low, high = low - span, high + span
