@@ -46,7 +46,7 @@ def coarse_step(values: Array, noise: float) -> float:
     inner = levels[1:-1] if len(levels) > 10 else levels
     least = 0.0 if few else _COARSE * noise
     cell = cell_of(inner)
-    step = rounded_step(inner, cell) if cell > 0.0 else 0.0
+    step = rounded_step(inner, cell, least) if cell > 0.0 else 0.0
     if step > 1.5 * cell:
         return step if step >= least else 0.0
     return _common_step(inner, least)
