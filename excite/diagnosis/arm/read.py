@@ -91,7 +91,10 @@ class Reading:
         rivals, (first,) = self._rivals(kept[0]), stages[0].ranking
         beside = tuple(scored for scored, _ in rivals)
         others = (self._terms[item.effect, item.location] for item in kept[1:])
-        listed = (first, *beside, *self._scored((*others, *self._likely)))[:_LISTED]
+        # Rivals stand beside the friction that was found, what is likely alone beside that which the gap has bent.
+        known = {(scored.name, scored.location) for scored in beside}
+        likely = (term for term in self._likely if term.key not in known)
+        listed = (first, *beside, *self._scored((*others, *likely)))[:_LISTED]
         stages[0] = replace(stages[0], ranking=listed)
         after = replace(
             self._nothing,

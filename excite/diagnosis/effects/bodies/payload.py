@@ -76,6 +76,7 @@ class Payload(Effect):
     )
     confusable_with = ("link_inertia", "torque_gain")
     separating_motion = "the same motion without the load; wide wrist motion for the place"
+    without_motion = "the same motion without the load, or a scale"
     mujoco = "body mass, pos and inertia"
     moves = True
     by_motion = True
