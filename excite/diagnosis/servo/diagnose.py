@@ -224,5 +224,5 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         result = replace(result, effects=result.effects[: max(closed.kept, 1)])
         guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
         if result.verdict == "effect":
-            result = with_twin(result, guessed, lags=closed.lags)
+            result = with_twin(result, guessed, lags=closed.lags, delay=closed.delay)
     return replace(result, warnings=tuple(warnings))
