@@ -44,7 +44,10 @@ class Candidate(Block):
     )
     evidence: Maybe = Field(description="log-likelihood ratio less the price of its parameters [nats]")
     gap_after: MaybePositive = Field(description="gap with it, as share of the signal [no unit]")
-    share_closed: Maybe = Field(description="share of the gap above the noise that it closes")
+    share_closed: Maybe = Field(
+        description="share of the gap above the noise that it closes: of the torques, or wrenches, on the trials that "
+        "judge; an accepted effect together with those before it, every other one alone"
+    )
     tied_locations: Names = Field(default=[], description="places that the data cannot tell from its own")
     probability: MaybePositive = Field(
         default=None, description="that this is the effect and the place; null where it was not computed"

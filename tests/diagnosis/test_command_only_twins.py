@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.attribution.attribution import Attribution, Stage
@@ -41,6 +41,13 @@ def test_a_wrong_gain_is_taken_for_inertia_only_where_gains_were_estimated(
     result = with_twin(named(effect), estimated)
     assert result.verdict == ("ambiguous" if tied else "effect")
     assert {item.effect for item in result.candidates[: result.n_tied]} == tied
+
+
+def test_a_delay_in_the_place_of_a_lag_has_its_own_size() -> None:
+    result = with_twin(named("actuator_lag"), False, delay=Estimate(0.006, 1e-4, "s"))
+    lag, delay = result.ambiguous_with
+    assert (lag.effect, lag.parameters) == ("actuator_lag", {})
+    assert (delay.effect, delay.parameters) == ("time_delay", {"delay": Estimate(0.006, 1e-4, "s")})
 
 
 def test_noise_of_encoders_is_no_error_of_a_simulator() -> None:

@@ -110,3 +110,16 @@ def test_of_several_axes_the_one_that_is_not_zero_is_told():
     assert sized(bias) == "sensor bias at foot (ty 3.8 ± 0.1 N·m)"
     body = {"mass": Estimate(1.2, 0.1, "kg"), "mx": Estimate(0.3, 0.001, "kg·m")}
     assert sized(Candidate("payload", "hand", body, 1.0, 0.0, 1.0)) == "payload at hand (1.2 ± 0.1 kg)"
+
+
+@pytest.mark.parametrize(
+    ("unit", "of", "headline"), [("N·m", "the whole", "gap"), ("rad", "servo", "gap of the positions")]
+)
+def test_what_closed_means_is_said(two_effects: Diagnosis, unit: str, of: str, headline: str) -> None:
+    """Without torques the gap is one of positions, and what each effect closes one of the servo's torques."""
+    gap = replace(two_effects.gap, per_channel={"a": ChannelGap(2.0, 0.5, 0.4, unit)})
+    said = replace(two_effects, gap=gap).summary().splitlines()
+    assert f"closes 98 % of the {headline} above the noise" in said[0]
+    note = next(line for line in said if line.startswith("(closed:"))
+    assert of in note
+    assert "together with those before it, every other one alone" in note

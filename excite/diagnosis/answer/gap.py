@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,6 +44,11 @@ class Gap:
     share_closed: float
     per_channel: dict[str, ChannelGap]
     interval: tuple[float, float] | None = None
+
+    @property
+    def of_positions(self) -> bool:
+        """Whether it is a gap of positions, in roll-outs, as that of a log without torques is."""
+        return of_positions(item.unit for item in self.per_channel.values())
 
     def to_json(self) -> dict[str, Any]:
         """The gap as it stands in the document."""
@@ -92,6 +98,25 @@ class Where:
             "band_hz": list(self.band_hz),
             "dependence": dict(self.dependence),
         }
+
+
+def of_positions(units: Iterable[str]) -> bool:
+    """Whether a gap whose channels have these units is one of positions."""
+    found = set(units)
+    return bool(found) and found <= {"rad", "m"}
+
+
+def closed_in_words(positions: bool) -> str:
+    """What is meant by what each effect of a list closes.
+
+    Args:
+        positions: whether the gap is one of positions.
+    """
+    of = "the torques that the servo asks for, not of the positions" if positions else "the whole"
+    return (
+        f"closed: share of the gap of {of}, above the noise, on the trials that judge; an accepted effect "
+        "together with those before it, every other one alone"
+    )
 
 
 def share_closed(before: float, after: float, floor: float) -> float:

@@ -10,7 +10,7 @@ from excite.diagnosis.answer.absorbed import Absorbed
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, percent, sized
 from excite.diagnosis.answer.curves import Curves
-from excite.diagnosis.answer.gap import Gap, Where
+from excite.diagnosis.answer.gap import Gap, Where, closed_in_words
 from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.diagnosis.answer.rollout_path import RolloutPath
 from excite.diagnosis.answer.tables import (
@@ -201,7 +201,8 @@ class Diagnosis(Tabled):
     def sentence(self) -> str:
         """The one sentence that a person would repeat to a colleague."""
         gap = f"{percent(self.gap.before)} of the signal"
-        closes = f"closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
+        of = "gap of the positions" if self.gap.of_positions else "gap"
+        closes = f"closes {100 * self.gap.share_closed:.0f} % of the {of} above the noise"
         # A body that is heavier than in the file has been taken up then, and is no gap.
         fitted = ", its bodies fitted to the record," if "rigid_body" in self.modelled else ""
         if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
@@ -228,7 +229,8 @@ class Diagnosis(Tabled):
         if len(self.tied_locations) > 1:
             lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
         lines += [*gap_table(self.gap, self.where), *baseline_lines(self.modelled)]
-        lines += ["", *effect_table(self.effects, self.candidates, self.ambiguous_with)]
+        listed = effect_table(self.effects, self.candidates, self.ambiguous_with)
+        lines += ["", *listed, *([f"({closed_in_words(self.gap.of_positions)})"] if listed else [])]
         if self.budget is not None:
             lines += ["", *budget_lines(self.budget, self.gap, self.modelled)]
         lines += trivial_table(self.trivial)

@@ -91,7 +91,10 @@ class Reading:
         rivals, (first,) = self._rivals(kept[0]), stages[0].ranking
         beside = tuple(scored for scored, _ in rivals)
         others = (self._terms[item.effect, item.location] for item in kept[1:])
-        listed = (first, *beside, *self._scored((*others, *self._likely)))[:_LISTED]
+        # Rivals stand beside the friction that was found, what is likely alone beside that which the gap has bent.
+        known = {(scored.name, scored.location) for scored in beside}
+        likely = (term for term in self._likely if term.key not in known)
+        listed = (first, *beside, *self._scored((*others, *likely)))[:_LISTED]
         stages[0] = replace(stages[0], ranking=listed)
         after = replace(
             self._nothing,
@@ -194,14 +197,16 @@ class Reading:
         # Friction on other bristles, or on none, has other columns.
         other = term.effect.friction and baseline.signs != term.context.baseline.signs
         made = hypothesis_of(term, baseline, term.context if named and not other else None)
+        if made is None:
+            return None
         if made.effect.along:
             # Play before friction is told by rows near standstill, which count here and hardly in the model of the gap.
             made = Search(Context(made.baseline), made.baseline.solver).refine(made)
         return self.scorer.scored(baseline.fit, made, nats) if made.physical else None
 
 
-def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None) -> Hypothesis:
-    """A term of the model in the equations of a baseline.
+def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None) -> Hypothesis | None:
+    """A term of the model in the equations of a baseline; None where it is no body that can exist there.
 
     Args:
         term: the term.
@@ -216,7 +221,8 @@ def hypothesis_of(term: Term, baseline: Baseline, made_at: Context | None = None
     # Free parameters of a body may be those of none that can exist.
     if term.direction is None or term.effect.possible(term.context, term.location, fit.extra):
         return made
-    return along(made, term.direction)
+    made = along(made, term.direction)
+    return made if term.effect.possible(term.context, term.location, made.fit.extra) else None
 
 
 def _second_name(item: Scored, final: Baseline) -> str | None:

@@ -21,6 +21,10 @@ from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.effect import Effect
 
+# Share of a column's power below which what a model leaves of it is rounding: products of columns have 16 digits, and
+# the inverse of the model's has lost half of them.
+_ROUNDING = 1e-7
+
 
 def body(beside: Beside, maker: TermMaker, effect: Effect, location: str) -> Term | None:
     """One column for the body at a link that says most beside a model; None where no body says anything.
@@ -34,13 +38,31 @@ def body(beside: Beside, maker: TermMaker, effect: Effect, location: str) -> Ter
     whole = maker.make(effect, location, ())
     if whole is None:
         return None
-    left, slope = beside.information(whole)
+    told, estimate = _told(beside.model, whole)
     kept, size = list(whole.kept), len(effect.linear)
-    information, target = np.diag(1.0 / effect.widths**2), np.zeros(size)
-    information[np.ix_(kept, kept)] += left / np.outer(whole.scale, whole.scale)
-    target[kept] = slope / whole.scale
+    information, value = np.diag(1.0 / effect.widths**2), np.zeros(size)
+    information[np.ix_(kept, kept)] += told / np.outer(whole.scale, whole.scale)
+    value[kept] = estimate * whole.scale
+    target = information @ value
     found = effect.nearest_body(maker.context, location, information, target)
     return None if found is None else _along(whole, found)
+
+
+def _told(model: Model, whole: Term) -> tuple[Array, Array]:
+    """What rows tell of a body's free parameters beside a model's, ``(size, size)``, and the parameters ``(size,)``.
+
+    As what is left with the body weighs the rows: beside all that it takes, what a body is like a priori would count.
+    """
+    terms = (*model.terms, whole)
+    free = fit(Design(model.design.rows, terms), range(len(terms)), model.weight, left_out=False)
+    first = free.layout.begin[-1]
+    here, others = slice(first, first + whole.size), np.r_[0:first]
+    inner, cross = free.normal[here, here] - np.diag(whole.precision), free.normal[others, here]
+    left = inner - cross.T @ np.linalg.solve(free.normal[np.ix_(others, others)], cross)
+    values, vectors = np.linalg.eigh(0.5 * (left + left.T))
+    # A difference of rounding errors may be less than nothing.
+    kept = vectors[:, values > _ROUNDING * np.diag(inner).max()]
+    return kept @ (kept.T @ left @ kept) @ kept.T, free.x[here]
 
 
 def bodies_at(places: Iterable[tuple[Effect, str]], beside: Beside, maker: TermMaker) -> list[Term]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.joint_fit import Model
@@ -73,15 +74,26 @@ def nats_between(one: Model, other: Model) -> float:
 def nats_alike(without: Model, one: Model, other: Model) -> float:
     """What a model gains over one without a term, in the effective samples by which another is compared with it.
 
-    Nothing where the other surely lacks, at some joint, most of what the model gains there. A joint that is not
-    explained leaves so much that is alike that it counts few samples, beside all those of joints where both say the
-    same: of two arms on a tilted base the offset of one arm's first encoder explains one.
+    Nothing where the other lacks most of it at some joint. A joint that is not explained leaves so much that is alike
+    that it counts few samples, beside all those of joints where both say the same: of two arms on a tilted base the
+    offset of one arm's first encoder explains one.
     """
+    gained, lacked = _gained_and_lacked(without, one, other)
+    return 0.0 if _surely(gained, lacked).any() else float(gained.sum())
+
+
+def lacks(without: Model, one: Model, other: Model) -> tuple[int, ...]:
+    """Joints at which a model surely lacks most of what one gains there over one without a term."""
+    return tuple(np.flatnonzero(_surely(*_gained_and_lacked(without, one, other))).tolist())
+
+
+def _gained_and_lacked(without: Model, one: Model, other: Model) -> tuple[Array, Array]:
     share = other.share_beside(one)
-    gained, lacked = _nats(share, without, one), _nats(share, other, one)
-    if ((lacked > THRESHOLDS.rival) & (lacked > THRESHOLDS.most * gained)).any():
-        return 0.0
-    return float(gained.sum())
+    return _nats(share, without, one), _nats(share, other, one)
+
+
+def _surely(gained: Array, lacked: Array) -> NDArray[np.bool_]:
+    return (lacked > THRESHOLDS.rival) & (lacked > THRESHOLDS.most * gained)
 
 
 def _nats(share: Array, one: Model, other: Model) -> Array:

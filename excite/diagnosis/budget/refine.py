@@ -14,6 +14,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
 from excite.diagnosis.budget.prediction import predicted
+from excite.diagnosis.budget.rivals.trifles import terms_of
 from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.context import Context
@@ -142,11 +143,11 @@ def refined_terms(
             if forms:
                 term = replace(Refiner(maker).refined(beside_others(search, k), term, forms), started=True)
             kept.append(term)
-            near += [terms[tried.index] for tried in search.rivals.get(k, ())]
+            near += terms_of(search.rivals.get(k, ()), terms)
             continue
         own = TermMaker(now.without(k), full.strict)
         beside = beside_others(search, k)
-        near += [terms[tried.index] for tried in search.rivals.get(k, ())]
+        near += terms_of(search.rivals.get(k, ()), terms)
         if term.effect.is_body:
             made = bodies_at(library.bodies(own.context), beside, own)
             # A body of some trials and one of all have the same name.

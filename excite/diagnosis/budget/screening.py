@@ -27,12 +27,14 @@ class Tried:
         model: with it.
         merit: what it gains.
         behind: of a rival, how far it is behind, in units of what counts as alike.
+        trifles: small effects at other joints that come with it.
     """
 
     index: int
     model: Model
     merit: Merit
     behind: float = 0.0
+    trifles: tuple[Tried, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

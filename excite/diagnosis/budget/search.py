@@ -20,6 +20,7 @@ from excite.diagnosis.budget.evidence import (
 )
 from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.rivals.trifles import with_trifles
 from excite.diagnosis.budget.screening import Tried, one_each, screened
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
@@ -108,9 +109,8 @@ class Search:
 
     def _best_of_screening(self) -> list[Tried]:
         """Those that pass, best first."""
-        ranking = screened(self.model, self.allowed(self.model))
-        ranking = [item for item in ranking if self.can_be(item.index, item.x)]
-        ranking = one_each(self.design, ranking)
+        found = screened(self.model, self.allowed(self.model))
+        ranking = one_each(self.design, [s for s in found if self.can_be(s.index, s.x)])
         for batch in range(_BATCHES):
             part = ranking[batch * _FITTED : (batch + 1) * _FITTED]
             passing = self._passing([item.index for item in part])
@@ -171,7 +171,7 @@ class Search:
                 alike = simple and gain > -width and self._same_place(best.index, k)
                 if not keep or alike or gain > (THRESHOLDS.rival if self.settles else width):
                     self.model = best.model
-                    self.merits[best.index] = best.merit
+                    self.merits |= {t.index: t.merit for t in (best, *best.trifles)}
                     continue
             if not keep:
                 self.model = without
@@ -182,11 +182,8 @@ class Search:
             self.rivals[k] = [t for t in behind if t.behind < 1.0]
 
     def _ahead(self, item: Tried, k: int) -> float:
-        """Nats that a model with another term has over the one with a term, their prices taken off.
-
-        Against what one and the same of them leaves: that of the worse may look more like noise.
-        """
-        cost = price_of(self.design.terms[item.index], self.candidates)
+        """Nats that another term has over the one in the model, against what the worse leaves, less their prices."""
+        cost = sum(price_of(self.design.terms[t.index], self.candidates) for t in (item, *item.trifles))
         return nats_between(self.model, item.model) + price_of(self.design.terms[k], self.candidates) - cost
 
     def _width(self, without: Model, item: Tried) -> float:
@@ -198,11 +195,12 @@ class Search:
         term = self.design.terms[k]
         allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key and i != k]
         joints = set(term.columns) if term.own is None else {term.own}
-        ranking = screened(without, allowed)
-        ranking = [item for item in ranking if self.can_be(item.index, item.x)]
+        ranking = [s for s in screened(without, allowed) if self.can_be(s.index, s.x)]
         near = [item for item in one_each(self.design, ranking) if item.joint in joints]
-        made = [self.try_beside(without, item.index) for item in near[:_SWAPPED]]
-        return [item for item in made if item is not None and not self._patches(without, item)]
+        tried = (self.try_beside(without, item.index) for item in near[:_SWAPPED])
+        made = [item for item in tried if item is not None and not self._patches(without, item)]
+        wide = len(term.columns) > 1
+        return [with_trifles(self, t, without) if wide else t for t in made]
 
     def _same_place(self, a: int, b: int) -> bool:
         """Whether two terms are at one place: the simpler one is preferred there, not a simpler one elsewhere."""

@@ -65,6 +65,7 @@ class Effect(ABC):
         searched: its non-linear parameters, in the order of ``theta``.
         confusable_with: effects that can look alike.
         separating_motion: what motion or measurement tells them apart.
+        without_motion: what tells them apart where no motion does; empty where nothing is known to.
         mujoco: how a MuJoCo model expresses it, in words; :meth:`in_mujoco` does it.
         note: what a model leaves to its runner; None where that is nothing.
         term: the term of a baseline's drives that it is; None where it is none.
@@ -93,6 +94,7 @@ class Effect(ABC):
     searched: ClassVar[tuple[Parameter, ...]] = ()
     confusable_with: ClassVar[tuple[str, ...]] = ()
     separating_motion: ClassVar[str] = ""
+    without_motion: ClassVar[str] = ""
     mujoco: ClassVar[str] = ""
     moves: ClassVar[bool] = False
     friction: ClassVar[bool] = False

@@ -12,6 +12,7 @@ from excite.diagnosis.attribution.attribution import Attribution, Scored
 from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.next_experiment.any_motion import alike_in_any
 
 if TYPE_CHECKING:
     from excite.diagnosis.next_experiment.choice import Proposal
@@ -43,21 +44,26 @@ def advice(
     separates = [f"{best.name}@{best.location}", *([f"{second}@{best.location}"] if second else [])]
     separates += [f"{item.name}@{item.location}" for item in others]
     said = []
+    file = None
     if others:
-        proposal = file = None
+        floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
+        alike = alike_in_any(baseline, [best, *others], floor)
+        twins = [item for item, same in zip(others, alike, strict=True) if same]
+        others = [item for item, same in zip(others, alike, strict=True) if not same]
+        if twins:
+            said.append(_of_no_motion(best, twins))
+    if others:
+        proposal = None
         untold = ""
         if out is not None:
             # The filter, its checks and the generators, for the few records that leave something open.
             from excite.diagnosis.next_experiment.candidates import touching  # lazy: coal
             from excite.diagnosis.next_experiment.choice import propose, written  # lazy: pyarrow
 
-            floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
             proposal = propose(baseline, [best, *others], floor, seed=0)
             file = None if proposal is None else written(proposal, out)
             untold = _no_motion(touching(baseline.samples)) if proposal is None else ""
         said.append(_of_motion(best, others, proposal, file, untold))
-    else:
-        file = None
     if second is not None:
         said.append(
             f"{_words(best.name)} and {_words(second)} at {best.location} are one and the same in any motion; "
@@ -101,6 +107,14 @@ def _of_motion(
     if proposal.caution:
         text += f"; {proposal.caution}"
     return f"{text} (also: {told})"
+
+
+def _of_no_motion(best: Scored, others: list[Scored]) -> str:
+    names = [_place(best), *(_place(item) for item in others)]
+    hints = dict.fromkeys(item.hypothesis.effect.without_motion for item in (best, *others))
+    told = "; ".join(hint for hint in hints if hint)
+    alike = f"{', '.join(names[:-1])} and {names[-1]} look alike in any motion of these joints"
+    return f"{alike}; what tells them apart: {told}" if told else alike
 
 
 def _place(item: Scored) -> str:

@@ -10,11 +10,13 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.atomic import write_text
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.answer.result import Rollout
 from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.attribution.structured import structured_joints
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.servo.cycle import Cycle
+from excite.diagnosis.servo.late_command import delay_for_lag
 from excite.diagnosis.servo.position_floor import position_floor
 from excite.diagnosis.servo.servo import Servo, Signals
 from excite.diagnosis.servo.servo_drive import servo_drive
@@ -53,6 +55,7 @@ class ClosedLoop:
         strength: RMS of the first effect's torque over all torque's deviation, at the joint where it is most.
         structured: joints with a gap that effects strong enough leave.
         lags: whether the first effect is a lag and clearly no delay.
+        delay: the delay that stands in its place; None where it is no lag.
         spans: pieces of trials that were simulated.
         witness: what roll-outs say of the accepted effects; None where there are none.
     """
@@ -79,6 +82,7 @@ class ClosedLoop:
         attribution = without_faint(attribution, baseline)
         self.structured = structured_joints(attribution, baseline.solver.equations.floor)
         self.lags = clearly_lags(attribution)
+        self.delay = delay_for_lag(attribution, self.servo, self.signals, self.cycle, order)
         drives: dict[str, Drive] = {
             t.name: servo_drive(self.signals[t.name], self.servo, self.cycle, order) for t in samples.trials
         }
@@ -108,5 +112,6 @@ class ClosedLoop:
     strength: float = np.inf
     witness: Witness | None = None
     lags: bool = False
+    delay: Estimate | None = None
     structured: tuple[str, ...] = ()
     spans: tuple[tuple[str, float, float], ...] = ()

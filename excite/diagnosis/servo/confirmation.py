@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.answer.result import Diagnosis, NextExperiment, Rollout
 from excite.diagnosis.attribution.structured import STRUCTURED
+from excite.diagnosis.effects.readings.time_delay import TimeDelay
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.servo.witness import Witness
 
@@ -78,7 +79,9 @@ def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
     )
 
 
-def with_twin(result: Diagnosis, estimated: bool, *, lags: bool = False) -> Diagnosis:
+def with_twin(
+    result: Diagnosis, estimated: bool, *, lags: bool = False, delay: Estimate | None = None
+) -> Diagnosis:
     """Ambiguous where another name means the same without torque.
 
     Args:
@@ -86,6 +89,7 @@ def with_twin(result: Diagnosis, estimated: bool, *, lags: bool = False) -> Diag
         estimated: whether gains were estimated: inertia and braking that a joint lacks, or has too
             much, are a wrong gain then.
         lags: whether a lag is clearly no delay.
+        delay: what a delay in the place of a lag would be.
     """
     first = result.effects[0]
     effect = EFFECTS[first.effect]
@@ -93,6 +97,8 @@ def with_twin(result: Diagnosis, estimated: bool, *, lags: bool = False) -> Diag
     twins = [replace(first, effect=name) for name in (*names, *(effect.twins_of_a_gain if estimated else ()))]
     if not twins:
         return result
+    if delay is not None:
+        twins = [replace(t, parameters={"delay": delay}) if t.effect == TimeDelay.name else t for t in twins]
     rest = tuple(c for c in result.candidates if (c.effect, c.location) != (first.effect, first.location))
     tied: tuple[Candidate, ...] = (first, *twins)
     said = " and ".join(c.effect.replace("_", " ") for c in tied)

@@ -225,7 +225,7 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         result = replace(result, effects=result.effects[: max(closed.kept, 1)])
         guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
         if result.verdict == "effect":
-            result = with_twin(result, guessed, lags=closed.lags)
+            result = with_twin(result, guessed, lags=closed.lags, delay=closed.delay)
     elif result.verdict == "unknown" and result.location in closed.structured:
         result = replace(
             result,

@@ -132,11 +132,6 @@ class Beside:
             changes.append(moved + term.columns[j][use] @ x if j in term.columns else moved)
         return changes
 
-    def information(self, term: Term) -> tuple[Array, Array]:
-        """Normal matrix ``(size, size)`` of a term's parameters beside the model's, and their right side."""
-        made = self._products(term)
-        return made.left, made.slope
-
     def _products(self, term: Term) -> _Products:
         """A term's products with its own columns, the rest and the model's columns."""
         m = self.model

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
+from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve
 
 # Sizes of mass, first moments and moments of inertia, by which the solver scales: a kilogram within a hand's breadth.
 _SIZES = np.array([1.0, *[0.1] * 3, *[0.01] * 6])
+# Rounding of a solver by which a body's least second moment may lie below zero, as a share of its largest.
+_ROUNDING = 1e-6
 # By entry of the inertia in the order xx, xy, yy, xz, yz, zz: its second moments ∫ r rᵀ dm are ½ tr(I) 1 − I.
 _INERTIA = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
@@ -38,6 +41,26 @@ def likeliest_body(information: Array, target: Array, reach: float, removable: f
         if value < best:
             best, found = value, sign * answer
     return found
+
+
+def exists(body: Array, reach: float, removable: float) -> bool:
+    """Whether ten parameters are those of a body as :func:`likeliest_body` finds them, of whatever likelihood.
+
+    Args:
+        body: ``(10,)``, all negative where it is taken away.
+        reach: largest distance of its parts from the joint [m].
+        removable: mass that a link has to lose [kg].
+    """
+    added = body if body[0] > 0.0 else -body
+    if not added[0] > 0.0 or -body[0] > removable * (1.0 + _ROUNDING):
+        return False
+    # In units of the reach, mass and second moments are alike.
+    sizes = np.array([1.0, *[reach] * 3, *[reach**2] * 6])
+    values = np.linalg.eigvalsh(pseudo_inertia_matrices(added / sizes))
+    spread = 0.5 * float(added[4] + added[6] + added[9])
+    return bool(
+        values.min() >= -_ROUNDING * values.max() and spread <= reach**2 * added[0] * (1.0 + _ROUNDING)
+    )
 
 
 def _body(information: Array, target: Array, reach: float, most: float) -> Array | None:

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.bodies.likeliest_body import likeliest_body
+from excite.diagnosis.effects.bodies.likeliest_body import exists, likeliest_body
+from excite.diagnosis.effects.bodies.reach import reach
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
@@ -21,8 +22,12 @@ from excite.robot.links import carried_link
 _SURELY = 6.0
 # Share of its torques that a body's mass and first moments have at least.
 _WEIGHTLESS = 0.05
-# Distance of a body's centre from the joint that carries it [m]: no gripper or tool of the records is longer.
-_REACH = 0.6
+# Share of its torques by which numbers may miss a body that can exist: what a solver leaves.
+_MISSED = 1e-3
+# Columns smaller than this share of the largest one are rounding errors, as they are where hypotheses are fitted.
+_NOTHING = 1e-7
+# Share of what a number may be a priori from which a record says nothing of it.
+_UNTOLD = 0.5
 
 
 def link_columns(context: Context, joint: int) -> Array:
@@ -40,7 +45,8 @@ def _felt(context: Context, joint: int) -> NDArray[np.bool_]:
     kept = context.baseline.samples.kept
     key = "felt of a body", joint
     if key not in kept:
-        kept[key] = np.abs(link_columns(context, joint)).max(axis=0) > 1e-12
+        largest = np.abs(link_columns(context, joint)).max(axis=0)
+        kept[key] = largest > max(_NOTHING * float(largest.max()), 1e-12)
     return np.asarray(kept[key])
 
 
@@ -70,6 +76,7 @@ class Payload(Effect):
     )
     confusable_with = ("link_inertia", "torque_gain")
     separating_motion = "the same motion without the load; wide wrist motion for the place"
+    without_motion = "the same motion without the load, or a scale"
     mujoco = "body mass, pos and inertia"
     moves = True
     by_motion = True
@@ -96,19 +103,26 @@ class Payload(Effect):
         return weight > _WEIGHTLESS**2 * torque
 
     def possible(self, context: Context, location: str, beta: Array) -> bool:
-        """Whether link and body together have no negative mass, and the body's centre lies within reach."""
-        joint = self.locations(context).index(location) + 1
-        link = float(context.baseline.samples.robot.model.inertias[joint].mass)
-        moment = float(np.linalg.norm(beta[1:4]))
-        # Without a mass of its own, moments are all that was seen.
-        return beta[0] == 0.0 or (link + beta[0] >= 0.0 and moment <= _REACH * abs(float(beta[0])))
+        """Whether they are a body's that can exist, or what a link may lack of its own.
+
+        Of numbers that the motion does not show any will do: a body's mass on an axis that turns about itself.
+        """
+        model, joint = context.baseline.samples.robot.model, self.locations(context).index(location) + 1
+        most, link = reach(model), float(model.inertias[joint].mass)
+        if exists(beta, most, link):
+            return True
+        power = _power(context, joint)
+        found = likeliest_body(power, power @ beta, most, link)
+        if found is None:
+            return False
+        missed = found - beta
+        return float(missed @ power @ missed) <= _MISSED**2 * float(beta @ power @ beta)
 
     def nearest_body(
         self, context: Context, location: str, information: Array, target: Array
     ) -> Array | None:
-        joint = self.locations(context).index(location) + 1
-        link = float(context.baseline.samples.robot.model.inertias[joint].mass)
-        return likeliest_body(information, target, _REACH, link)
+        model, joint = context.baseline.samples.robot.model, self.locations(context).index(location) + 1
+        return likeliest_body(information, target, reach(model), float(model.inertias[joint].mass))
 
     def physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether link and body together may have their mass: less than none is another effect's doing."""
@@ -117,13 +131,14 @@ class Payload(Effect):
         return mass > -_SURELY * float(fit.extra_std[0])
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        """What the joints feel of the body; where they do not feel its mass, its first moment comes first."""
+        """What the joints tell of the body; where they do not tell its mass, its first moment comes first."""
         found = super().estimates(context, location, theta, fit)
         felt = np.any(_felt(context, self.locations(context).index(location) + 1), axis=0)
-        shown = {name: item for (name, item), here in zip(found.items(), felt, strict=True) if here}
-        if felt[0] or not felt[1:4].any():
+        told = felt & (fit.extra_std < _UNTOLD * self.widths)
+        shown = {p.name: found[p.name] for p, here in zip(self.linear, told, strict=True) if here}
+        if told[0] or not told[1:4].any():
             return shown
-        moment, spread = fit.extra[1:4] * felt[1:4], fit.extra_std[1:4] * felt[1:4]
+        moment, spread = fit.extra[1:4] * told[1:4], fit.extra_std[1:4] * told[1:4]
         size = float(np.linalg.norm(moment))
         std = float(np.linalg.norm(moment * spread) / max(size, 1e-300))
         return {"first_moment": Estimate(size, std, "kg·m")} | shown

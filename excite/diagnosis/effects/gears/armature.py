@@ -17,6 +17,7 @@ class Armature(Effect):
     linear = (Parameter("inertia", "kg·m²", 0.0),)
     confusable_with = ("link_inertia", "payload", "joint_elasticity")
     separating_motion = "fast motion of that joint in two postures with different link inertia"
+    without_motion = "the rotor's inertia by its data sheet times the gear's ratio squared"
     mujoco = "joint armature"
     by_motion = True
     term = ARMATURE

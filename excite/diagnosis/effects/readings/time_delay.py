@@ -8,16 +8,22 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.note import Beyond, Note
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.dry_friction.reversals import told_delay
+from excite.diagnosis.equations.joint_torque import Fit
 from excite.doctor.doubt import Doubt
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.
 _SAMPLE = 0.4
 # A little of a much longer delay is no delay: it smooths the model's torque, and the encoders' noise in it.
 _ALIKE = 1.7
+# Standard deviations by which what rows between reversals tell of a delay is another than what all rows tell.
+_SURELY = 2.0
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,16 @@ class Late(Note):
     @property
     def late_by(self) -> float:
         return self.delay
+
+
+def late(baseline: Baseline, delay: float) -> Array:
+    """By how much torques that come late differ from those predicted, ``(n_samples, n_joints)`` [N·m]."""
+    samples, parts = baseline.samples, []
+    for trial, torque in zip(samples.trials, samples.split(baseline.total), strict=True):
+        parts.append(
+            np.column_stack([np.interp(trial.time - delay, trial.time, column) for column in torque.T])
+        )
+    return np.concatenate(parts) - baseline.total
 
 
 class TimeDelay(Effect):
@@ -66,14 +82,7 @@ class TimeDelay(Effect):
         return [(d,) for d in (grid if late == 0.0 else sorted({*grid, late}))]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        samples = context.baseline.samples
-        parts = []
-        for trial, torque in zip(samples.trials, samples.split(context.baseline.total), strict=True):
-            late = np.column_stack(
-                [np.interp(trial.time - theta[0], trial.time, torque[:, j]) for j in range(torque.shape[1])]
-            )
-            parts.append((late - torque) / theta[0])
-        column = np.concatenate(parts)
+        column = late(context.baseline, theta[0]) / theta[0]
         return Shape({j: column[:, [j]] for j in range(column.shape[1])})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
@@ -105,3 +114,18 @@ class WholeDelay(TimeDelay):
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         columns = super().shape(context, location, theta).columns
         return Shape(offset={j: theta[0] * block[:, 0] for j, block in columns.items()})
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        """Its length as rows between reversals tell it, where they surely tell another than all rows do; else that."""
+        found = super().estimates(context, location, theta, fit)
+        told = told_delay(context.baseline.updated(fit), theta[0], late)
+        if told is None:
+            return found
+        off = abs(told.size - theta[0])
+        if off > _SURELY * told.std:
+            return found | {"delay": Estimate(told.size, told.std, "s")}
+        return found | {"delay": Estimate(theta[0], off, "s")}
+
+    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        value = self.estimates(context, location, theta, fit)["delay"].value
+        return super().sizes(context, location, theta, fit) | {"delay": value}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from excite.diagnosis.answer.gap import closed_in_words, of_positions
 from excite.report.folder import Document, Findings
 from excite.report.html import Cell, number, paragraph, section, table
 from excite.report.sections.section import Section
@@ -28,11 +29,13 @@ class Effects(Section):
             key = (item["effect"], item["location"])
             standing = "as likely" if key in alike else "accepted" if key in accepted else "tried"
             rows.append(_row(item, standing))
-        headers = ("effect", "place", "", "evidence [nats]", "closes [%]", "size")
+        headers = ("effect", "place", "", "evidence [nats]", "closed [%]", "size")
         lead = (
             "Evidence is a log-likelihood ratio over effective samples, less the price of the parameters and of the "
             "candidates tried: e to that power is by how much an effect is likelier than none."
         )
+        units = (item["unit"] for item in found["gap"]["per_channel"].values())
+        lead += f" {closed_in_words(of_positions(units)).capitalize()}."
         if not found["effects"]:
             lead += " None was accepted."
         tied = found["tied_locations"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from excite.diagnosis.answer.gap import of_positions
 from excite.report.conclusions.diagnosed import VERDICTS
 from excite.report.folder import Document, Findings
 from excite.report.html import paragraph, tile
@@ -43,11 +44,13 @@ def _tiles(found: Document) -> Iterator[str]:
         within = f"; 90 % interval {_whole(bounds[0])} to {_whole(bounds[1])} %" if bounds else ""
         if bounds and None not in bounds and bounds[0] < _SURE * (gap["share_closed"] or 0.0):
             within += ": so much is closed on the trials that judge, which are too few or too short to say it of others"
-        yield tile(f"{_whole(gap['share_closed'])} %", "of the gap above the noise is closed" + within)
+        units = (item["unit"] for item in gap["per_channel"].values())
+        of = "gap of the positions" if of_positions(units) else "gap"
+        yield tile(f"{_whole(gap['share_closed'])} %", f"of the {of} above the noise is closed" + within)
     rollouts = found["simulation"]
     if closed and rollouts and rollouts["before"]:
         share = rollout_share(rollouts)
-        how = f"of the error above noise of {rollouts['horizon_s']:g} s roll-outs is closed"
+        how = f"of the error above noise of {rollouts['horizon_s']:g} s roll-outs is mended"
         if share is None:
             how = (
                 f"roll-outs of {rollouts['horizon_s']:g} s err by no more than noise makes: they cannot tell"

@@ -1,0 +1,1 @@
+"""What might stand in the place of a term of the model of the gap."""

@@ -1,0 +1,94 @@
+"""An arm whose axes are all upright: a body on its second axis is, for the first motor, what a rotor is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.diagnose import diagnose
+from excite.logs.files import save_log
+from excite.logs.log import Log, LogHeader, Trial
+
+RATE_HZ, LENGTH = 250, 0.325
+JOINTS = ("shoulder", "elbow", "wrist")
+VISCOUS, COULOMB, NOISE = np.array([1.5, 0.8, 0.05]), np.array([3.0, 1.8, 0.1]), np.array([0.3, 0.15, 0.01])
+SIZES = np.array([0.5, 0.6, 0.8])
+URDF = f"""<robot name="scara">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.15 0 0"/><mass value="6"/>
+    <inertia ixx="0.02" iyy="0.08" izz="0.08" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="lower"><inertial><origin xyz="0.12 0 0"/><mass value="4"/>
+    <inertia ixx="0.01" iyy="0.04" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="flange"><inertial><origin xyz="0 0 0.02"/><mass value="1.6"/>
+    <inertia ixx="0.001" iyy="0.001" izz="0.0016" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+    <limit lower="-2.5" upper="2.5" effort="200" velocity="6"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><axis xyz="0 0 1"/>
+    <origin xyz="{LENGTH} 0 0"/><limit lower="-2.5" upper="2.5" effort="100" velocity="6"/></joint>
+  <joint name="wrist" type="revolute"><parent link="lower"/><child link="flange"/><axis xyz="0 0 1"/>
+    <origin xyz="0.225 0 0"/><limit lower="-3" upper="3" effort="20" velocity="10"/></joint>
+</robot>
+"""
+
+
+def moved(name: str, role: str, seed: int, rotors: np.ndarray, load: pin.Inertia) -> Trial:
+    """A trial with rotors and a load at the flange that the model has not."""
+    model = pin.buildModelFromXML(URDF)
+    model.inertias[3] += load
+    data, rng = model.createData(), np.random.default_rng(seed)
+    t = np.arange(12 * RATE_HZ) / RATE_HZ
+    q, v, a = (np.zeros((len(t), 3)) for _ in range(3))
+    for j in range(3):
+        for k, hertz in enumerate((0.25, 0.6, 1.1, 1.9)):
+            w, size = 2.0 * np.pi * hertz * (1.0 + 0.13 * j), SIZES[j] / (k + 1)
+            phase = w * t + rng.uniform(0.0, 2.0 * np.pi)
+            q[:, j] += size * np.sin(phase)
+            v[:, j] += size * w * np.cos(phase)
+            a[:, j] -= size * w**2 * np.sin(phase)
+    tau = np.array([pin.rnea(model, data, *rows) for rows in zip(q, v, a, strict=True)])
+    tau += rotors * a + VISCOUS * v + COULOMB * np.tanh(v / 0.01) + NOISE * rng.normal(size=q.shape)
+    return Trial(name=name, role=role, time=t, q=q + 2e-6 * rng.normal(size=q.shape), tau=tau)
+
+
+def diagnosed(folder: Path, rotors: tuple[float, float, float], load: pin.Inertia) -> Diagnosis:
+    roles = ("identification", "identification", "validation")
+    trials = tuple(
+        moved(name, role, k, np.array(rotors), load)
+        for k, (name, role) in enumerate(zip("abc", roles, strict=True))
+    )
+    header = {
+        "schema": "excite.log/1",
+        "robot": "scara.urdf",
+        "base": "fixed",
+        "rate_hz": RATE_HZ,
+        "joints": list(JOINTS),
+        "torque": "motor_side",
+        "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction"],
+        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
+    }
+    return diagnose(save_log(Log(LogHeader.model_validate(header), trials, robot_text=URDF), folder / "log"))
+
+
+def test_a_rotor_and_a_body_that_say_the_same_are_rivals(tmp_path: Path) -> None:
+    """A little rotor at the elbow as well, which a body's other parameters take up, is no sign of a body."""
+    found = diagnosed(tmp_path, (0.5, 3e-4, 0.0), pin.Inertia.Zero())
+    assert found.verdict == "ambiguous"
+    rivals = {(item.effect, item.location): item.parameters for item in found.ambiguous_with}
+    assert set(rivals) == {("payload", "lower"), ("armature", "shoulder")}
+    assert rivals["payload", "lower"]["mass"].value == pytest.approx(0.5 / LENGTH**2, rel=0.01)
+    assert rivals["armature", "shoulder"]["inertia"].value == pytest.approx(0.5, rel=0.01)
+    assert found.next_experiment is not None
+    assert "in any motion of these joints" in found.next_experiment.why
+    assert "without the load" in found.next_experiment.why
+
+
+def test_a_load_that_several_motors_feel_has_no_rotor_for_a_rival(tmp_path: Path) -> None:
+    ball = pin.Inertia.FromSphere(5.0, 0.05).se3Action(pin.SE3(np.eye(3), np.array([0.03, 0.0, -0.05])))
+    found = diagnosed(tmp_path, (0.0, 0.0, 0.0), ball)
+    assert found.verdict == "effect"
+    assert [(item.effect, item.location) for item in found.effects] == [("payload", "flange")]
+    assert found.effects[0].parameters["mass"].value == pytest.approx(5.0, rel=0.01)
