@@ -120,7 +120,7 @@ def test_the_imu_stands_for_the_base_motion(toy: Robot) -> None:
         np.array(q),
         np.array(v),
         np.tile(a, (n, 1)),
-        *[np.zeros(0)] * 3,
+        *[np.zeros(0)] * 4,
         {},
         {},
         np.zeros(0),
