@@ -124,9 +124,10 @@ class Values:
         if not legs:
             return block, []
         of_legs = [found["kp"][self.robot.joint_names[joint - 1]] for joint in legs]
+        size = " … ".join(f"{value:g}" for value in sorted({min(of_legs), max(of_legs)}))
         stiff = Assumed(
             what="servo gains",
-            value=f"kp {min(of_legs):g} … {max(of_legs):g} N·m/rad at the ends of the legs, as stiff as geared "
+            value=f"kp {size} N·m/rad at the ends of the legs, as stiff as geared "
             "position servos are",
             consequence="motions are rehearsed with them, without feedback of balance: a robot with softer servos "
             "may fall where this one stands: state controller.kp and kd",
