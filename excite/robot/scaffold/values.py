@@ -127,8 +127,7 @@ class Values:
         size = " … ".join(f"{value:g}" for value in sorted({min(of_legs), max(of_legs)}))
         stiff = Assumed(
             what="servo gains",
-            value=f"kp {size} N·m/rad at the ends of the legs, as stiff as geared "
-            "position servos are",
+            value=f"kp {size} N·m/rad at the ends of the legs, as stiff as geared position servos are",
             consequence="motions are rehearsed with them, without feedback of balance: a robot with softer servos "
             "may fall where this one stands: state controller.kp and kd",
         )
