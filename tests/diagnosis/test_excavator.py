@@ -9,11 +9,10 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.bodies.reach import reach
-from excite.logs.files import save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
 from excite.robot.loading import load_robot
+from tests.diagnosis.swung import ROLES, diagnosed_trials, swinging
 
 RATE_HZ = 200
 JOINTS = ("swing", "lift", "crowd")
@@ -47,37 +46,16 @@ def dug(name: str, role: str, seed: int, body: tuple[int, pin.Inertia], moving: 
     model.inertias[body[0]] += body[1]
     data, rng = model.createData(), np.random.default_rng(seed)
     t = np.arange(20 * RATE_HZ) / RATE_HZ
-    q, v, a = (np.zeros((len(t), 3)) for _ in range(3))
+    q, v, a = swinging(t, SIZES, (0.12, 0.3, 0.55, 0.9), moving, rng)
     q += REST
-    for j in moving:
-        for k, hertz in enumerate((0.12, 0.3, 0.55, 0.9)):
-            w, size = 2.0 * np.pi * hertz * (1.0 + 0.13 * j), SIZES[j] / (k + 1)
-            phase = w * t + rng.uniform(0.0, 2.0 * np.pi)
-            q[:, j] += size * np.sin(phase)
-            v[:, j] += size * w * np.cos(phase)
-            a[:, j] -= size * w**2 * np.sin(phase)
     tau = np.array([pin.rnea(model, data, *rows) for rows in zip(q, v, a, strict=True)])
     tau += VISCOUS * v + COULOMB * np.tanh(v / 0.01) + NOISE * rng.normal(size=q.shape)
     return Trial(name=name, role=role, time=t, q=q + 5e-6 * rng.normal(size=q.shape), tau=tau)
 
 
 def diagnosed(folder: Path, body: tuple[int, pin.Inertia], moving: tuple[int, ...] = (0, 1, 2)) -> Diagnosis:
-    roles = ("identification", "identification", "validation")
-    trials = tuple(
-        dug(name, role, k, body, moving) for k, (name, role) in enumerate(zip("abc", roles, strict=True))
-    )
-    header = {
-        "schema": "excite.log/1",
-        "robot": "excavator.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": list(JOINTS),
-        "torque": "motor_side",
-        "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction"],
-        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
-    }
-    log = Log(LogHeader.model_validate(header), trials, robot_text=URDF)
-    return diagnose(save_log(log, folder / "log"))
+    trials = tuple(dug(name, role, k, body, moving) for k, (name, role) in enumerate(ROLES.items()))
+    return diagnosed_trials(folder, URDF, JOINTS, RATE_HZ, trials)
 
 
 def ball(mass: float, at: tuple[float, float, float]) -> pin.Inertia:

@@ -9,9 +9,8 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.diagnose import diagnose
-from excite.logs.files import save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
+from tests.diagnosis.swung import ROLES, diagnosed_trials, swinging
 
 RATE_HZ, LENGTH = 250, 0.325
 JOINTS = ("shoulder", "elbow", "wrist")
@@ -41,36 +40,17 @@ def moved(name: str, role: str, seed: int, rotors: np.ndarray, load: pin.Inertia
     model.inertias[3] += load
     data, rng = model.createData(), np.random.default_rng(seed)
     t = np.arange(12 * RATE_HZ) / RATE_HZ
-    q, v, a = (np.zeros((len(t), 3)) for _ in range(3))
-    for j in range(3):
-        for k, hertz in enumerate((0.25, 0.6, 1.1, 1.9)):
-            w, size = 2.0 * np.pi * hertz * (1.0 + 0.13 * j), SIZES[j] / (k + 1)
-            phase = w * t + rng.uniform(0.0, 2.0 * np.pi)
-            q[:, j] += size * np.sin(phase)
-            v[:, j] += size * w * np.cos(phase)
-            a[:, j] -= size * w**2 * np.sin(phase)
+    q, v, a = swinging(t, SIZES, (0.25, 0.6, 1.1, 1.9), range(3), rng)
     tau = np.array([pin.rnea(model, data, *rows) for rows in zip(q, v, a, strict=True)])
     tau += rotors * a + VISCOUS * v + COULOMB * np.tanh(v / 0.01) + NOISE * rng.normal(size=q.shape)
     return Trial(name=name, role=role, time=t, q=q + 2e-6 * rng.normal(size=q.shape), tau=tau)
 
 
 def diagnosed(folder: Path, rotors: tuple[float, float, float], load: pin.Inertia) -> Diagnosis:
-    roles = ("identification", "identification", "validation")
     trials = tuple(
-        moved(name, role, k, np.array(rotors), load)
-        for k, (name, role) in enumerate(zip("abc", roles, strict=True))
+        moved(name, role, k, np.array(rotors), load) for k, (name, role) in enumerate(ROLES.items())
     )
-    header = {
-        "schema": "excite.log/1",
-        "robot": "scara.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": list(JOINTS),
-        "torque": "motor_side",
-        "modelled": ["rigid_body_fixed", "viscous_friction", "coulomb_friction"],
-        "trials": [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials],
-    }
-    return diagnose(save_log(Log(LogHeader.model_validate(header), trials, robot_text=URDF), folder / "log"))
+    return diagnosed_trials(folder, URDF, JOINTS, RATE_HZ, trials)
 
 
 def test_a_rotor_and_a_body_that_say_the_same_are_rivals(tmp_path: Path) -> None:

@@ -15,11 +15,11 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
+from excite.diagnosis.effects.readings.time_delay import late
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.reversals import told_delay
 from excite.diagnosis.servo.cycle import Cycle, later
 from excite.diagnosis.servo.servo import Servo, Signals
-from excite.diagnosis.servo.transport import early
 
 
 def delay_for_lag(
@@ -49,7 +49,10 @@ def delay_for_lag(
             parts.append(change[: len(trial.time), list(order)])
         return np.concatenate(parts)
 
+    def torques(base: Baseline, delay: float) -> Array:
+        return late(base, -delay)
+
     base, begin = first.context.baseline, float(first.accepted.hypothesis.fit.extra[0])
-    found = [late for change in (commands, early) if (late := told_delay(base, begin, change)) is not None]
-    best = min(found, key=lambda late: late.loss, default=None)
+    told = [told_delay(base, begin, change) for change in (commands, torques)]
+    best = min((one for one in told if one is not None), key=lambda one: one.loss, default=None)
     return None if best is None else Estimate(best.size, best.std, "s")

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.arrays import Array
 from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.attribution.evidence import effective_counts
 from excite.diagnosis.attribution.hypotheses import Hypothesis, Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
-from excite.diagnosis.effects.readings.time_delay import TimeDelay
-from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.effects.readings.time_delay import TimeDelay, late
 
 # Nats by which a lag has to lead a delay.
 _CLEAR = 30.0
@@ -22,18 +20,8 @@ class Transport(TimeDelay):
     """Torques act a time d after they are asked for: ``u(t) = τ(t + d)``, as the secant of the predicted torque."""
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        column = early(context.baseline, theta[0]) / theta[0]
+        column = late(context.baseline, -theta[0]) / theta[0]
         return Shape({j: column[:, [j]] for j in range(column.shape[1])})
-
-
-def early(baseline: Baseline, delay: float) -> Array:
-    """By how much torques differ that are asked for a time before they act, ``(n_samples, n_joints)`` [N·m]."""
-    samples, parts = baseline.samples, []
-    for trial, torque in zip(samples.trials, samples.split(baseline.total), strict=True):
-        parts.append(
-            np.column_stack([np.interp(trial.time + delay, trial.time, column) for column in torque.T])
-        )
-    return np.concatenate(parts) - baseline.total
 
 
 def clearly_lags(attribution: Attribution) -> bool:

@@ -118,8 +118,8 @@ class Values:
         legs = _legs(self.robot, self.rest)
         found = numbers.gains(self.robot, self.inertia, self.loads, legs, self.mass)
         said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
-        if legs:
-            said += ", legs twenty times stiffer than what topples the robot"
+        if any(not tip.any() for tip in legs.values()):
+            said += ", legs on soles twenty times stiffer than what topples the robot"
         block = {name: {"joints": values, "source": said} for name, values in found.items()}
         if not legs:
             return block, []

@@ -45,7 +45,10 @@ class Late(Note):
 
 
 def late(baseline: Baseline, delay: float) -> Array:
-    """By how much torques that come late differ from those predicted, ``(n_samples, n_joints)`` [N·m]."""
+    """By how much torques that come late, or early where ``delay`` is negative, differ from those predicted.
+
+    ``(n_samples, n_joints)`` [N·m].
+    """
     samples, parts = baseline.samples, []
     for trial, torque in zip(samples.trials, samples.split(baseline.total), strict=True):
         parts.append(
