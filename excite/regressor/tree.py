@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,16 @@ from excite.errors import RobotError
 
 FREE_FLYER, REVOLUTE, REVOLUTE_UNBOUNDED, PRISMATIC = 0, 1, 2, 3
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
-_PREFIXES = {
+_LETTERS = {"R": REVOLUTE, "RUB": REVOLUTE_UNBOUNDED, "P": PRISMATIC}
+# Kind and axis by pinocchio's name of a joint, and the kinds whose axis lies between those of the frame.
+_KINDS = {
+    "JointModelFreeFlyer": (FREE_FLYER, (0.0, 0.0, 0.0)),
+    **{f"JointModel{kind}{axis}": (code, _AXES[axis]) for kind, code in _LETTERS.items() for axis in _AXES},
+}
+_UNALIGNED = {
     "JointModelRevoluteUnboundedUnaligned": REVOLUTE_UNBOUNDED,
     "JointModelRevoluteUnaligned": REVOLUTE,
     "JointModelPrismaticUnaligned": PRISMATIC,
-    "JointModelRUB": REVOLUTE_UNBOUNDED,
-    "JointModelR": REVOLUTE,
-    "JointModelP": PRISMATIC,
 }
 
 
@@ -86,57 +90,57 @@ def read_tree(model: pin.Model | KinematicTree) -> KinematicTree:
     """
     if isinstance(model, KinematicTree):
         return model
-    n = model.njoints
-    kinds, axes = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
-    for j in range(1, n):
-        kinds[j], axes[j] = _kind_and_axis(model, j)
-    inertias = list(model.inertias)[1:]
+    # Vectors of pinocchio end with a C++ exception, which takes as long as to read twenty numbers: they are counted.
+    joints, names, parents, placements, inertias = (
+        list(islice(vector, model.njoints))
+        for vector in (model.joints, model.names, model.parents, model.jointPlacements, model.inertias)
+    )
+    told = [_kind_and_axis(model, joint, name) for joint, name in zip(joints[1:], names[1:], strict=True)]
+    kinds = np.array([FREE_FLYER, *(kind for kind, _ in told)], dtype=np.int64)
+    axes = np.array([(0.0, 0.0, 0.0), *(axis for _, axis in told)])
+    free = [j for j, (kind, _) in enumerate(told, start=1) if kind == FREE_FLYER]
+    if free and (free != [1] or not all(parents[2:])):
+        raise RobotError(
+            f"joint {names[free[-1]]!r} is a free-flyer that does not carry the whole robot",
+            source=model.name,
+            remedy="let one free-flyer stand at the root",
+        )
     return KinematicTree(
-        names=tuple(model.names),
+        names=tuple(names),
         kinds=kinds,
-        parents=np.array(list(model.parents), dtype=np.int64),
-        idx_q=np.array([joint.idx_q for joint in model.joints], dtype=np.int64),
-        idx_v=np.array([joint.idx_v for joint in model.joints], dtype=np.int64),
-        rotations=np.array([placement.rotation for placement in model.jointPlacements]),
-        translations=np.array([placement.translation for placement in model.jointPlacements]),
+        parents=np.array(parents, dtype=np.int64),
+        idx_q=np.array([joint.idx_q for joint in joints], dtype=np.int64),
+        idx_v=np.array([joint.idx_v for joint in joints], dtype=np.int64),
+        rotations=np.array([placement.rotation for placement in placements]),
+        translations=np.array([placement.translation for placement in placements]),
         axes=axes,
         aligned=np.where(axes.max(axis=1, initial=0.0) == 1.0, axes.argmax(axis=1), -1),
         gravity=np.array(model.gravity.linear),
-        phi=np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
-        if inertias
-        else np.zeros(0),
+        phi=np.array([inertia.toDynamicParameters() for inertia in inertias[1:]]).reshape(-1),
         nq=model.nq,
         nv=model.nv,
     )
 
 
-def _kind_and_axis(model: pin.Model, j: int) -> tuple[int, Array]:
-    joint, kind = model.joints[j], model.joints[j].shortname()
-    if kind == "JointModelFreeFlyer":
-        if j != 1 or list(model.parents)[2:].count(0):
-            raise RobotError(
-                f"joint {model.names[j]!r} is a free-flyer that does not carry the whole robot",
-                source=model.name,
-                remedy="let one free-flyer stand at the root",
-            )
-        return FREE_FLYER, np.zeros(3)
-    for prefix, code in _PREFIXES.items():
-        suffix = kind.removeprefix(prefix)
-        if kind == prefix:
-            return code, _unaligned_axis(model, j)
-        if kind.startswith(prefix) and suffix in _AXES:
-            return code, np.array(_AXES[suffix])
+def _kind_and_axis(
+    model: pin.Model, joint: pin.JointModel, name: str
+) -> tuple[int, Array | tuple[float, ...]]:
+    kind = joint.shortname()
+    if kind in _KINDS:
+        return _KINDS[kind]
+    if kind in _UNALIGNED:
+        return _UNALIGNED[kind], _unaligned_axis(model, joint)
     raise RobotError(
-        f"joint {model.names[j]!r} is of kind {joint.shortname()}",
+        f"joint {name!r} is of kind {kind}",
         source=model.name,
         remedy="use revolute and prismatic joints, or lock it",
     )
 
 
-def _unaligned_axis(model: pin.Model, j: int) -> Array:
+def _unaligned_axis(model: pin.Model, joint: pin.JointModel) -> Array:
     """Axis of an unaligned joint, read from its motion subspace (the Python bindings do not show it)."""
-    data = model.joints[j].createData()
-    model.joints[j].calc(data, pin.neutral(model), np.zeros(model.nv))
+    data = joint.createData()
+    joint.calc(data, pin.neutral(model), np.zeros(model.nv))
     subspace = np.asarray(data.S).reshape(6, -1)[:, 0]
     axis = subspace[:3] if np.any(subspace[:3]) else subspace[3:]
     return np.asarray(axis / np.linalg.norm(axis))
