@@ -56,7 +56,10 @@ Names = Annotated[list[Name], Field(max_length=MOST_ENTRIES)]
 class Block(BaseModel):
     """An object inside a document; fields that it does not name may be there and are not looked at."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, populate_by_name=True, strict=True)
+    # Validators are built when a document is first read: all take 0.1 s, and a command reads one or two.
+    model_config = ConfigDict(
+        extra="ignore", frozen=True, populate_by_name=True, strict=True, defer_build=True
+    )
 
 
 class AssumedValue(Block):

@@ -179,7 +179,7 @@ class Robot:
             return self.mechanism
         return self.mechanism.following_from(limb_columns(self.model, [foot.joint for foot in self.feet]))
 
-    @property
+    @cached_property
     def driven_names(self) -> tuple[str, ...]:
         """Joints with a motor, in model order: those that are commanded and logged."""
         return tuple(str(name) for name in np.array(self.joint_names)[~self.passive])

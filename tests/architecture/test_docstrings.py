@@ -22,7 +22,8 @@ def public_of(module: object) -> Iterator[tuple[str, object]]:
 
 
 def methods_of(member: type) -> Iterator[str]:
-    for name, value in vars(member).items():
+    # A list: a document builds its validators when it is looked at.
+    for name, value in list(vars(member).items()):
         value = getattr(value, "func", getattr(value, "fget", getattr(value, "__func__", value)))
         if not name.startswith("_") and inspect.isfunction(value) and value.__module__ == member.__module__:
             yield name

@@ -12,7 +12,7 @@ import pytest
 from excite.logs.columns import BASE_POSE
 from excite.motion.collection import load_motions
 from excite.report.replay.bodies import CELLS, bodies, merged
-from excite.report.replay.nearest import Nearest
+from excite.report.replay.nearest import nearest_pairs
 from excite.report.replay.packed import packed, packed_indices, unpacked
 from excite.report.replay.scene import joint_tree, scene
 from excite.report.replay.solids import solid_triangles
@@ -200,7 +200,7 @@ def test_the_nearest_pair_is_the_one_of_all_distances(name):
     robot = load_robot(name)
     geometry = collision_model(robot)
     data, ours, theirs = robot.model.createData(), geometry_data(geometry), geometry_data(geometry)
-    search, rng = Nearest(robot, ours), np.random.default_rng(0)
+    rng, postures = np.random.default_rng(0), []
     q = robot.rest
     for k in range(80):
         if k % 20 == 0:
@@ -211,17 +211,16 @@ def test_the_nearest_pair_is_the_one_of_all_distances(name):
                 ]
             )
         q = pin.integrate(robot.model, q, rng.normal(scale=0.02, size=robot.model.nv))
-        for found in (ours, theirs):
-            pin.updateGeometryPlacements(robot.model, data, geometry, found, q)
-        pair, all_pairs = search.at(q), int(pin.computeDistances(geometry, theirs))
+        postures.append(q)
+    for q, pair in zip(postures, nearest_pairs(robot, data, ours, np.array(postures)), strict=True):
+        pin.updateGeometryPlacements(robot.model, data, geometry, theirs, q)
+        all_pairs = int(pin.computeDistances(geometry, theirs))
         least = theirs.distanceResults[all_pairs].min_distance
         assert ours.distanceResults[pair].min_distance == pytest.approx(least, abs=1e-9)
 
 
 def test_few_distances_are_computed_of_a_posture_like_the_last(g1, monkeypatch):
-    geometry, data = collision_model(g1), g1.model.createData()
-    found, asked, compute = geometry_data(geometry), [], pin.computeDistance
-    search = Nearest(g1, found)
+    found, asked, compute = geometry_data(collision_model(g1)), [], pin.computeDistance
 
     def counted(*arguments):
         asked.append(arguments)
@@ -229,10 +228,8 @@ def test_few_distances_are_computed_of_a_posture_like_the_last(g1, monkeypatch):
 
     monkeypatch.setattr(pin, "computeDistance", counted)
     counts = []
-    for q in (g1.rest, g1.rest + 0.0):
-        asked.clear()
-        pin.updateGeometryPlacements(g1.model, data, geometry, found, q)
-        search.at(q)
+    for _ in nearest_pairs(g1, g1.model.createData(), found, np.array([g1.rest, g1.rest])):
         counts.append(len(asked))
+        asked.clear()
     # Spheres leave some thirty pairs open; of where they were a moment ago, one and those as near.
     assert counts[0] > 20 and counts[1] < 5

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import ExciteError
 from excite.motion.motion import Motion
-from excite.report.replay.nearest import Nearest
+from excite.report.replay.nearest import nearest_pairs
 from excite.report.replay.packed import packed, packed_indices
 from excite.robot.robot import Limits, Robot
 from excite.robot.shapes.collision import collision_model, geometry_data
@@ -219,16 +219,13 @@ def _nearest(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], A
     values, where = np.empty(n), np.empty(n, dtype=np.int64)
     joints, points = np.empty((n, 2), dtype=np.int64), np.empty((n, 6))
     objects, pairs = geometry.geometryObjects, geometry.collisionPairs
-    search = Nearest(robot, found)
     carriers = [one.parentJoint for one in objects]
     ends = [(pair.first, pair.second) for pair in pairs]
-    for k in range(0, n, _EVERY):
-        pin.updateGeometryPlacements(robot.model, data, geometry, found, motion.q[k])
-        pair = search.at(motion.q[k])
+    for k, pair in enumerate(nearest_pairs(robot, data, found, motion.q[::_EVERY])):
         result = found.distanceResults[pair]
         both = [carriers[end] for end in ends[pair]]
         near = [result.getNearestPoint1(), result.getNearestPoint2()]
-        here = slice(k, k + _EVERY)
+        here = slice(k * _EVERY, (k + 1) * _EVERY)
         values[here], where[here] = result.min_distance, pair
         joints[here] = both
         points[here] = np.concatenate(
