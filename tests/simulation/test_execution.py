@@ -161,9 +161,9 @@ def test_soles_stand_still_however_stiffly_their_joints_are_damped(g1: Robot) ->
     motion = squatting(g1, duration=1.0)
     slips = [
         watched_run(replace(stiff, world=replace(stiff.world, timestep=step)), motion).replay.max_slip_m
-        for step in (1e-3, 2.5e-4)
+        for step in (2.5e-3, 1e-3, 2.5e-4)
     ]
-    assert slips[0] < 1e-3 and slips[0] == pytest.approx(slips[1], abs=3e-4)
+    assert max(slips) < 1e-3 and slips == pytest.approx([slips[-1]] * 3, abs=3e-4)
 
 
 def test_a_clipped_drive_of_a_standing_robot_satisfies_the_equations_of_motion(g1: Robot) -> None:
