@@ -37,9 +37,9 @@ _LOAD_SIZE_M = 0.1
 # quadrupeds of 9 to 90 kg, 76 slip less, none of which tilts by more than 0.03 rad; where stiff legs pull at each
 # other, as a Spot's do, they drag feet by up to 20 %.
 MAX_SLIP_SHARE = 0.035
-# Steps of the physics [s], the next where it diverges. Of 420 motions of eight robots (G1, HRP-2, Talos and Go2; R1, H1,
-# H1_2 and B2 from their maker's files), 62 of which fall, touch themselves or slip, none has another verdict in steps of
-# 2.5 than of 1 ms, in which they take 1.8 times as long.
+# Steps of the physics [s], the next where it diverges. Of 420 motions of eight robots (G1, HRP-2, Talos and Go2; R1,
+# H1, H1_2 and B2 from their maker's files), 62 of which fall, touch themselves or slip, none has another verdict in
+# steps of 2.5 than of 1 ms, in which they take 1.8 times as long.
 _STEPS = (2.5e-3, 1e-3, 5e-4, 2.5e-4)
 # A robot that tilts further than this, on the way to its end, has come near falling.
 _FAR = 0.5 * FALL_END_TILT_RAD
