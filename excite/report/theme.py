@@ -134,12 +134,14 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
         description: what is to be seen, for readers who cannot see it.
     """
     import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = io.StringIO()
     with matplotlib.rc_context(_STYLE), _quiet():
         figure.set_dpi(_SVG_DPI)
         _lay_out(figure)
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        # Not by savefig, which draws all of a figure that was ever laid out once more.
+        FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)

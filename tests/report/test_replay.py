@@ -137,7 +137,12 @@ def test_fewer_triangles_are_the_same_body():
     ],
 )
 def test_solids_are_closed_and_face_outwards(kind, size, volume):
-    assert _volume(*solid_triangles(kind, size)) == pytest.approx(volume, rel=0.15)
+    corners, triangles = solid_triangles(kind, size)
+    assert _volume(corners, triangles) == pytest.approx(volume, rel=0.15)
+    edges = [(t[i], t[(i + 1) % 3]) for t in triangles.tolist() for i in range(3)]
+    assert len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges)
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) > 0.0).all()
 
 
 def _volume(corners, triangles) -> float:
