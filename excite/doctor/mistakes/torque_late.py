@@ -49,6 +49,8 @@ class TorqueLate(Mistake[Samples]):
         if far and min(far) < min(scores) - _FAR_NATS * float(tells.sum()):
             best, around = float(seconds[int(np.argmin(far))]), 0.1
         bounds = (best - around, best + around)
+        if -_EARLY_S < bounds[0] and bounds[1] < _LATE_S:
+            return
         best = float(
             scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x
         )
