@@ -13,6 +13,8 @@ from typing import Annotated, Any, NoReturn
 # Many small factorisations: one BLAS thread is faster and repeatable. Set before numpy is imported.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+# No command draws with OpenGL, and MuJoCo takes a fifth of a second to look for a library of windows.
+os.environ.setdefault("MUJOCO_GL", "disable")
 
 import typer  # noqa: E402
 
