@@ -16,8 +16,11 @@ from excite.errors import RobotError
 from excite.robot.holding import holding_torques
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.scaffold.bare_model import bare_model
 from excite.robot.scaffold.description import scaffold_description
 from excite.robot.scaffold.files import write_scaffold
+from excite.robot.scaffold.footing import Footing
+from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
 from excite.robot.shapes.collision import collision_shapes
 from excite.robot.upright import too_soft_to_stand
@@ -61,13 +64,17 @@ def quadruped() -> str:
     return f'<robot name="four">{"".join(parts)}</robot>'
 
 
-def biped() -> str:
+SIDES = ("left", "right")
+HIPS = (("hip_yaw", "0 0 1"), ("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"))
+
+
+def biped(hips: tuple[tuple[str, str], ...] = HIPS) -> str:
     parts = [link("pelvis", 10.0, '<box size="0.2 0.2 0.2"/>')]
     for leg, y in (("left", "0.12"), ("right", "-0.12")):
         last = "pelvis"
-        chain = (("hip_yaw", "0 0 1"), ("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"))
-        for name, axis in (*chain, ("ankle_pitch", "0 1 0"), ("ankle_roll", "1 0 0")):
-            place = {"hip_yaw": f"0 {y} -0.15", "knee": "0 0 -0.3", "ankle_pitch": "0 0 -0.3"}.get(
+        chain = (*hips, ("knee", "0 1 0"), ("ankle_pitch", "0 1 0"), ("ankle_roll", "1 0 0"))
+        for name, axis in chain:
+            place = {hips[0][0]: f"0 {y} -0.15", "knee": "0 0 -0.3", "ankle_pitch": "0 0 -0.3"}.get(
                 name, "0 0 0"
             )
             foot = name == "ankle_roll"
@@ -166,6 +173,32 @@ def test_a_biped_stands_on_its_soles(tmp_path: Path) -> None:
     assert [foot.link for foot in robot.feet] == ["left_ankle_roll", "right_ankle_roll"]
     for foot in robot.feet:
         np.testing.assert_allclose(np.ptp(foot.sole, axis=0), [0.2, 0.1, 0.0], atol=1e-3)
+
+
+def test_a_biped_whose_hips_swing_obliquely_stands_with_its_toes_ahead(tmp_path: Path) -> None:
+    oblique = (("hip_pitch", "0 0.71 0.71"), ("hip_roll", "1 0 0"), ("hip_yaw", "0 0 1"))
+    text = biped(oblique).replace("1.5", "3.14").replace("0.2 0.1 0.04", "0.16 0.1 0.08")
+    robot = written(text.replace("0.03 0 -0.05", "0 0 -0.05"), tmp_path)
+    assert robot.floating
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    for foot in robot.feet:
+        ahead = data.oMi[foot.joint].rotation[:, 0]
+        assert ahead[0] > 0.98  # of toes that point aside or down the cosine is less
+
+
+def test_a_sole_is_a_sole_where_the_search_begins_with_toes_down(tmp_path: Path) -> None:
+    path = tmp_path / "mine.urdf"
+    path.write_text(biped(), encoding="utf-8")
+    figure = bare_model(path, Said(), {}).figure
+    limits, drawn = figure.robot.limits, np.zeros(figure.robot.n_joints)
+    toes_down = drawn.copy()
+    toes_down[[figure.robot.joint_names.index(f"{side}_ankle_pitch_joint") for side in SIDES]] = 1.4
+    legs = figure.legs(drawn, free=True)
+    stand = Footing(figure, limits.position_lower, limits.position_upper, drawn).stand(toes_down, legs)
+    assert stand is not None
+    for foot in stand.feet:
+        assert np.ptp(foot.sole, axis=0)[:2] == pytest.approx([0.2, 0.1], abs=1e-3)
 
 
 def test_a_biped_is_given_servos_that_hold_it_upright_and_told_so(tmp_path: Path) -> None:

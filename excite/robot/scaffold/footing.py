@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from excite.arrays import Array
-from excite.robot.scaffold.limbs import Figure, FootGuess
+from excite.robot.scaffold.limbs import Figure, FootGuess, sole_area
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +36,15 @@ class Footing:
         figure: the robot with its root at the world's origin.
         lower, upper: where joints should stay ``(n_joints,)`` [rad or m]; they may go three fifths of the way from
             there to the robot's limits.
+        drawn: the posture ``(n_joints,)`` that the model draws the robot in, whose soles face down [rad or m].
     """
 
-    def __init__(self, figure: Figure, lower: Array, upper: Array) -> None:
-        self.figure, self.lower, self.upper = figure, lower, upper
+    def __init__(self, figure: Figure, lower: Array, upper: Array, drawn: Array) -> None:
+        self.figure, self.lower, self.upper, self.drawn = figure, lower, upper, drawn
 
     def stand(self, start: Array, legs: list[int]) -> Standing | None:
         """Inverse kinematics from ``start``; a foot that is no sole touches elsewhere when it turns, so thrice."""
-        q, feet = start, tuple(self.figure.foot(leg, start) for leg in legs)
+        q, feet = start, tuple(self._foot(leg, start) for leg in legs)
         limits = self.figure.robot.limits
         low, high = limits.position_lower + 1e-4, limits.position_upper - 1e-4
         flat = self.lower < self.upper
@@ -68,6 +69,12 @@ class Footing:
         # Two millimetres and half a degree are below what soles and floors are flat to.
         level = np.ptp(heights) < 2e-3 and np.abs(tilts).max(initial=0.0) < 0.01
         return Standing(q, feet) if level and np.linalg.norm(offset) < 0.02 else None
+
+    def _foot(self, leg: int, start: Array) -> FootGuess:
+        """The larger of the soles that face down at ``start`` and as drawn: a bent leg may point with its toes."""
+        return max(
+            (self.figure.foot(leg, q) for q in (start, self.drawn)), key=lambda foot: sole_area(foot.sole)
+        )
 
     def corners(self, stand: Standing, legs: list[int]) -> Array:
         """Corners of all soles seen from above, ``(n, 2)`` [m]."""

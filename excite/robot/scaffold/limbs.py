@@ -148,7 +148,7 @@ class Figure:
         if len(self.chain(joint)) >= _STEERED:
             for turn in _turns(np.vstack([bottom(shape, pose) for shape in own])):
                 found = self._touch(own, turn * pose)
-                area = turn.rotation[2, 2] * _area(found.sole)
+                area = turn.rotation[2, 2] * sole_area(found.sole)
                 if area > largest + 1e-6:
                     best, largest = found, area
         return best
@@ -183,7 +183,7 @@ def _turns(points: Array) -> list[pin.SE3]:
     return turns
 
 
-def _area(corners: Array) -> float:
+def sole_area(corners: Array) -> float:
     """Area of a plane polygon ``(n, 3)`` [m²]; zero of points and edges."""
     if len(corners) < 3:
         return 0.0

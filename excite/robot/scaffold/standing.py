@@ -40,8 +40,8 @@ class Postures:
         limits = figure.robot.limits
         room = 0.1 * (limits.position_upper - limits.position_lower)
         self.lower, self.upper = limits.position_lower + room, limits.position_upper - room
-        self.footing = Footing(figure, self.lower, self.upper)
         self.wanted = np.clip(wanted, limits.position_lower, limits.position_upper)
+        self.footing = Footing(figure, self.lower, self.upper, self.wanted)
         self.stances = Stances(figure, self.lower, self.upper, self.wanted)
 
     def clear(self, ground: float | None, ignored: frozenset[tuple[str, str]]) -> Array | None:
