@@ -322,3 +322,17 @@ def test_what_the_map_says_is_modelled_is_no_guess(tmp_path):
     stated = written.whole(file, arm, tmp_path / "stated", log={"modelled": ["rigid_body_fixed"]})
     assert [[what for what, *_ in found.guesses].count("modelled") for found in (usual, stated)] == [1, 0]
     assert stated.log.header.modelled == ("rigid_body_fixed",)
+
+
+def test_a_range_that_nobody_filled_in_says_nothing_of_units(arm, tmp_path):
+    """As SolidWorks' exporter leaves it: both ends zero, and no effort either."""
+    text = arm.read_text().replace(
+        'lower="-2.5" upper="2.5" effort="60" velocity="4"', 'lower="0" upper="0" effort="0" velocity="0"'
+    )
+    arm.write_text(text)
+    data = written.motion()
+    file = table(tmp_path / "a.csv", {"time": data["time"], **named(data, q="q{n}")})
+    done = excite.convert([file], arm, tmp_path / "log", written.WHOLE)
+    np.testing.assert_allclose(done.log.trials[0].q, data["q"], atol=1e-6)
+    assert done.chart is not None
+    assert not {finding.kind for finding in done.chart.findings} & {"degrees", "beyond_limits"}
