@@ -333,3 +333,22 @@ def test_whole_arrays_in_a_line_of_a_controllers_program(arm, tmp_path):
     (tmp_path / "a.txt").write_text(text)
     with pytest.raises(LogError):
         excite.convert([tmp_path / "a.txt"], arm, tmp_path / "log")
+
+
+def test_trials_with_a_folder_each_are_called_after_it(arm, tmp_path):
+    """The parts of each are one, whatever folder lies between."""
+    for k, day in enumerate(("monday/first", "monday/second", "tuesday")):
+        motion = written.motion(N, seed=k)
+        folder = tmp_path / "runs" / day
+        folder.mkdir(parents=True)
+        for name, key, file in (("q", "q", "where.csv"), ("tau", "tau", "torques.csv")):
+            names = ["time", *(f"{name}{j}" for j in (1, 2, 3))]
+            table(folder / file, names, motion["time"], motion[key])
+    done = excite.convert([tmp_path / "runs"], arm, tmp_path / "log", written.WHOLE)
+    assert [trial.name for trial in done.log.trials] == ["monday_first", "monday_second", "tuesday"]
+    for k, trial in enumerate(done.log.trials):
+        np.testing.assert_allclose(trial.q, written.motion(N, seed=k)["q"], atol=1e-6)
+        assert trial.tau is not None
+    (tmp_path / "none" / "below").mkdir(parents=True)
+    with pytest.raises(LogError, match="holds no recordings"):
+        excite.convert([tmp_path / "none"], arm, tmp_path / "other")
