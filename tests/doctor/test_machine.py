@@ -56,7 +56,8 @@ def with_a_stop(folder: Path, seconds: float) -> Log:
     def trial(name: str, role: str, middle: np.ndarray, length: float) -> Trial:
         t = np.arange(round(length * RATE_HZ)) / RATE_HZ
         turn = np.array([4.0, 5.5])
-        q, v = middle + 0.5 * np.sin(t[:, None] * turn), 0.5 * turn * np.cos(t[:, None] * turn)
+        angle = t[:, None] * turn + (role == "validation")
+        q, v = middle + 0.5 * np.sin(angle), 0.5 * turn * np.cos(angle)
         a = -turn * turn * (q - middle)
         tau = np.array([pin.rnea(model, model.createData(), *rows) for rows in zip(q, v, a, strict=True)])
         tau += 0.3 * np.tanh(v / 0.05) + 30.0 * np.maximum(q - 1.4, 0.0) * [1.0, 0.0]
