@@ -281,16 +281,16 @@ def test_texts_that_cannot_be_edited_are_refused(content: bytes, message: str) -
         XmlText(content, "t")
 
 
-def test_a_robot_is_fixed_to_a_world_that_its_file_does_not_declare(tmp_path: Path) -> None:
+def test_a_robot_is_fixed_to_a_world_that_its_file_does_not_declare(ur10: Robot, tmp_path: Path) -> None:
     """As files for Drake have it; what is written declares it, so that others read it too."""
-    source = Path(model_file(load_robot("ur10"))).read_text()
+    source = model_file(ur10).read_text()
+    weld = f'<joint name="weld" type="fixed"><parent link="world"/><child link="{ur10.base_link}"/></joint>'
     text = re.sub(r'<link name="world"\s*/>', "", source)
-    base = str(load_robot("ur10").base_link)
     if 'parent link="world"' not in text:
-        weld = f'<joint name="weld" type="fixed"><parent link="world"/><child link="{base}"/></joint>'
         text = re.sub(r"(<robot\b[^>]*>)", rf"\1{weld}", text, count=1)
     (tmp_path / "drake.urdf").write_text(text)
-    robot = load_robot(tmp_path / "drake.urdf")
+    model = ur10.description.model.model_copy(update={"package": None, "path": str(tmp_path / "drake.urdf")})
+    robot = build_robot(ur10.description.model_copy(update={"model": model}), ur10.source)
     parameters = scattered(robot)
     written = write_urdf(robot, identification_of(robot, parameters), tmp_path / "identified.urdf")
     assert written.pinocchio_error <= 1e-9
