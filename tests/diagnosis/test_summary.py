@@ -61,6 +61,15 @@ def test_what_cannot_be_told_apart_stands_alike(two_effects: Diagnosis):
     assert found["joint_spring", "a"] == found["torque_ripple", "a"] == "as likely"
 
 
+def test_effects_beside_those_that_cannot_be_told_apart_are_in_the_sentence(two_effects: Diagnosis):
+    """What is sure comes first; the share closed is that of all."""
+    said = replace(two_effects, verdict="ambiguous", n_tied=2).sentence()
+    sure, either = said.index("stribeck at b"), said.index("joint spring at a")
+    assert sure < either < said.index("torque ripple at a") < said.index("which of these; adding all closes")
+    alone = replace(two_effects, verdict="ambiguous", n_tied=2, effects=two_effects.effects[:1]).sentence()
+    assert "stribeck" not in alone and "cannot say which; adding one closes" in alone
+
+
 def test_what_the_doctor_found_is_said_once(two_effects: Diagnosis):
     lines = [line for line in two_effects.summary().splitlines() if line.startswith("log:")]
     assert lines == [

@@ -22,6 +22,7 @@ from excite.diagnosis.answer.tables import (
     fault_entry,
     fault_lines,
     gap_table,
+    in_a_row,
     trivial_table,
 )
 from excite.diagnosis.answer.trivial import TrivialErrors
@@ -217,9 +218,16 @@ class Diagnosis(Tabled):
             return f"{self.robot}: there is a gap at {place} that{follows} no effect in the library explains ({gap})."
         if self.verdict == "ambiguous":
             either = " or ".join(sized(item) for item in self.ambiguous_with)
+            open_ = {(item.effect, item.location) for item in self.ambiguous_with}
+            sure = in_a_row(
+                [sized(item) for item in self.effects if (item.effect, item.location) not in open_]
+            )
+            if sure:
+                either = f"{sure}, and {either}"
+                return f"{self.robot}: the gap is {either}; this record cannot say which of these; adding all {closes}."
             return f"{self.robot}: the gap is {either}; this record cannot say which; adding one {closes}."
         each = [sized(item) for item in self.effects] or [in_words(self.effect, self.location)]
-        named = " and ".join([", ".join(each[:-1]), each[-1]] if len(each) > 1 else each)
+        named = in_a_row(each)
         them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"
         return f"{self.robot}: the gap is {named}; adding {them} {closes}."
 

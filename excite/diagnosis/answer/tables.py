@@ -119,6 +119,11 @@ def trivial_table(errors: Mapping[str, TrivialErrors]) -> list[str]:
     return lines
 
 
+def in_a_row(each: Sequence[str]) -> str:
+    """Words with commas between them and ``and`` before the last."""
+    return " and ".join([", ".join(each[:-1]), each[-1]] if len(each) > 1 else each)
+
+
 def effect_table(
     effects: Sequence[Candidate], candidates: Sequence[Candidate], ambiguous_with: Sequence[Candidate]
 ) -> list[str]:
