@@ -19,6 +19,7 @@ from excite.diagnosis.answer.tables import (
     budget_rows,
     candidate_row,
     effect_table,
+    either_of,
     fault_entry,
     fault_lines,
     gap_table,
@@ -217,15 +218,9 @@ class Diagnosis(Tabled):
             follows = "".join(f" follows {w.depends_on} and that" for w in there if _follows(w))
             return f"{self.robot}: there is a gap at {place} that{follows} no effect in the library explains ({gap})."
         if self.verdict == "ambiguous":
-            either = " or ".join(sized(item) for item in self.ambiguous_with)
-            open_ = {(item.effect, item.location) for item in self.ambiguous_with}
-            sure = in_a_row(
-                [sized(item) for item in self.effects if (item.effect, item.location) not in open_]
-            )
-            if sure:
-                either = f"{sure}, and {either}"
-                return f"{self.robot}: the gap is {either}; this record cannot say which of these; adding all {closes}."
-            return f"{self.robot}: the gap is {either}; this record cannot say which; adding one {closes}."
+            either, of_all = either_of(self.effects, self.ambiguous_with)
+            tells = "which of these; adding all" if of_all else "which; adding one"
+            return f"{self.robot}: the gap is {either}; this record cannot say {tells} {closes}."
         each = [sized(item) for item in self.effects] or [in_words(self.effect, self.location)]
         named = in_a_row(each)
         them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"

@@ -8,7 +8,7 @@ from typing import Any
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere
-from excite.diagnosis.answer.candidate import Candidate, in_words, measured
+from excite.diagnosis.answer.candidate import Candidate, in_words, measured, sized
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
@@ -122,6 +122,14 @@ def trivial_table(errors: Mapping[str, TrivialErrors]) -> list[str]:
 def in_a_row(each: Sequence[str]) -> str:
     """Words with commas between them and ``and`` before the last."""
     return " and ".join([", ".join(each[:-1]), each[-1]] if len(each) > 1 else each)
+
+
+def either_of(effects: Sequence[Candidate], ambiguous_with: Sequence[Candidate]) -> tuple[str, bool]:
+    """Effects that cannot be told apart, in words, behind the accepted ones that are sure; and whether there are such."""
+    open_ = {(item.effect, item.location) for item in ambiguous_with}
+    sure = [sized(item) for item in effects if (item.effect, item.location) not in open_]
+    either = " or ".join(sized(item) for item in ambiguous_with)
+    return (f"{in_a_row(sure)}, and {either}", True) if sure else (either, False)
 
 
 def effect_table(
