@@ -125,7 +125,7 @@ def in_a_row(each: Sequence[str]) -> str:
 
 
 def either_of(effects: Sequence[Candidate], ambiguous_with: Sequence[Candidate]) -> tuple[str, bool]:
-    """Effects that cannot be told apart, in words, behind the accepted ones that are sure; and whether there are such."""
+    """Effects that cannot be told apart, in words, behind accepted ones that are sure; and whether there are such."""
     open_ = {(item.effect, item.location) for item in ambiguous_with}
     sure = [sized(item) for item in effects if (item.effect, item.location) not in open_]
     either = " or ".join(sized(item) for item in ambiguous_with)
