@@ -12,7 +12,7 @@ from excite.atomic import write_text
 from excite.conversion.assemble import Table, assemble
 from excite.conversion.capture_sheet import by_sheet, compare, read_capture
 from excite.conversion.guess import guess
-from excite.conversion.guesses import Guesses, Question, UnclearError
+from excite.conversion.guesses import Guesses, UnclearError
 from excite.conversion.header import log_header
 from excite.conversion.machine import Machine, at_joints, load_machine
 from excite.conversion.map_text import map_text
@@ -26,7 +26,8 @@ from excite.conversion.repairs.turns import WHOLE_TURNS, within_ranges
 from excite.conversion.result import Conversion
 from excite.conversion.shapes.clock_runs import in_runs
 from excite.conversion.torques.preview import ask_for_scale
-from excite.conversion.torques.scales import scale_notes, torque_scales
+from excite.conversion.torques.scales import scale_notes
+from excite.conversion.torques.weighing import settled_by_torques, weighed
 from excite.conversion.trials import Cut, cut_trials
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError
@@ -79,16 +80,28 @@ def _converted(
     capture: str | Path | None,
     *,
     weighs: bool = False,
+    because: str = "",
 ) -> Conversion:
-    """As :func:`convert`; where a unit is weighed, torques of any scale are taken."""
+    """As :func:`convert`; where a unit is weighed, torques of any scale are taken.
+
+    ``because`` is what says the units of positions that the map states, where no person did.
+    """
     check_replaceable(out)
     machine = load_machine(robot)
     recordings = joined_by_joint(read_recordings(sources), stated.joints or machine.joints)
     if recordings[0].said.get("linkages") == "joints":
         machine = at_joints(machine)
-    found = guess(recordings[0], machine, stated)
+    found = guess(recordings[0], machine, stated, because)
     if found.questions:
-        raise UnclearError(_weighed(found.questions, sources, robot, stated), recordings[0].source)
+        folder = TemporaryFolder()
+
+        def tried(mapping: Map) -> Conversion:
+            return _converted(sources, robot, folder.path / "log", mapping, None, weighs=True)
+
+        settled = None if weighs else settled_by_torques(found.questions, tried, stated)
+        if settled is not None:
+            return _converted(sources, robot, out, settled.mapping, capture, because=settled.because)
+        raise UnclearError(weighed(found.questions, tried, stated), recordings[0].source)
     said = {
         name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
     }
@@ -167,37 +180,6 @@ def _tables(recording: Recording, found: Guesses, machine: Machine, stated: Map)
     runs = in_runs(assemble(recording, found, None if rate is None else float(rate)))
     rows = (whole_rows(joint_sided(run, stated, joints, recording.source), recording.source) for run in runs)
     return [within_ranges(table, machine, stated.offset) for table in rows]
-
-
-def _weighed(
-    questions: Sequence[Question], sources: Sequence[str | Path], robot: str | Path, stated: Map
-) -> list[Question]:
-    """The questions; one for a torque per volt or duty cycle with what the nominal weights make of it."""
-    (question,) = questions if len(questions) == 1 else (None,)
-    if question is None or not question.torques:
-        return list(questions)
-    tried = stated.model_copy(update={"columns": {**stated.columns, **question.torques}})
-    try:
-        folder = TemporaryFolder()
-        found = _converted(sources, robot, folder.path / "log", tried, None, weighs=True)
-        scales = torque_scales(nominal_robot(found.log), found.log)
-    except InputError:
-        scales = {}
-    if not scales:
-        return list(questions)
-    small = any(
-        target in question.torques and factor == 1e-3 for target, (_, factor) in found.columns.items()
-    )
-    units, unit = ("units: {tau: N·mm} and ", "N·mm") if small else ("", "N·m")
-    worth = {f"tau.{joint}": f"{1.0 / scale.gain:.3g}" for joint, scale in scales.items()}
-    factors = ", ".join(f"{target}: {worth.get(target, 'FACTOR')}" for target in question.torques)
-    least = 100.0 * min(scale.share for scale in scales.values())
-    columns = ", ".join(f'{target}: "{column}"' for target, column in question.torques.items())
-    line = (
-        f"columns: {{{columns}}} and {units}scale: {{{factors}}}   # {unit} per unit by the nominal "
-        f"masses, whose weight and inertia are {least:.0f} % of it; or log: {{torque: none}}"
-    )
-    return [replace(question, line=line)]
 
 
 def _with_findings(log: Log, chart: Chart | None, notes: Sequence[str], folder: Path) -> Log:

@@ -42,18 +42,19 @@ from excite.conversion.torques.controller import note_controllers_constants
 _THERE, _FEWEST = 0.5, 20
 
 
-def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
+def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "") -> Guesses:
     """Understand a recording's columns.
 
     Args:
         recording: what was read.
         machine: the robot.
         mapping: what a person said; an empty one if nothing.
+        because: what says the units of positions in it, where that is no person.
 
     Returns:
         Channels with their factors and reasons, and the questions that stay.
     """
-    found = Guesses()
+    found = Guesses(stated_because=because) if because else Guesses()
     joints = mapping.joints or machine.joints
     wrong = [joint for joint in joints if joint not in machine.joints]
     if wrong:

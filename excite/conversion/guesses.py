@@ -49,11 +49,13 @@ class Question:
         what: what is missing, in a few words.
         line: the line of ``map.yaml`` that would settle it.
         torques: by channel, columns that would be torques if their scale were known; empty for other questions.
+        units: units of positions, by channel or joint, one of which it is; empty for other questions.
     """
 
     what: str
     line: str
     torques: Mapping[str, str] = field(default_factory=dict)
+    units: tuple[Mapping[str, str], ...] = ()
 
 
 @dataclass
@@ -66,6 +68,7 @@ class Guesses:
         questions: what is missing.
         unused: columns that nothing was made of.
         rate_hz: rows a second of streams without a clock; None where nothing states it.
+        stated_because: what says the units of positions that a map states.
     """
 
     mapped: list[Mapped] = field(default_factory=list)
@@ -73,6 +76,7 @@ class Guesses:
     questions: list[Question] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)
     rate_hz: float | None = None
+    stated_because: str = "unit stated in the map"
 
     def of(self, channel: str) -> list[Mapped]:
         """Columns of one channel."""
@@ -88,9 +92,15 @@ class Guesses:
             return np.arange(stream.n_rows) / self.rate_hz
         return stream.time
 
-    def ask(self, what: str, line: str, torques: Mapping[str, str] | None = None) -> None:
+    def ask(
+        self,
+        what: str,
+        line: str,
+        torques: Mapping[str, str] | None = None,
+        units: Sequence[Mapping[str, str]] = (),
+    ) -> None:
         """Add a question, once."""
-        question = Question(what, line, torques or {})
+        question = Question(what, line, torques or {}, tuple(units))
         if question not in self.questions:
             self.questions.append(question)
 

@@ -126,13 +126,17 @@ def _of_urdf(path: Path) -> Machine:
         return np.where(np.isfinite(found) & (np.abs(found) < 1e10), found, missing)
 
     at = [joint.idx_q for joint in moved]
+    lower = limits(model.lowerPositionLimit, -np.inf, at)
+    upper = limits(model.upperPositionLimit, np.inf, at)
+    # A joint that is logged moves: a range without width is one that nobody has filled in.
+    ends &= lower < upper
     effort = limits(model.effortLimit, np.inf)
     standing = _standing(path, model)
     return Machine(
         name=model.name or path.stem,
         joints=names,
-        lower=np.where(ends, limits(model.lowerPositionLimit, -np.inf, at), -np.inf),
-        upper=np.where(ends, limits(model.upperPositionLimit, np.inf, at), np.inf),
+        lower=np.where(ends, lower, -np.inf),
+        upper=np.where(ends, upper, np.inf),
         torque=np.where(effort > 0.0, effort, np.inf),
         slides=np.array([slides(model, place) for place in order]),
         floating=standing is not None,

@@ -49,8 +49,10 @@ def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map
         lines.append(f"motors: {_flow([list(row) for row in stated.motors])}")
     if stated.ignore:
         lines.append(f"ignore: {_flow(list(stated.ignore))}")
-    if validation:
-        lines.append(f"trials: {_flow({'validation': validation})}")
+    rules = {"validation": validation} if validation else {}
+    rules |= stated.trials.model_dump(mode="json", exclude_defaults=True)
+    if rules:
+        lines.append(f"trials: {_flow(rules)}")
     kept = {"torque": header.torque, "modelled": list(header.modelled)} | stated.log
     lines.append(f"log: {_flow(kept)}")
     return "\n".join(lines) + "\n"

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.conversion.columns.clock import clock_column, tick
 from excite.conversion.columns.words import Clue, clue
-from excite.conversion.recording import Recording, merged_names
+from excite.conversion.recording import Recording, Stream, merged_names
 from excite.errors import LogError
 
 # Files of one recording have as many rows, but for what their loggers lost at the ends.
@@ -40,11 +40,27 @@ def joined_parts(recordings: Sequence[Recording]) -> list[Recording]:
     if np.ptp(rows) > _SAME_ROWS * rows.max() and not _of_one_time(named):
         return list(recordings)
     first = named[0]
-    streams = tuple(stream for recording in named for stream in recording.streams)
+    streams = _in_step(tuple(stream for recording in named for stream in recording.streams))
     note = "the files are taken for parts of one recording: " + ", ".join(
         recording.name for recording in named
     )
     return [replace(first, streams=streams, notes=(*first.notes, note))]
+
+
+def _in_step(streams: tuple[Stream, ...]) -> tuple[Stream, ...]:
+    """Streams as they are or, where one has a clock and the others as many rows and none, all as one."""
+    timed = [stream for stream in streams if stream.time is not None or _clock(stream) is not None]
+    if len(timed) != 1 or len({stream.n_rows for stream in streams}) > 1:
+        return streams
+    columns = tuple(column for stream in streams for column in stream.columns)
+    if len({column.name for column in columns}) < len(columns):
+        return streams
+    return (replace(timed[0], columns=columns),)
+
+
+def _clock(stream: Stream) -> tuple[str, str] | None:
+    """The column of a stream that is its clock."""
+    return clock_column(stream, {c.name: clue(c.name, (), c.unit) for c in stream.columns})
 
 
 def joined_by_joint(recordings: Sequence[Recording], joints: Sequence[str]) -> list[Recording]:

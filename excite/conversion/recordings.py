@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from excite.conversion.parts import joined_parts
@@ -13,31 +14,61 @@ from excite.conversion.shapes.reshape import reshaped
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.errors import LogError
 
+# How far below a folder that is named recordings may have folders of their own: a session's, a trial's.
+_DEPTH = 2
+
 
 def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
     """All recordings, files of a folder in the order of their names; every source that is wrong is said at once."""
     found: list[Recording] = []
+    apart: list[Recording] = []
     wrong: list[LogError] = []
-    for source in sources:
+    for source in map(Path, sources):
         try:
-            found += _read(Path(source))
+            files = _files(source)
+            found += [recording for file in files for recording in read_source(file)]
+            apart += [] if files else _of_folders(source)
         except LogError as error:
             wrong.append(error)
     if len(wrong) == 1:
         raise wrong[0]
     if wrong:
         raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
-    shaped = [part for recording in found for part in reshaped(recording)]
-    return [with_drives_on(signed(merged_names(recording))) for recording in joined_parts(shaped)]
+    whole = [*_joined(found), *apart]
+    return [with_drives_on(signed(merged_names(recording))) for recording in whole]
 
 
-def _read(source: Path) -> list[Recording]:
-    """Recordings of a source; a folder that is no recording itself stands for the files in it that are."""
+def _joined(recordings: Sequence[Recording]) -> list[Recording]:
+    return joined_parts([part for recording in recordings for part in reshaped(recording)])
+
+
+def _files(source: Path) -> list[Path]:
+    """What a source stands for: itself, or the files in it of a folder that is no recording; none of those below it."""
     if not source.is_dir() or recognised(source) is not None:
-        return list(read_source(source))
+        return [source]
     files = [file for file in sorted(source.iterdir()) if recognised_recording(file)]
     # Descriptions beside recordings are JSON, too.
-    tables = [file for file in files if file.suffix.lower() != ".json"]
-    if not files:
+    return [file for file in files if file.suffix.lower() != ".json"] or files
+
+
+def _of_folders(source: Path) -> list[Recording]:
+    """Recordings that have a folder each below one that holds none, called after it; parts in a folder are one."""
+    found: list[Recording] = []
+    for folder, name in _below(source, _DEPTH):
+        ours = _joined([recording for file in _files(folder) for recording in read_source(file)])
+        alone = len(ours) == 1
+        found += [replace(one, name=name if alone else f"{name}_{one.name}") for one in ours]
+    if not found:
         raise LogError("holds no recordings", source=source, remedy="name the files")
-    return [recording for file in tables or files for recording in read_source(file)]
+    return found
+
+
+def _below(source: Path, depth: int) -> list[tuple[Path, str]]:
+    """The nearest folders below one that hold recordings, and what to call them."""
+    found: list[tuple[Path, str]] = []
+    for folder in sorted(path for path in source.iterdir() if path.is_dir()) if depth else []:
+        if _files(folder):
+            found.append((folder, folder.name))
+        else:
+            found += [(deeper, f"{folder.name}_{name}") for deeper, name in _below(folder, depth - 1)]
+    return found

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.doctor.likely_bodies import FLOOR
@@ -116,8 +117,16 @@ def _explains(samples: Samples, correction: Correction, left: Array, then: Array
     Where no channel was changed and none gains, likelier bodies are all that speaks for the change; of torques that
     nothing explains they say nothing.
     """
-    before, after = left[:-1], then[:-1]
     changed = [name in correction.places and name not in correction.along for name in samples.channels]
-    concerned = (before - after > _GAINS) | np.array(changed)
-    explained = after < 0.5 * np.log(_EXPLAINED)
-    return bool(explained[concerned].all() and explained.any())
+    return explained(left[:-1], then[:-1], np.array(changed))
+
+
+def explained(before: Array, after: Array, changed: NDArray[np.bool_]) -> bool:
+    """Whether channels are explained that gain by another reading or that it changes: by likely bodies, for the most.
+
+    Args:
+        before: ``(n,)`` half the logarithm of what is left of each channel, ``after``: by the other reading.
+        changed: ``(n,)`` channels that the other reading changes.
+    """
+    good = after < 0.5 * np.log(_EXPLAINED)
+    return bool(good[(before - after > _GAINS) | changed].all() and good.any())

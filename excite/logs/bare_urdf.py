@@ -125,13 +125,13 @@ def _limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
     for joint in header.joints:
         moved = model.joints[model.getJointId(joint)]
         low, high = model.lowerPositionLimit[moved.idx_q], model.upperPositionLimit[moved.idx_q]
-        # What turns on and on has the two numbers of a direction for a position, and no range.
-        if moved.nq == 1 and np.isfinite([low, high]).all():
+        # What turns on and on has the two numbers of a direction for a position, and no range; a range without width is
+        # one that nobody has filled in, as exporters leave it.
+        if moved.nq == 1 and np.isfinite([low, high]).all() and low < high:
             position[joint] = (float(low), float(high))
     unbounded = {joint: (-2.0 * np.pi, 2.0 * np.pi) for joint in header.joints if joint not in position}
-    narrow = {joint: (low - 1e-3, high + 1e-3) for joint, (low, high) in position.items() if not low < high}
     return {
-        "position": {"joints": position | unbounded | narrow, "source": "URDF"},
+        "position": {"joints": position | unbounded, "source": "URDF"},
         "velocity": {"joints": positive(model.velocityLimit), "source": "URDF"},
         "torque": {"joints": positive(model.effortLimit), "source": "URDF"},
         "acceleration": {"default": 1e3, "source": _UNSTATED},

@@ -322,3 +322,35 @@ def test_what_the_map_says_is_modelled_is_no_guess(tmp_path):
     stated = written.whole(file, arm, tmp_path / "stated", log={"modelled": ["rigid_body_fixed"]})
     assert [[what for what, *_ in found.guesses].count("modelled") for found in (usual, stated)] == [1, 0]
     assert stated.log.header.modelled == ("rigid_body_fixed",)
+
+
+def test_a_range_that_nobody_filled_in_says_nothing_of_units(arm, tmp_path):
+    """As SolidWorks' exporter leaves it: both ends zero, and no effort either."""
+    text = arm.read_text().replace(
+        'lower="-2.5" upper="2.5" effort="60" velocity="4"', 'lower="0" upper="0" effort="0" velocity="0"'
+    )
+    arm.write_text(text)
+    data = written.motion()
+    file = table(tmp_path / "a.csv", {"time": data["time"], **named(data, q="q{n}")})
+    done = excite.convert([file], arm, tmp_path / "log", written.WHOLE)
+    np.testing.assert_allclose(done.log.trials[0].q, data["q"], atol=1e-6)
+    assert done.chart is not None
+    assert not {finding.kind for finding in done.chart.findings} & {"degrees", "beyond_limits"}
+
+
+def test_what_the_map_says_was_measured_was(arm, tmp_path):
+    """Beside columns that say themselves what they are: what was asked of the joints."""
+    data = written.motion()
+    columns = {
+        "time": data["time"],
+        **named(data, q="phi_r_{n}", tau="mot{n}"),
+        **{f"q_ref_{k}": data["q_cmd"][:, k - 1] for k in (1, 2, 3)},
+        **{f"tau_ff_{k}": 0.9 * data["tau"][:, k - 1] for k in (1, 2, 3)},
+    }
+    file = table(tmp_path / "a.csv", columns)
+    stated = Map.model_validate(
+        {"columns": {"q": "phi_r_{n}", "tau": "mot{n}"}, "trials": {"split": "none", "validation": ["none"]}}
+    )
+    done = excite.convert([file], arm, tmp_path / "log", stated)
+    np.testing.assert_allclose(done.log.trials[0].q, data["q"], atol=1e-6)
+    np.testing.assert_allclose(done.log.trials[0].tau, data["tau"], atol=1e-6)

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from scipy.io import savemat
 
 import excite
 from excite.conversion.columns.anonymous import understand
@@ -310,3 +311,44 @@ def test_currents_in_counts_of_a_servo_are_called_so(data, arm, tmp_path):
     file = table(tmp_path / "a.csv", names, data["time"], data["q"], np.round(data["tau"] / 2.69e-3))
     found = whole(file, arm, tmp_path)
     assert any("counts of a drive" in because for _, _, because in found.guesses)
+
+
+def test_times_in_a_file_of_their_own(data, arm, tmp_path):
+    """As MATLAB saves a variable a file."""
+    for name, key in (("t", "time"), ("q", "q"), ("qDot", "v"), ("tau", "tau")):
+        savemat(tmp_path / f"{name}.mat", {name: data[key]})
+    files = [tmp_path / f"{name}.mat" for name in ("q", "qDot", "t", "tau")]
+    done = excite.convert(files, arm, tmp_path / "log", written.WHOLE)
+    np.testing.assert_allclose(done.log.trials[0].q, data["q"], atol=1e-9)
+    np.testing.assert_allclose(done.log.trials[0].v, data["v"], atol=1e-9)
+    np.testing.assert_allclose(done.log.trials[0].tau, data["tau"], atol=1e-9)
+
+
+def test_whole_arrays_in_a_line_of_a_controllers_program(arm, tmp_path):
+    """TwinCAT's declarations are no recording, and are said to be none."""
+    zeros = ", ".join(["0.000000"] * 20_000)
+    text = "data_sample_time : LREAL := 0.0008; \n" + "".join(
+        f"phi_r_{k} : ARRAY[1..20000] OF REAL := [{zeros}]; \n" for k in (1, 2, 3)
+    )
+    (tmp_path / "a.txt").write_text(text)
+    with pytest.raises(LogError):
+        excite.convert([tmp_path / "a.txt"], arm, tmp_path / "log")
+
+
+def test_trials_with_a_folder_each_are_called_after_it(arm, tmp_path):
+    """The parts of each are one, whatever folder lies between."""
+    for k, day in enumerate(("monday/first", "monday/second", "tuesday")):
+        motion = written.motion(N, seed=k)
+        folder = tmp_path / "runs" / day
+        folder.mkdir(parents=True)
+        for name, key, file in (("q", "q", "where.csv"), ("tau", "tau", "torques.csv")):
+            names = ["time", *(f"{name}{j}" for j in (1, 2, 3))]
+            table(folder / file, names, motion["time"], motion[key])
+    done = excite.convert([tmp_path / "runs"], arm, tmp_path / "log", written.WHOLE)
+    assert [trial.name for trial in done.log.trials] == ["monday_first", "monday_second", "tuesday"]
+    for k, trial in enumerate(done.log.trials):
+        np.testing.assert_allclose(trial.q, written.motion(N, seed=k)["q"], atol=1e-6)
+        assert trial.tau is not None
+    (tmp_path / "none" / "below").mkdir(parents=True)
+    with pytest.raises(LogError, match="holds no recordings"):
+        excite.convert([tmp_path / "none"], arm, tmp_path / "other")

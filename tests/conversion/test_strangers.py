@@ -130,7 +130,7 @@ def test_one_question_for_all_files_without_a_clock(data, arm, tmp_path):
 
 def test_degrees_are_not_taken_where_zeros_may_be_elsewhere(data, arm, tmp_path):
     moved = {**data, "q": data["q"] + 3.6}
-    file = table(tmp_path / "a.csv", columns_of(moved, q="q{n}", tau="tau{n}"))
+    file = table(tmp_path / "a.csv", columns_of(moved, q="q{n}"))
     with pytest.raises(UnclearError, match=r"whose zeros are not the model's"):
         excite.convert([file], arm, tmp_path / "log", WHOLE)
 

@@ -10,6 +10,7 @@ from excite.diagnosis.answer.budget import Budget, ChannelBudget
 from excite.diagnosis.answer.candidate import Candidate, Estimate, sized
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.tables import NO_NAME
 from excite.finding import Finding
 
 
@@ -59,6 +60,24 @@ def test_every_accepted_effect_is_in_the_table(two_effects: Diagnosis):
 def test_what_cannot_be_told_apart_stands_alike(two_effects: Diagnosis):
     found = table(replace(two_effects, verdict="ambiguous", n_tied=2))
     assert found["joint_spring", "a"] == found["torque_ripple", "a"] == "as likely"
+
+
+def test_effects_beside_those_that_cannot_be_told_apart_are_in_the_sentence(two_effects: Diagnosis):
+    """What is sure comes first; the share closed is that of all."""
+    said = replace(two_effects, verdict="ambiguous", n_tied=2).sentence()
+    sure, either = said.index("stribeck at b"), said.index("joint spring at a")
+    assert sure < either < said.index("torque ripple at a") < said.index("which of these; adding all closes")
+    alone = replace(two_effects, verdict="ambiguous", n_tied=2, effects=two_effects.effects[:1]).sentence()
+    assert "stribeck" not in alone and "cannot say which; adding one closes" in alone
+
+
+def test_what_an_unknown_gap_is_like_comes_first_and_once(two_effects: Diagnosis):
+    like = f"the gap at b is that of a stop (edge 0.75 rad); {NO_NAME}"
+    unknown = replace(two_effects, verdict="unknown", effect=None, location="b", candidates=(), effects=())
+    found = replace(unknown, warnings=("record longer", like)).summary()
+    assert like in found.splitlines()[0]
+    assert found.count(like) == 1 and "note: record longer" in found
+    assert "no effect in the library explains" in unknown.summary().splitlines()[0]
 
 
 def test_what_the_doctor_found_is_said_once(two_effects: Diagnosis):

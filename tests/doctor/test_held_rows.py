@@ -13,7 +13,9 @@ from excite.doctor.examine import examine
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot
+from excite.robot.loading import load_robot
 from tests.diagnosis.two_joints import two_joint_log
+from tests.identification.practice_log import arm_log, changed
 
 RATE = 500.0
 TIME = np.arange(5000) / RATE
@@ -74,3 +76,22 @@ def test_a_leg_that_rests_in_a_log_of_commands_loses_no_row(tmp_path: Path) -> N
     chart = examine(nominal_robot(log), log)
     assert "repeated_rows" not in {finding.kind for finding in chart.findings}
     assert [trial.n_samples for trial in chart.log.trials] == [len(TIME)] * 2
+
+
+def test_velocities_that_are_pulses_beside_positions_read_thrice_say_nothing_of_the_clock() -> None:
+    """A controller asks its drives every third cycle: what moved since stands in one row as a velocity, zero in two."""
+    arm = load_robot("panda")
+
+    def thrice(trial: Trial) -> Trial:
+        fresh = np.arange(trial.n_samples) % 3 == 0
+        at = np.flatnonzero(fresh)[np.cumsum(fresh) - 1]
+        v = np.zeros_like(trial.q)
+        v[fresh] = np.diff(trial.q[fresh], axis=0, prepend=trial.q[:1]) / np.median(np.diff(trial.time))
+        return replace(trial, q=trial.q[at], tau=trial.tau[at], v=v)
+
+    log = changed(arm_log(arm, 2), thrice)
+    chart = examine(arm, log)
+    kinds = {finding.kind for finding in chart.findings}
+    assert "repeated_rows" in kinds
+    assert not kinds & {"clock", "velocity", "rate"}
+    assert np.ptp(chart.log.trials[0].time) == pytest.approx(np.ptp(log.trials[0].time), abs=0.02)

@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
+
 import excite
 from excite.doctor.checks.machine import OtherMachine
 from excite.finding import Finding
-from excite.logs.files import load_log
-from excite.logs.log import Log
+from excite.logs.files import load_log, save_log
+from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
+from tests.diagnosis.two_joints import RATE_HZ, URDF, two_joint_log
 
 
 def simulated(folder: Path, *inject: str) -> Log:
@@ -43,3 +47,38 @@ def test_torques_of_two_joints_exchanged_in_the_trials_that_judge_are_told(tmp_p
     (finding,) = found(replace(log, trials=tuple(exchanged)))
     assert finding.kind == "other_machine"
     assert {"shoulder_lift_joint", "elbow_joint"} <= set(finding.places)
+
+
+def with_a_stop(folder: Path, seconds: float) -> Log:
+    """An arm whose first joint runs into rubber in the postures of the trial that judges alone."""
+    model = pin.buildModelFromXML(URDF)
+
+    def trial(name: str, role: str, middle: np.ndarray, length: float) -> Trial:
+        t = np.arange(round(length * RATE_HZ)) / RATE_HZ
+        turn = np.array([4.0, 5.5])
+        angle = t[:, None] * turn + (role == "validation")
+        q, v = middle + 0.5 * np.sin(angle), 0.5 * turn * np.cos(angle)
+        a = -turn * turn * (q - middle)
+        tau = np.array([pin.rnea(model, model.createData(), *rows) for rows in zip(q, v, a, strict=True)])
+        tau += 0.3 * np.tanh(v / 0.05) + 30.0 * np.maximum(q - 1.4, 0.0) * [1.0, 0.0]
+        return Trial(name, role, t, q, tau + 0.02 * np.random.default_rng(len(t)).normal(size=q.shape))
+
+    log = two_joint_log(
+        (
+            trial("learnt", "identification", np.zeros(2), seconds),
+            trial("judge", "validation", np.array([1.5, -0.8]), 1.2),
+        )
+    )
+    save_log(log, folder)
+    return load_log(folder)
+
+
+def test_one_short_trial_to_learn_from_says_nothing_of_another_machine(tmp_path: Path) -> None:
+    """How far its own parts are apart is not to be seen."""
+    assert found(with_a_stop(tmp_path, 1.5)) == ()
+
+
+def test_one_long_trial_to_learn_from_is_set_beside_itself(tmp_path: Path) -> None:
+    (finding,) = found(with_a_stop(tmp_path, 6.0))
+    assert finding.places == ("first",)
+    assert "such as a stop" in finding.text

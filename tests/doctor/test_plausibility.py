@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.examine import examine
 from excite.logs.log import Cleaning
 from excite.robot.loading import load_robot
@@ -90,3 +91,23 @@ def test_a_sound_log_is_left_alone(panda, log):
 def test_milliseconds_are_named(panda, log):
     text = next(f.text for f in examine(panda, changed(log, FAULTS["time in milliseconds"][0])).findings)
     assert "milliseconds" in text
+
+
+def test_torques_before_the_gears_that_are_friction_for_the_most_are_in_a_unit_that_is_asked_for(panda, log):
+    """As a KUKA KR 300 logs them. Nothing else of the channels is told by bodies that do not show."""
+    rng = np.random.default_rng(0)
+    gears = np.array([257.0, 267.0, 252.0, 221.0, 240.0, 154.0, 154.0])
+    rubs = 2.0 * np.mean([trial.tau.std(axis=0) for trial in log.trials], axis=0) / gears
+
+    def before_gears(trial):
+        v = np.gradient(trial.q, trial.time, axis=0)
+        friction = rubs * (np.tanh(v / 0.05) + 0.4 * np.sign(v) * np.abs(v) ** 0.5)
+        noise = 0.02 * rubs * rng.normal(size=v.shape)
+        return replace(trial, tau=trial.tau / gears + friction + noise)
+
+    ill = changed(log, before_gears)
+    chart = examine(panda, ill)
+    assert {item.kind for item in chart.findings if item.severity == "spoils"} == {"torque_scale"}
+    assert Doubt.SIZE in chart.doubts
+    np.testing.assert_array_equal(chart.log.trials[0].tau, ill.trials[0].tau)
+    np.testing.assert_array_equal(chart.log.trials[0].q, ill.trials[0].q)

@@ -279,3 +279,19 @@ def test_editing_keeps_every_other_byte() -> None:
 def test_texts_that_cannot_be_edited_are_refused(content: bytes, message: str) -> None:
     with pytest.raises(RobotError, match=message):
         XmlText(content, "t")
+
+
+def test_a_robot_is_fixed_to_a_world_that_its_file_does_not_declare(ur10: Robot, tmp_path: Path) -> None:
+    """As files for Drake have it; what is written declares it, so that others read it too."""
+    source = model_file(ur10).read_text()
+    weld = f'<joint name="weld" type="fixed"><parent link="world"/><child link="{ur10.base_link}"/></joint>'
+    text = re.sub(r'<link name="world"\s*/>', "", source)
+    if 'parent link="world"' not in text:
+        text = re.sub(r"(<robot\b[^>]*>)", rf"\1{weld}", text, count=1)
+    (tmp_path / "drake.urdf").write_text(text)
+    model = ur10.description.model.model_copy(update={"package": None, "path": str(tmp_path / "drake.urdf")})
+    robot = build_robot(ur10.description.model_copy(update={"model": model}), ur10.source)
+    parameters = scattered(robot)
+    written = write_urdf(robot, identification_of(robot, parameters), tmp_path / "identified.urdf")
+    assert written.pinocchio_error <= 1e-9
+    assert pin.buildModelFromUrdf(str(tmp_path / "identified.urdf")).nq == robot.n_joints

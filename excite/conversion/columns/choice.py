@@ -51,21 +51,22 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             f"{family.target} may be {other.columns[0]} … or {family.columns[0]} …",
             f'columns: {{{family.target}: "{_pattern(other)}"}}',
         )
-    _ask_for_measured(found, chosen)
+    known = set(chosen) | {item.channel for item in found.mapped}
+    _ask_for_measured(found, chosen, known)
     _ask_for_set_points(found, chosen)
-    if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
+    if "q_cmd" in chosen and not known & {"q", "tau", "i"}:
         # A motion that was planned and has no measured twin.
         chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
         found.facts.append(("q", chosen["q"].columns[0], "planned positions: no measured ones are there"))
-    if "tau" not in chosen and "i" not in chosen and "tau_cmd" in chosen:
+    if "tau_cmd" in chosen and not known & {"tau", "i"}:
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
     return chosen
 
 
-def _ask_for_measured(found: Guesses, chosen: dict[str, Family]) -> None:
-    """Ask for measured channels where all that is there was asked of the joints."""
-    unmeasured = not {"q", "tau", "i"} & set(chosen)
+def _ask_for_measured(found: Guesses, chosen: dict[str, Family], known: set[str]) -> None:
+    """Ask for measured channels where all that is there, and all that a map states, was asked of the joints."""
+    unmeasured = not {"q", "tau", "i"} & known
     if unmeasured and {"q_cmd", "tau_cmd"} <= set(chosen):
         # The torques that a controller asks for are its own model's: identified, they would only give that back.
         q, tau = chosen.pop("q_cmd"), chosen.pop("tau_cmd")

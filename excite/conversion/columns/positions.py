@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.conversion.columns.mixed_units import alike, apart, in_degrees, is_slide, stated_unit
@@ -45,9 +46,10 @@ def positions(
     result: dict[str, tuple[str, str]] = {}
     for items in alike(found.of("q"), columns, mapping, machine):
         for part, why in _by_unit(found, items, columns, machine, mapping, slope):
-            units = _unit(found, part, columns, machine, mapping, maybe_shares=maybe_shares)
-            if why:
-                units = (units[0], why)
+            units = ("rad", "asked about")
+            if why is not None:
+                units = _unit(found, part, columns, machine, mapping, maybe_shares=maybe_shares)
+                units = (units[0], why or units[1])
             result |= {item.target: units for item in part}
     measured = {item.target: item for item in found.of("q")}
     several = len({result[target][0] for target, item in measured.items() if not is_slide(item, machine)}) > 1
@@ -73,8 +75,8 @@ def _by_unit(
     machine: Machine,
     mapping: Map,
     slope: Callable[[Mapped], float | None],
-) -> list[tuple[list[Mapped], str]]:
-    """Columns in one part, or in two where some are in degrees among others in radians, and why."""
+) -> list[tuple[list[Mapped], str | None]]:
+    """Columns in one part, or in two where some are in degrees among others in radians, and why; None: it is asked."""
     stated = stated_unit(items, mapping, machine) or named_unit(items, columns)
     if mapping.motors or stated or "q" in mapping.scale:
         return [(items, "")]
@@ -95,15 +97,18 @@ def _by_unit(
         of = f"unlike {', '.join(names[1][:MOST_NAMED])}, by their ranges and velocities"
         return [(rest, f"deg {of}"), (small, "rad: within the range, and so their velocities have it")]
     one = next(item.target for item, is_so in zip(turning, radians, strict=True) if is_so)
-    by_joint = ", ".join(
-        f"{item.target}: {'deg' if is_so else 'rad'}" for item, is_so in zip(turning, degrees, strict=True)
-    )
+    by_joint = ", ".join(f"{target}: {unit}" for target, unit in _units_of(turning, degrees).items())
     found.ask(
         f"{', '.join(names[0][:MOST_NAMED])} can only be degrees, {', '.join(names[1][:MOST_NAMED])} may be radians: "
         f"as degrees {one.partition('.')[2]} … would turn by less than 6.3",
         f"units: {{q: deg}} where all are degrees, or units: {{{by_joint}}}",
+        units=({"q": "rad"}, {"q": "deg"}, _units_of(turning, degrees)),
     )
-    return [(items, "")]
+    return [(items, None)]
+
+
+def _units_of(items: list[Mapped], degrees: NDArray[np.bool_]) -> dict[str, str]:
+    return {item.target: "deg" if is_so else "rad" for item, is_so in zip(items, degrees, strict=True)}
 
 
 def _place(item: Mapped, machine: Machine) -> int:
@@ -132,7 +137,7 @@ def _unit(
     channel, places = items[0].channel, [_place(item, machine) for item in items]
     slide = is_slide(items[0], machine)
     named = named_unit(items, columns, slide=slide)
-    unit, why, sure = position_unit(
+    unit, why, sure, either = position_unit(
         values_of(items, columns),
         machine.lower[places],
         machine.upper[places],
@@ -168,6 +173,7 @@ def _unit(
             f"the unit of {items[0].source} … cannot be told: {why}",
             f"units: {{{channel}: deg}} (or rev, counts/4096), or motors: [[RATIO, 0 …], …] where they are "
             f"motors' positions, or scale: {{{channel}: FACTOR}}, {{{items[0].target}: FACTOR, …}} where joints differ",
+            units=({channel: "rad"}, {channel: "deg"}) if channel == "q" and either else (),
         )
         unit = "rad"
     return unit, why

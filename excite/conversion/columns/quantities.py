@@ -53,7 +53,7 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             if channel in ("q", "q_cmd"):
                 for unit, why in dict.fromkeys(angles[item.target] for item in items):
                     part = [item for item in items if angles[item.target] == (unit, why)]
-                    because = "unit stated in the map" if stated else why
+                    because = found.stated_because if stated else why
                     done += _of_positions(found, part, columns, machine, mapping, unit, because)
                 continue
             if stated:

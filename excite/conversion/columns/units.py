@@ -64,9 +64,10 @@ BEYOND = 0.2
 _NO_MOTION = 0.02
 # Turns that joints without stated range make: three turns are more than any arm's.
 WIDE = 6.0 * math.pi
-# Joints that move by more than their ranges and two turns are motors before their gears: a range that is stated too
-# narrow lacks no more than a turn [rad].
-_MOTORS = 4.0 * math.pi
+# A range that is stated too narrow lacks no more than a turn, and joints that move by more than their ranges and two
+# turns are motors before their gears [rad].
+_TOO_NARROW = 2.0 * math.pi
+_MOTORS = 2.0 * _TOO_NARROW
 # How near a ratio of velocity and derivative has to be to that of two units, as a factor.
 _NEAR = 1.15
 # What is larger is a damaged number, whose square no float holds.
@@ -80,11 +81,13 @@ class PositionUnit(NamedTuple):
         unit: empty where names and ranges contradict each other.
         why: in words.
         sure: whether nothing else is possible.
+        either: whether radians and degrees both are, and nothing else.
     """
 
     unit: str
     why: str
     sure: bool
+    either: bool = False
 
 
 def zero_of(unit: str) -> float:
@@ -115,13 +118,16 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
         beyond = {small: outside, large: outside_large}
         return _as_stated(stated, beyond.get(stated, 0.0), min(beyond.values()), turned)
     if outside > BEYOND and outside_large <= BEYOND and span * factor >= _NO_MOTION:
-        if small == "rad" and bool(((high - low) <= (upper - lower)[turning]).all()):
-            # Zeros of joints are often elsewhere than the model's: then radians fit, too, and move them far more.
+        # Zeros of joints are often elsewhere than the model's, and ranges stated too narrow: then radians fit, too, and
+        # move them far more.
+        elsewhere = bool(((high - low) <= (upper - lower)[turning]).all())
+        if small == "rad" and (elsewhere or outside <= _TOO_NARROW):
             return PositionUnit(
                 "",
                 f"as deg joints move by {span:.2g} degrees at most, as rad they leave their ranges by {outside:.3g}, "
-                "as joints do whose zeros are not the model's",
+                f"as joints do whose {'zeros' if elsewhere else 'ranges'} are not the model's",
                 True,
+                either=True,
             )
         return PositionUnit(
             large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True

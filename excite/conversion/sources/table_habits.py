@@ -116,6 +116,9 @@ def split_line(line: str, separator: str) -> list[str]:
     """Cells of a line without the blanks around them; a comment's mark at its beginning is left out."""
     if separator == " ":
         return line.split()
+    if len(line) > csv.field_size_limit():
+        # A whole array in a line, as programmes of controllers hold it.
+        return [cell.strip().strip('"') for cell in line.split(separator)]
     return [cell.strip().strip('"') for cell in next(csv.reader([line], delimiter=separator), [])]
 
 

@@ -19,10 +19,13 @@ from excite.diagnosis.answer.tables import (
     budget_rows,
     candidate_row,
     effect_table,
+    either_of,
     fault_entry,
     fault_lines,
     gap_table,
+    in_a_row,
     trivial_table,
+    without_a_name,
 )
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
@@ -33,8 +36,6 @@ SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]
 # Up to so many times the noise floor a model is said to reach it.
 _AT_FLOOR = 1.3
-# Share of a channel's gap from which it is said to follow something.
-_FOLLOWS = 0.3
 
 
 @dataclass(frozen=True)
@@ -212,14 +213,13 @@ class Diagnosis(Tabled):
             return f"{self.robot}: the model{fitted} leaves {gap}, the noise {floor}; no effect stands out in between."
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
-            there = [item for item in self.where if item.channel == place]
-            follows = "".join(f" follows {w.depends_on} and that" for w in there if _follows(w))
-            return f"{self.robot}: there is a gap at {place} that{follows} no effect in the library explains ({gap})."
+            return f"{self.robot}: {without_a_name(place, self.where, self.warnings)} ({gap})."
         if self.verdict == "ambiguous":
-            either = " or ".join(sized(item) for item in self.ambiguous_with)
-            return f"{self.robot}: the gap is {either}; this record cannot say which; adding one {closes}."
+            either, of_all = either_of(self.effects, self.ambiguous_with)
+            tells = "which of these; adding all" if of_all else "which; adding one"
+            return f"{self.robot}: the gap is {either}; this record cannot say {tells} {closes}."
         each = [sized(item) for item in self.effects] or [in_words(self.effect, self.location)]
-        named = " and ".join([", ".join(each[:-1]), each[-1]] if len(each) > 1 else each)
+        named = in_a_row(each)
         them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"
         return f"{self.robot}: the gap is {named}; adding {them} {closes}."
 
@@ -237,9 +237,5 @@ class Diagnosis(Tabled):
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]
         lines += fault_lines(self.faults)
-        lines += [f"note: {text}" for text in self.warnings]
+        lines += [f"note: {text}" for text in self.warnings if text not in lines[0]]
         return "\n".join(lines)
-
-
-def _follows(item: Where) -> bool:
-    return item.dependence.get(item.depends_on, 0.0) >= _FOLLOWS

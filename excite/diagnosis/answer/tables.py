@@ -8,11 +8,15 @@ from typing import Any
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere
-from excite.diagnosis.answer.candidate import Candidate, in_words, measured
+from excite.diagnosis.answer.candidate import Candidate, in_words, measured, sized
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
 
+# Share of a channel's gap from which it is said to follow something.
+_FOLLOWS = 0.3
+# How the words end that say what an unknown gap is like.
+NO_NAME = "no effect in the library stands for that"
 _LISTED = 6
 _BODIES = {
     "rigid_body": "its bodies fitted to this record (write rigid_body_fixed under modelled in log.yaml to take them as "
@@ -117,6 +121,30 @@ def trivial_table(errors: Mapping[str, TrivialErrors]) -> list[str]:
         values = "  ".join(f"{'' if v is None else format(v, '.3g'):>8}" for v in row)
         lines.append(f"{name:{width}}  {values}  [{errors[name].unit}]")
     return lines
+
+
+def in_a_row(each: Sequence[str]) -> str:
+    """Words with commas between them and ``and`` before the last."""
+    return " and ".join([", ".join(each[:-1]), each[-1]] if len(each) > 1 else each)
+
+
+def without_a_name(place: str, where: Sequence[Where], warnings: Sequence[str]) -> str:
+    """An unknown gap in words: what it is like, where that is known, or what it follows."""
+    like = next((text for text in warnings if text.endswith(NO_NAME)), None)
+    follows = "".join(
+        f" follows {item.depends_on} and that"
+        for item in where
+        if item.channel == place and item.dependence.get(item.depends_on, 0.0) >= _FOLLOWS
+    )
+    return like or f"there is a gap at {place} that{follows} no effect in the library explains"
+
+
+def either_of(effects: Sequence[Candidate], ambiguous_with: Sequence[Candidate]) -> tuple[str, bool]:
+    """Effects that cannot be told apart, in words, behind accepted ones that are sure; and whether there are such."""
+    open_ = {(item.effect, item.location) for item in ambiguous_with}
+    sure = [sized(item) for item in effects if (item.effect, item.location) not in open_]
+    either = " or ".join(sized(item) for item in ambiguous_with)
+    return (f"{in_a_row(sure)}, and {either}", True) if sure else (either, False)
 
 
 def effect_table(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from excite.diagnosis.answer.candidate import measured
+from excite.diagnosis.answer.tables import NO_NAME
 from excite.diagnosis.attribution.attribution import Scored
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.units import at_joint
@@ -15,7 +16,4 @@ def in_words(item: Scored) -> str:
     values = h.effect.estimates(context, item.location, h.theta, h.told)
     values = at_joint(h.baseline.samples.robot, item.location, values)
     told = ", ".join(f"{name} {measured(value)}" for name, value in values.items())
-    return (
-        f"the gap at {item.location} is that of a stop, or of a body that the joint runs into ({told}); "
-        "no effect in the library stands for that"
-    )
+    return f"the gap at {item.location} is that of a stop, or of a body that the joint runs into ({told}); {NO_NAME}"

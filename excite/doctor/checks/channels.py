@@ -13,6 +13,7 @@ from excite.doctor.mistakes.carried_load import carried_load
 from excite.doctor.mistakes.registry import OF_TORQUES, OF_WRENCHES
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
+from excite.doctor.unknown_unit import of_unknown_unit
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import Finding
 from excite.logs.log import Log
@@ -63,8 +64,11 @@ def _of_torques(samples: TorqueSamples, stated: Reading) -> tuple[Reading, tuple
     """What torques betray; beside a load where that explains them better than the first mistake would.
 
     A load of a robot's own weight is no likely body: torques of an arm that carried one were scaled, and without that
-    its clock looked fast.
+    its clock looked fast. Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones,
+    betray nothing: gravity looked turned by 145 degrees in those before the gears of a KUKA KR 300.
     """
+    if of_unknown_unit(samples, stated):
+        return stated, ()
     reading, found = misreadings(samples, stated, OF_TORQUES)
     load = carried_load(samples, stated) if found else None
     if load is None:

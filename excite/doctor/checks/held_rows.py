@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
+from excite.doctor.checks.rate import rate_of
 from excite.finding import Finding, listed
 from excite.logs.log import Log, Trial
 from excite.logs.resolution import channel_noise
@@ -50,7 +51,10 @@ class HeldRows(Check):
             remedy="they are left out",
             trials=tuple(count),
         )
-        return Outcome(replace(log, trials=trials), (finding,))
+        # What a log states is the rate of its rows, of which these were some.
+        slower = rate_of(trials) / rate_of(log.trials)
+        header = log.header.model_copy(update={"rate_hz": log.header.rate_hz * slower})
+        return Outcome(replace(log, header=header, trials=trials), (finding,))
 
 
 def _held(trial: Trial) -> NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +30,7 @@ class StatedRate(Check):
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
         log, found = _in_seconds(robot, log)
-        rates = [_rate(trial) for trial in log.trials]
-        rate = float(np.median(rates))
+        rate = rate_of(log.trials)
         factor = rate / log.header.rate_hz
         if not 1.0 / _RATE_OFF < factor < _RATE_OFF:
             text = f"time stamps run at {rate:.4g} Hz, log.yaml says {log.header.rate_hz:g} Hz: one of them is wrong"
@@ -59,13 +59,14 @@ class StatedRate(Check):
         return Outcome(log, tuple(found))
 
 
-def _rate(trial: Trial) -> float:
-    return 1.0 / float(np.median(np.diff(trial.time)))
+def rate_of(trials: Sequence[Trial]) -> float:
+    """At which rate the stamps of most trials usually run [Hz]."""
+    return float(np.median([1.0 / np.median(np.diff(trial.time)) for trial in trials]))
 
 
 def _in_seconds(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     """Stamps of a clock at which the robot would hardly move, in the unit in which it does."""
-    rate = float(np.median([_rate(trial) for trial in log.trials]))
+    rate = rate_of(log.trials)
     if _SLOWEST_HZ < rate < _FASTEST_HZ:
         return log, []
     limits = robot.limits.velocity[[robot.joint_index(name) for name in log.header.joints]]

@@ -8,9 +8,11 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
+from excite.doctor.doubt import Doubt
 from excite.doctor.drive_fit import drive_fit
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
+from excite.doctor.unknown_unit import of_unknown_unit, said_of_unit
 from excite.finding import Finding, listed
 from excite.logs.log import Log
 from excite.regressor.kernels import inverse_dynamics
@@ -27,15 +29,17 @@ _WEIGHTLESS = 1e-7
 
 
 class WeakTorques(Check):
-    """Joints whose torque is far below what the nominal masses need, while that of most others is not."""
+    """Torques far below what the nominal masses need, of some joints or of most."""
 
-    kinds = ("weak_torque",)
+    kinds = ("weak_torque", "torque_scale")
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
         samples = _samples(robot, log)
         if samples is None:
             return Outcome(log)
         reading = Reading.as_stated(log)
+        if log.header.torque != "current" and of_unknown_unit(samples, reading):
+            return Outcome(log, (said_of_unit(samples, reading),), frozenset({Doubt.SIZE}))
         gains, _ = samples.gains(reading)
         weak = (samples.judged(reading)[:-1] > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
         # A torque that is cut off is weaker than it was.

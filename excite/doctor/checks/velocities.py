@@ -22,6 +22,9 @@ _UNITS = {"deg/s": np.pi / 180.0, "rpm": np.pi / 30.0, "rev/s": 2.0 * np.pi}
 # Joints whose velocity follows the slope of another factor than one.
 _ODD = 2.0
 _FOLLOWS = 0.9
+# The step of an even clock under rows of which some were left out is that of the shortest, but for stamps that jitter;
+# packets that arrive in bunches do not make a record any larger than this many rows for one.
+_SHORT, _MOST_FINER = 0.05, 10
 
 
 class Velocities(Check):
@@ -95,16 +98,35 @@ def _in_unit(unit: str, ratio: float) -> Finding:
     )
 
 
+def _held_rows(time: Array) -> tuple[NDArray[np.intp], float]:
+    """Rows on an even clock, each held until the next one was written, and that clock's step [s].
+
+    A row that was left out repeated the one before, and so what rows say together is what they say for as long as they
+    hold: a velocity that is logged as a pulse in the row in which the position moves, and as zero in those that repeat
+    it, is that large for one row only.
+    """
+    short = float(np.quantile(np.diff(time), _SHORT))
+    span = float(time[-1] - time[0])
+    n = int(min(span / short, _MOST_FINER * len(time))) + 1
+    clock = time[0] + span * np.arange(n) / max(n - 1, 1)
+    # Half of what single precision leaves of a step: stamps that are the clock's own are not missed by rounding.
+    rows = np.searchsorted(time, clock + 1e-6 * short, side="right") - 1
+    return rows, span / max(n - 1, 1)
+
+
 def _ratios(log: Log) -> tuple[Array, Array, NDArray[np.bool_]] | None:
     """Logged velocity per slope of the position, their correlation, and which joints move, each ``(n_joints,)``."""
     parts = []
     for trial in log.trials:
         rate = 1.0 / float(np.median(np.diff(trial.time)))
         cutoff = min(5.0, 0.2 * rate)
-        if trial.v is None or trial.n_samples <= 4 * settling_samples(rate, cutoff):
+        if trial.v is None:
             continue
-        slope = np.gradient(trial.q, trial.time, axis=0)
-        parts.append([lowpass(value, rate, cutoff) for value in (slope, trial.v)])
+        rows, step = _held_rows(trial.time)
+        if len(rows) <= 4 * settling_samples(1.0 / step, cutoff):
+            continue
+        slope = np.gradient(trial.q[rows], step, axis=0)
+        parts.append([lowpass(value, 1.0 / step, cutoff) for value in (slope, trial.v[rows])])
     if not parts:
         return None
     x, v = (np.concatenate([part[i] for part in parts]) for i in (0, 1))

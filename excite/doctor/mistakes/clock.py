@@ -68,9 +68,9 @@ class Clock(Mistake[TorqueSamples]):
             "correct rate_hz; if the torques are commands, leave them out (log: {torque: none})"
         )
         but = (
-            "logged velocities agree with the stamps, and torques that are a controller's commands look so, too"
+            "logged velocities agree with the stamps, and a controller's commands or wrong lengths look so, too"
             if samples.speeds
-            else "nothing but the torques says so, and wrong inertias or a controller's commands look so, too"
+            else "nothing but the torques says so, and wrong inertias or lengths or commands look so, too"
         )
         text = f"{text}; {but}"
         if best > _NEVER:

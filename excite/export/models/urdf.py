@@ -23,10 +23,11 @@ from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.reading.file import read_bytes
-from excite.reading.xml_document import MAX_XML_BYTES, elements_of
+from excite.reading.xml_document import MAX_XML_BYTES, elements_of, parse_xml
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
+from excite.robot.urdf.free_root import WORLD, declare_world
 from excite.robot.urdf.numbers import numbers
 from excite.robot.urdf.reading import parse_urdf
 
@@ -99,7 +100,10 @@ def edited_urdf(robot: Robot, identification: Found, *, drives: bool, force: boo
     changed = changed_segments(robot, identification, force=force)
     file = model_file(robot)
     parse_urdf(file)
-    text = XmlText(read_bytes(file, limit=MAX_XML_BYTES, error=RobotError), file)
+    content = read_bytes(file, limit=MAX_XML_BYTES, error=RobotError)
+    text = XmlText(content, file)
+    if declare_world(parse_xml(content, file, RobotError)):
+        text.insert_first(text.root, f'<link name="{WORLD}"/>')
     links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
     members = _members(robot, links, file)
     _unchanged_since_loading(robot, members, file)

@@ -1,10 +1,12 @@
-"""A joint of type ``floating`` at a URDF's root: how some makers say that the base is free."""
+"""What a URDF's root says of the base: free by a joint of type ``floating``, or fixed to a world of its own."""
 
 from __future__ import annotations
 
 from xml.etree import ElementTree
 
 from excite.robot.urdf.tree import link_at
+
+WORLD = "world"
 
 
 def free_root(root: ElementTree.Element) -> tuple[ElementTree.Element, ElementTree.Element] | None:
@@ -33,3 +35,17 @@ def drop_free_root(root: ElementTree.Element) -> None:
     if found is not None:
         for element in found:
             root.remove(element)
+
+
+def declare_world(root: ElementTree.Element) -> bool:
+    """Declare the link ``world`` where a robot is fixed to it and the file lacks it: Drake knows it by its name.
+
+    Returns:
+        Whether it was lacking.
+    """
+    links = {link.get("name") for link in root.findall("link")}
+    ends = [link_at(joint, "parent") for joint in root.findall("joint") if joint.get("type") == "fixed"]
+    if WORLD in links or WORLD not in ends:
+        return False
+    root.insert(0, ElementTree.Element("link", name=WORLD))
+    return True
