@@ -16,6 +16,7 @@ from excite.identification.judgement.consistency import Consistency
 from excite.identification.judgement.judgement import Judgement, TotalMassReport
 from excite.identification.judgement.uncertainty import ParameterUncertainty
 from excite.identification.judgement.validation import ChannelFit
+from excite.identification.judgement.warnings import WEIGHTLESS
 from excite.identification.parameter_statistics import BaseParameter, ParameterStatistics
 from excite.identification.result_text import fit_table, mass_change
 from excite.identification.solution import Solution
@@ -184,13 +185,26 @@ class Identification(Tabled):
         proven = [] if certificate is None else [f"certificate: {certificate.summary()}"]
         return proven + ([] if bounds is None else [bounds.summary()])
 
+    @property
+    def impossible_changes(self) -> frozenset[str]:
+        """Links named as changed that would weigh less than nothing: something else is wrong there."""
+        return frozenset(link for found in self.findings if found.kind == WEIGHTLESS for link in found.places)
+
     def _change_lines(self) -> list[str]:
         if not self.changes.segments:
             return ["changed segments: none found"]
-        return ["changed segments:"] + [
-            f"  {item.segment}: {mass_change(item)}"
-            + (f" (or {', '.join(item.tied_with)})" if item.tied_with else "")
-            for item in self.changes.segments
+        lines = ["changed segments:"]
+        for item in self.changes.segments:
+            others = f" (or {', '.join(item.tied_with)})" if item.tied_with else ""
+            doubt = (
+                "; it would weigh less than nothing: no such change"
+                if item.link in self.impossible_changes
+                else ""
+            )
+            lines.append(f"  {item.segment}: {mass_change(item)}{others}{doubt}")
+        return [
+            *lines,
+            "  (the fewest that explain what the nominal model leaves; sizes hold if nothing else differs)",
         ]
 
 

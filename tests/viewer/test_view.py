@@ -52,6 +52,15 @@ def test_a_motion_knows_its_robot(motion: Path) -> None:
     assert set(thing.clips[0].curves) == set(thing.robot.joint_names)
 
 
+def test_a_folder_of_results_holds_no_motion(tmp_path: Path) -> None:
+    """What its report draws from has the suffix of a motion."""
+    save_report_data(ReportData(path=sample_path(load_robot("ur10"))), tmp_path / "report_data.npz")
+    with pytest.raises(ExciteError, match="holds no motion, plan, log or diagnosis"):
+        read_thing(tmp_path)
+    with pytest.raises(ExciteError, match="folder holds no motions"):
+        load_motions([tmp_path], load_robot("ur10"))
+
+
 def test_a_log_has_the_command_as_a_ghost(log: Path) -> None:
     thing = read_thing(log)
     clip, trial = thing.clips[0], load_log(log).trials[0]

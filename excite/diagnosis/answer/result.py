@@ -237,7 +237,8 @@ class Diagnosis(Tabled):
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]
         lines += fault_lines(self.faults)
-        lines += [f"note: {text}" for text in self.warnings]
+        said = {item.text for item in self.faults}
+        lines += [f"note: {text}" for text in self.warnings if text not in said]
         return "\n".join(lines)
 
 
