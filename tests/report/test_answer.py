@@ -41,6 +41,7 @@ def test_a_plan_says_what_is_to_be_expected(tmp_path: Path) -> None:
     plan = {**SMALL["plan"], "robot": "ur10", "selected": [motion], "forecast": forecast}
     text, mark = answer(tmp_path, plan=plan)
     assert "1 motion of 8 s in all" in text and "3 of 4 essential parameters" in text
+    assert "expected within 15 %" in text
     assert "1 more would take 70 s of motion like this." in text and mark == ""
     assert f"excite capture ur10 {tmp_path}" in text
     # What nobody has the patience for is not said in seconds.

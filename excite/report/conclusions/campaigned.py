@@ -5,7 +5,6 @@ from __future__ import annotations
 from excite.report.conclusions.identified import of_identification, taken
 from excite.report.conclusions.result import NAMED, Conclusion, begun_with, count, robot_words
 from excite.report.folder import Document, Findings
-from excite.report.html import number
 
 
 def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
@@ -16,7 +15,7 @@ def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
         campaign["target_rsd_percent"],
         sum(step["n_motions"] for step in campaign["iterations"]),
     )
-    wanted = "their target" if target is None else f"{number(target)} %"
+    wanted = "their target" if target is None else f"{target:g} %"
     done = f"{count(len(campaign['iterations']), 'iteration')} and {count(motions, 'motion')}"
     found = (
         f"After {done}{_judging(motions, findings)}, "

@@ -8,6 +8,7 @@ from typing import Any
 
 from excite.errors import ExciteError
 from excite.motion.motion import Motion
+from excite.report.conclusions.result import count
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, folded, paragraph, section, table
 from excite.report.live import replay
@@ -45,17 +46,14 @@ class Motions(Section):
         rows: list[tuple[Cell, ...]] = [
             (entry["motion"], ", ".join(entry["segments"]), float(entry["duration_s"])) for entry in selected
         ]
-        listing = folded(
-            f"All {len(rows)} motions", table(("motion", "chosen for the segments", "duration [s]"), rows)
-        )
+        headers = ("motion", "chosen for the segments", "duration [s]")
+        listing = folded(f"All {len(rows)} motions" if len(rows) > 1 else "The motion", table(headers, rows))
         rejected = findings.plan["candidates"]["rejected"]
         reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
         refused = (
             folded(
-                f"{sum(rejected.values())} rejected candidates, by reason",
-                table(
-                    ("reason", "candidates"), [(reason.replace("_", " "), count) for reason, count in reasons]
-                ),
+                f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
+                table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
             )
             if rejected
             else ""

@@ -49,7 +49,7 @@ def _lead(found: Document, of_commands: bool) -> str:
     if not of_commands:
         return (
             f"{rows}: what the model leaves, and by how much one trial's reading differs from another's with the same "
-            "command. Both readings have noise of their own: a perfect model leaves seven tenths of that difference, and "
+            "command. Both readings have noise of their own: a perfect model leaves 0.7 of that difference, and "
             "none leaves less."
         )
     simulation = found["simulation"]
