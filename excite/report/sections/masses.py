@@ -48,8 +48,10 @@ class Masses(Section):
 def _numbers(data: MassComparison) -> str:
     columns = {"nominal [kg]": data.nominal, "identified [kg]": data.identified}
     sums = {name: float(np.sum(column)) for name, column in columns.items()}
-    if data.half_width is not None and data.determined is not None:
-        columns |= {"± 95 % [kg]": data.half_width, "told by the data [%]": 100.0 * data.determined}
+    if data.half_width is not None:
+        columns["± 95 % [kg]"] = data.half_width
+    if data.determined is not None:
+        columns["told by the data [%]"] = 100.0 * data.determined
     if data.true is not None:
         columns["true [kg]"] = data.true
         sums["true [kg]"] = float(np.sum(data.true))
