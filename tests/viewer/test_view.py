@@ -179,6 +179,27 @@ def test_what_is_too_near_turns_red_and_a_slider_moves_a_joint(stage) -> None:
 
 
 @needs_viser
+def test_the_scrubber_ends_where_the_motion_does(motion: Path, tmp_path: Path) -> None:
+    """It ended with the longest of them, so that most of its way was beyond a short one."""
+    import viser
+
+    from excite.viewer.stage import Stage
+
+    first, second = (load_motions("ur10")[i] for i in (0, 1))
+    for one in (first, second):
+        save_motion(one, tmp_path / f"{one.name}.parquet")
+    server = viser.ViserServer(host="127.0.0.1", port=_free_port(), verbose=False)
+    try:
+        shown = Stage(server, read_thing(tmp_path))
+        for clip in shown.thing.clips:
+            shown.choose(clip.title)
+            assert shown.scrubber.max == pytest.approx(clip.time[-1])
+        assert first.duration != pytest.approx(second.duration)
+    finally:
+        server.stop()
+
+
+@needs_viser
 def test_playing_goes_on_and_begins_anew(stage) -> None:
     stage.advance(1.0)
     assert stage.time == 0.0
