@@ -16,7 +16,6 @@ from excite.identification.judgement.consistency import Consistency
 from excite.identification.judgement.judgement import Judgement, TotalMassReport
 from excite.identification.judgement.uncertainty import ParameterUncertainty
 from excite.identification.judgement.validation import ChannelFit
-from excite.identification.judgement.warnings import WEIGHTLESS
 from excite.identification.parameter_statistics import BaseParameter, ParameterStatistics
 from excite.identification.result_text import fit_table, mass_change
 from excite.identification.solution import Solution
@@ -188,7 +187,9 @@ class Identification(Tabled):
     @property
     def impossible_changes(self) -> frozenset[str]:
         """Links named as changed that would weigh less than nothing: something else is wrong there."""
-        return frozenset(link for found in self.findings if found.kind == WEIGHTLESS for link in found.places)
+        return frozenset(
+            link for found in self.findings if found.kind == "weightless" for link in found.places
+        )
 
     def _change_lines(self) -> list[str]:
         if not self.changes.segments:

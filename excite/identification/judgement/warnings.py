@@ -10,8 +10,6 @@ from excite.identification.judgement.judgement import Judgement, TotalMassReport
 from excite.identification.judgement.poor import POOR_RSD
 from excite.identification.parameter_statistics import ParameterStatistics
 
-WEIGHTLESS = "weightless"
-"""Kind of the finding that names segments which would weigh less than nothing."""
 _LARGE_DISPERSION = 4.0
 _MASS_DISAGREES = 0.01
 # Unmodelled equipment weighs less than this share.
@@ -126,7 +124,7 @@ def _weightless(identified: IdentifiedParameters, changes: Changes) -> list[Find
         f"named as changed, {listed(said)} would weigh less than nothing: no body has changed there, the torque "
         "scale, the drives or the nominal model's geometry are off"
     )
-    return [Finding(WEIGHTLESS, text, {"segments": float(len(light))}, tuple(light))]
+    return [Finding("weightless", text, {"segments": float(len(light))}, tuple(light))]
 
 
 def _of_prediction(judgement: Judgement) -> list[Finding]:
