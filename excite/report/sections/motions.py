@@ -40,7 +40,7 @@ class Motions(Section):
         """See :class:`Section`."""
         if findings.plan is None:
             figures = _figures(findings) if findings.check is not None else []
-            lead = "The motions that were checked, whether they are safe or not."
+            lead = "The motions that were checked, those that are not safe first."
             return section(self.identifier, self.title, lead, *figures) if figures else ""
         selected = findings.plan["selected"]
         rows: list[tuple[Cell, ...]] = [
@@ -67,7 +67,7 @@ def _caption(robot: Robot) -> str:
 
 
 def _figures(findings: Findings) -> list[str]:
-    robot, motions = findings.robot, findings.motions
+    robot, motions = findings.robot, _worst_first(findings)
     if robot is None or not motions:
         return []
     shown = choose_motions(motions, _N_PICTURES)
@@ -84,6 +84,13 @@ def _figures(findings: Findings) -> list[str]:
     )
     how = paragraph(_HOW, "lead moving")
     return [how, replay("replay", scene(robot), moving, snapshots), said, caption]
+
+
+def _worst_first(findings: Findings) -> tuple[Motion, ...]:
+    """The motions, before all others those that are not safe: they are what one has to look at."""
+    judged = (findings.check or {"motions": ()})["motions"]
+    unsafe = {item["motion"] for item in judged if not item["safe"]}
+    return tuple(sorted(findings.motions, key=lambda motion: motion.name not in unsafe))
 
 
 def _tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], list[str]]:
