@@ -22,14 +22,12 @@ from excite.identification.result import Identification
 from excite.identification.rollout import HORIZON_S, departures
 from excite.logs.columns import BASE_POSE
 from excite.logs.log import Log, LogHeader, Trial
-from excite.report.comparisons import ForceComparison, MassComparison, PathComparison
+from excite.report.comparisons import NORMAL_95, ForceComparison, MassComparison, PathComparison
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
 from excite.rows.kinematics import trial_kinematics
 from excite.rows.settings import ProblemSettings
 
-# Deviations of a normal distribution within which 95 of 100 values lie.
-_NORMAL_95 = 1.96
 # Rate at which models are run along a trial [Hz].
 _PATH_HZ = 200.0
 
@@ -184,7 +182,7 @@ def _logged(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
 
 def mass_comparison(robot: Robot, identification: Identification, truth: Path | None) -> MassComparison:
     """Masses of all segments; the true ones where ``truth.json`` of a virtual robot is there."""
-    changed = {item.link for item in identification.changes.segments}
+    changed = {item.link for item in identification.changes.segments} - identification.impossible_changes
     known = identification.statistics.uncertainty
     masses = slice(0, 10 * len(identification.masses), 10)
     return MassComparison(
@@ -193,7 +191,7 @@ def mass_comparison(robot: Robot, identification: Identification, truth: Path | 
         identified=identification.masses,
         true=true_masses(robot, truth) if truth is not None and os.path.lexists(truth) else None,
         changed=np.array([link in changed for link in identification.links]),
-        half_width=None if known is None else _NORMAL_95 * known.std[masses],
+        half_width=None if known is None else NORMAL_95 * known.std[masses],
         determined=None if known is None else known.determined[masses].copy(),
     )
 

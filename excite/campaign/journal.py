@@ -54,6 +54,18 @@ class Journal:
 
     folder: Path
 
+    def settings(self) -> CampaignSettings:
+        """What the campaign in the folder was asked for; raises InputError where there is none."""
+        return CampaignSettings(**self._begun()["settings"])
+
+    def _begun(self) -> dict[str, Any]:
+        path = self.folder / "journal.json"
+        if not os.path.lexists(path):
+            raise InputError("no campaign to resume", source=path, remedy="start one without --resume")
+        stated = read_document(path, JournalDocument, remedy=_ANEW).stated()
+        # Which command wrote it is nothing that a campaign has to go on with.
+        return {name: value for name, value in stated.items() if name != "made"}
+
     def open(self, robot: Robot, settings: CampaignSettings, *, resume: bool) -> None:
         """Begin a campaign in the folder, or go on with the one that is there.
 
@@ -70,9 +82,7 @@ class Journal:
                 )
             write_json(begun, path)
             return
-        if not os.path.lexists(path):
-            raise InputError("no campaign to resume", source=path, remedy="start one without --resume")
-        found = read_document(path, JournalDocument, remedy=_ANEW).stated()
+        found = self._begun()
         if _only_longer(found, begun):
             # What was done so far does not depend on how often it may go on.
             write_json(begun, path)

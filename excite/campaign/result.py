@@ -130,6 +130,12 @@ class Campaign(Tabled):
                 f"iteration {number}: {item.n_motions} motions, {item.seconds:.0f} s in all, "
                 f"{below} of {len(item.rsd_percent)} essential parameters within {self.target_rsd:g} %"
             )
+        if any(
+            i.forecast is not None and len(i.forecast.needed_s) != len(i.rsd_percent) for i in self.iterations
+        ):
+            lines.append(
+                "which parameters are essential the record decides; plans foresee them by the nominal model"
+            )
         if self.identification is not None:
             lines += ["", self.identification.summary(), ""]
         if self.awaits is not None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -24,11 +25,22 @@ from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progres
 from excite.cli.session.refused import refusals_shown
 from excite.cli.session.workers import workers
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
+from excite.made import made_by
 
 NAME = "campaign"
 
+# Of settings that a document's command tells; its seed stands beside it.
+_OPTIONS = {
+    "n_candidates": "--candidates",
+    "target_rsd": "--target-rsd",
+    "max_iterations": "--max-iterations",
+    "method": "--method",
+    "on_robot": "--on-robot",
+}
+
 
 def command(
+    context: typer.Context,
     robot: RobotArgument,
     candidates: Annotated[
         int, typer.Option("--candidates", min=1, help="Candidate motions in each iteration.")
@@ -47,7 +59,7 @@ def command(
         ),
     ] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the campaign that --out holds.")
+        bool, typer.Option("--resume", help="Go on with the campaign that --out holds, by its options.")
     ] = False,
     out: OutOption = None,
     as_json: JsonOption = False,
@@ -56,19 +68,27 @@ def command(
     cluster: ClusterOption = None,
 ) -> None:
     """Run the whole loop until the targets are met, or say which are not and why."""
-    settings = excite.CampaignSettings(
-        n_candidates=candidates,
-        target_rsd=target_rsd,
-        max_iterations=max_iterations,
-        method=method,
-        seed=seed,
-        on_robot=on_robot,
-    )
+    asked: dict[str, Any] = {
+        "n_candidates": candidates,
+        "target_rsd": target_rsd,
+        "max_iterations": max_iterations,
+        "method": method,
+        "seed": seed,
+        "on_robot": on_robot,
+    }
+    if resume:
+        from excite.campaign.journal import Journal  # lazy: pinocchio
+
+        begun = Journal(out or Path("campaign")).settings()
+        settings = replace(begun, **{name: value for name, value in asked.items() if _given(context, name)})
+    else:
+        settings = excite.CampaignSettings(**asked)
     with (
         claimed(out or Path("campaign")) as folder,
         workers(jobs, cluster) as crew,
         progress_bars() as progress,
         keeping_best(),
+        made_by(_begun(robot, settings), excite.__version__, settings.seed),
     ):
         loaded = excite.load_robot(robot)
         with refusals_shown(loaded, folder):
@@ -80,11 +100,11 @@ def command(
                 jobs=crew,
                 progress=progress,
             )
-        then = command_line(
-            "campaign", robot, *(["--on-robot"] if on_robot else []), "--resume", "--out", folder
-        )
+        then = command_line("campaign", robot, "--resume", "--out", folder)
         if not result.interrupted:
             excite.report(folder)
+            if result.awaits is not None:
+                excite.report(result.awaits.parent)
             then = _next_of_page(folder)
     emit(
         f"{result.summary()}\nwritten to {folder}",
@@ -97,6 +117,26 @@ def command(
         raise typer.Exit(exit_code_of_interruption())
     if not result.targets_met:
         raise typer.Exit(EXIT_NEGATIVE)
+
+
+def _begun(robot: str, settings: excite.CampaignSettings) -> str:
+    """The command that the campaign was begun with, whatever it is resumed with."""
+    plain = excite.CampaignSettings()
+    words: list[object] = []
+    for name, option in _OPTIONS.items():
+        value = getattr(settings, name)
+        if value != getattr(plain, name):
+            words += (
+                [option] if value is True else [option, f"{value:g}" if isinstance(value, float) else value]
+            )
+    return command_line("campaign", robot, *words)
+
+
+def _given(context: typer.Context, setting: str) -> bool:
+    """Whether a setting was asked for, and is not its option's default."""
+    option = setting.removeprefix("n_")
+    source = context.get_parameter_source(option)
+    return source is not None and source.name == "COMMANDLINE"
 
 
 def _next_of_page(folder: Path) -> str:

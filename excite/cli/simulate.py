@@ -48,8 +48,10 @@ def command(
     cluster: ClusterOption = None,
 ) -> None:
     """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
+    from excite.logs.files import check_replaceable  # lazy: pinocchio
     from excite.motion.roles import planned_roles  # lazy: pydantic
 
+    check_replaceable(out or Path("log"))
     loaded = excite.load_robot(robot)
     with claimed(out or Path("log")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
         experiment = excite.simulate(

@@ -14,13 +14,12 @@ from excite.errors import InputError, MotionError, OtherRobotError, UnsafeMotion
 from excite.export.clearance import Cleared, clear_motions
 from excite.export.exporter import Exporter
 from excite.export.registry import EXPORTERS
+from excite.export.whose import robot_beside
 from excite.json_document import write_json
 from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
 from excite.robot.bringing import load_robot
-from excite.robot.catalogue import bundled_robots
-from excite.robot.description import read_description
 from excite.robot.robot import Robot
 from excite.safety.verdict import Margins, Verdict, Violation
 
@@ -194,22 +193,6 @@ def _robots(files: Sequence[Path], robot: str | None) -> list[Robot]:
             loaded[name] = load_robot(name)
         found.append(loaded[name])
     return found
-
-
-def robot_beside(file: Path, name: str) -> str:
-    """What to load a motion's robot by: its name, or the description that a plan for a model of one's own kept.
-
-    Args:
-        file: the motion's file, in the plan's folder or one of its own there.
-        name: of the robot, as the motion has it.
-    """
-    if not name or name in bundled_robots():
-        return name
-    for folder in file.resolve().parents[:3]:
-        kept = folder / "robot" / "robot.yaml"
-        if kept.is_file() and read_description(kept).name == name:
-            return str(kept)
-    return name
 
 
 def _read(file: Path, robot: Robot) -> Motion:

@@ -184,13 +184,28 @@ class Identification(Tabled):
         proven = [] if certificate is None else [f"certificate: {certificate.summary()}"]
         return proven + ([] if bounds is None else [bounds.summary()])
 
+    @property
+    def impossible_changes(self) -> frozenset[str]:
+        """Links named as changed that would weigh less than nothing: something else is wrong there."""
+        return frozenset(
+            link for found in self.findings if found.kind == "weightless" for link in found.places
+        )
+
     def _change_lines(self) -> list[str]:
         if not self.changes.segments:
             return ["changed segments: none found"]
-        return ["changed segments:"] + [
-            f"  {item.segment}: {mass_change(item)}"
-            + (f" (or {', '.join(item.tied_with)})" if item.tied_with else "")
-            for item in self.changes.segments
+        lines = ["changed segments:"]
+        for item in self.changes.segments:
+            others = f" (or {', '.join(item.tied_with)})" if item.tied_with else ""
+            doubt = (
+                "; it would weigh less than nothing: no such change"
+                if item.link in self.impossible_changes
+                else ""
+            )
+            lines.append(f"  {item.segment}: {mass_change(item)}{others}{doubt}")
+        return [
+            *lines,
+            "  (the fewest that explain what the nominal model leaves; sizes hold if nothing else differs)",
         ]
 
 

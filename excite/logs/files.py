@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
 import yaml
 
-from excite.atomic import atomic_folder
+from excite.atomic import HIDDEN, atomic_folder
 from excite.errors import LogError
 from excite.logs.columns import check_columns, read_columns, trial_columns
 from excite.logs.header import check_header, header_path, read_header
@@ -21,6 +23,9 @@ from excite.robot.catalogue import bundled_robots
 from excite.robot.robot import Robot
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING
+
+# The first line of a log.yaml that may be replaced: recordings beside one that a person wrote may be the only ones.
+_WRITTEN = "# Written by excite, which replaces this log when told to write here again.\n"
 
 
 def load_log(path: str | Path, robot: Robot | None = None) -> Log:
@@ -55,7 +60,9 @@ def load_log(path: str | Path, robot: Robot | None = None) -> Log:
 
 
 def save_log(log: Log, folder: str | Path) -> Path:
-    """Write a log folder; it appears under its name only when it is complete, replacing an older log.
+    """Write a log folder; it appears under its name only when it is complete.
+
+    A log that excite wrote there before is replaced; what else lies in the folder is kept.
 
     Args:
         log: the log; the format of each trial follows its file's suffix in ``log.header.trials``.
@@ -66,7 +73,7 @@ def save_log(log: Log, folder: str | Path) -> Path:
 
     Raises:
         LogError: the header and the trials contradict each other, the nominal model's text is missing, or
-            ``folder`` holds something that is no log.
+            ``folder`` holds something that is no log, or a log that somebody else wrote.
     """
     folder = Path(folder)
     header = log.header
@@ -98,22 +105,58 @@ def save_log(log: Log, folder: str | Path) -> Path:
             columns = trial_columns(trial, header)
             check_columns(columns, header, folder / entry.file)
             write_trial(columns, temporary / entry.file)
+        _keep_others(folder, temporary)
     return folder
 
 
 def header_text(header: LogHeader) -> str:
-    """Text of a ``log.yaml``."""
+    """Text of a ``log.yaml``, which says that it may be replaced."""
     content = header.model_dump(mode="json", by_alias=True, exclude_none=True)
     text: str = yaml.safe_dump(content, sort_keys=False)
-    return text
+    return _WRITTEN + text
 
 
 def check_replaceable(folder: Path) -> None:
-    """Raise LogError where a log would replace what is no log; a log, an empty folder or nothing may be there."""
-    if folder.exists() and (
-        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "log.yaml").is_file())
-    ):
+    """Raise LogError where a log would replace what excite did not write; an empty folder or nothing may be there."""
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    header = folder / "log.yaml"
+    if not header.is_file():
         raise LogError("exists and is no log", source=folder, remedy="choose another folder")
+    with header.open(encoding="utf-8", errors="replace") as file:
+        if file.readline() != _WRITTEN:
+            raise LogError(
+                "holds a log that excite did not write, or somebody changed since",
+                source=folder,
+                remedy="choose another folder, or move that one away",
+            )
+
+
+def _keep_others(folder: Path, temporary: Path) -> None:
+    """Take over what lies in a folder beside the log that is replaced, as notes and maps."""
+    if not folder.is_dir():
+        return
+    try:
+        header = read_header(folder / "log.yaml")
+        old = {header.robot, *(entry.file for entry in header.trials)}
+    except LogError:  # what it named cannot be told: all is kept
+        old = set()
+    for item in sorted(folder.iterdir()):
+        there = temporary / item.name
+        if item.name in old or there.exists() or item.name.startswith(HIDDEN):
+            continue
+        if item.is_dir() and not item.is_symlink():
+            shutil.copytree(item, there, symlinks=True, copy_function=_linked)
+        else:
+            _linked(item, there)
+
+
+def _linked(source: str | Path, there: str | Path) -> None:
+    """The same file under another name; a copy where the file system has no such thing."""
+    try:
+        os.link(source, there, follow_symlinks=False)
+    except OSError:
+        shutil.copy2(source, there, follow_symlinks=False)
 
 
 def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | None:

@@ -14,6 +14,9 @@ from excite.reading.file import unreadable_file
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
+# What reports draw from, in folders of results: suffixes of motions, and none.
+_RESULT_ARRAYS = frozenset({"report_data.npz", "doctor_data.npz"})
+
 
 def motion_paths(paths: Iterable[str | Path]) -> list[Path]:
     """Expand folders into the motion files in them, sorted by name; ``motions/`` inside a folder counts too.
@@ -38,7 +41,11 @@ def _inside(path: Path) -> list[Path]:
     """Motions in a folder, bags among them, sorted by name."""
     inside = path / "motions" if (path / "motions").is_dir() else path
     try:
-        found = sorted(item for item in inside.iterdir() if item.name[0] != "." and is_motion(item))
+        found = sorted(
+            item
+            for item in inside.iterdir()
+            if item.name[0] != "." and item.name not in _RESULT_ARRAYS and is_motion(item)
+        )
     except OSError as error:
         raise unreadable_file(inside, error, MotionError) from error
     if not found:

@@ -11,6 +11,9 @@ from excite.arrays import Array
 
 Names = tuple[str, ...]
 
+NORMAL_95 = 1.96
+"""Deviations of a normal distribution within which 95 of 100 values lie."""
+
 
 @dataclass(frozen=True, eq=False)
 class ForceComparison:

@@ -59,7 +59,10 @@ _ABSENT = {
     "identification": "the identification (identification.json), which excite identify ROBOT LOG --out DIR writes",
     "campaign": "the campaign (campaign.json: certainty per iteration), which excite campaign ROBOT --out DIR writes",
 }
-_WRITERS = "excite plan, check, identify, diagnose, doctor, campaign or human"
+_HELP = (
+    "give a folder that excite plan, check, identify, diagnose, doctor, campaign or human wrote with --out"
+)
+_OF_LOGS = "excite doctor, identify or diagnose make what a page shows of it: give their --out"
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,7 @@ def read_folder(folder: Path) -> Findings:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError("is no folder", source=folder, remedy=f"give one that {_WRITERS} wrote with --out")
+        raise InputError("is no folder", source=folder, remedy=_HELP)
     documents = {name: _content(folder / f"{name}.json", kind) for name, kind in _KINDS.items()}
     made = {
         name: _origin(folder / f"{name}.json", made) for name, made in documents.items() if made is not None
@@ -158,11 +161,10 @@ def read_folder(folder: Path) -> Findings:
         data = replace(data, torques=load_report_data(folder / DOCTOR_DATA).torques)
         files.append(DOCTOR_DATA)
     if not files:
-        raise InputError(
-            f"holds none of {', '.join(f'{name}.json' for name in _KINDS)}, report_data.npz",
-            source=folder,
-            remedy=f"give a folder that {_WRITERS} wrote with --out",
-        )
+        what, remedy = f"holds none of {', '.join(f'{name}.json' for name in _KINDS)}, report_data.npz", _HELP
+        if os.path.lexists(folder / "log.yaml"):
+            what, remedy = "is a log, which has no page of its own", _OF_LOGS
+        raise InputError(what, source=folder, remedy=remedy)
     record = _record(folder, documents, left_out)
     robot = None if alone else _robot(folder, documents, record, left_out)
     return Findings(

@@ -9,7 +9,7 @@ import numpy as np
 from excite.human.identified import IdentifiedPerson
 from excite.human.plates.ground_reaction import AXES, UNITS
 from excite.human.segment_table import STATED, SegmentTable
-from excite.report.comparisons import ForceComparison, MassComparison
+from excite.report.comparisons import NORMAL_95, ForceComparison, MassComparison
 from excite.report.data import ReportData, save_report_data
 from excite.report.plots.segment_masses import save_force_figure, save_segment_figure
 
@@ -42,5 +42,7 @@ def save_person_figures(found: IdentifiedPerson, wearing: SegmentTable | None, t
         identified=shown.identified,
     )
     save_force_figure(curves, out / REACTION)
-    masses = MassComparison(tuple(names), np.array(nominal), np.array(identified))
+    known = [row.std for row in rows if row.std is not None]
+    half_width = NORMAL_95 * np.array(known) if len(known) == len(rows) else None
+    masses = MassComparison(tuple(names), np.array(nominal), np.array(identified), half_width=half_width)
     save_report_data(ReportData(forces=curves, masses=masses), out / "report_data.npz")

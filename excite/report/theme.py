@@ -125,6 +125,9 @@ def _quiet() -> Iterator[None]:
         yield
 
 
+_DECIMALS = re.compile(r"-?\d+\.\d{3,}")
+
+
 def to_svg(figure: Figure, name: str, description: str) -> str:
     """The figure as an ``<svg>`` element for inlining, the same bytes each time.
 
@@ -148,7 +151,8 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     svg = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", svg)
     svg = re.sub(r'\s(width|height)="[\d.]+pt"', "", svg, count=2)
-    svg = re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
+    # Places of lines are as good to a hundredth of a point; what is written between tags is not theirs.
+    svg = re.sub(r"<[^>]*>", lambda tag: _DECIMALS.sub(lambda place: f"{float(place[0]):.2f}", tag[0]), svg)
     for role in ROLES:
         svg = svg.replace(role.light, f"var(--{role.name})")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{description}" ', 1)

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _BODY, _GHOST, _TOUCHING = (158, 172, 186), (213, 94, 0), (204, 41, 41)
 _OPACITY = 0.35
+# Of the scrubber [s].
+_TIME_STEP = 0.01
 # viser's field of view holds all bodies of a bundled robot at rest from 1.75 sizes away (an iiwa14; the others from
 # 1.4 at most); moving limbs need about as much again.
 _AWAY = 3.0
@@ -107,23 +109,24 @@ class Stage:
         gui.add_markdown(f"**{self.robot.description.title}**\n\n{self.thing.title}")
         self.choice = gui.add_dropdown("motion", [clip.title for clip in self.thing.clips])
         self.choice.on_update(lambda _: self.choose(str(self.choice.value)))
-        longest = max(float(clip.time[-1]) for clip in self.thing.clips)
-        self.scrubber = gui.add_slider("time [s]", 0.0, max(longest, 0.01), 0.01, 0.0)
+        self.scrubber = gui.add_slider("time [s]", 0.0, self._end(), _TIME_STEP, 0.0)
         self.scrubber.on_update(lambda _: self._scrubbed())
         self.playing = gui.add_checkbox("play", initial_value=False)
         self.said = gui.add_markdown("")
         limits, self.sliders = self.robot.limits, []
         with gui.add_folder("joints", expand_by_default=False):
             for i, name in enumerate(self.robot.joint_names):
-                low, high = (
-                    float(np.clip(end[i], -2.0 * np.pi, 2.0 * np.pi))
-                    for end in (limits.position_lower, limits.position_upper)
-                )
+                ends = (limits.position_lower[i], limits.position_upper[i])
+                low, high = (float(end) for end in np.clip(ends, -2.0 * np.pi, 2.0 * np.pi))
                 slider = gui.add_slider(name, low, high, 0.001, float(np.clip(self._joints()[i], low, high)))
                 slider.on_update(lambda _: self._moved())
                 self.sliders.append(slider)
         self.folder = gui.add_folder("joint that was clicked")
         self.plots: list[Any] = []
+
+    def _end(self) -> float:
+        """Where the scrubber ends [s]: with the clip."""
+        return max(float(self.clip.time[-1]), _TIME_STEP)
 
     def _joints(self) -> Array:
         return np.asarray(self.q[self.robot.n_base_q :])
@@ -134,6 +137,7 @@ class Stage:
             self.clip = next(clip for clip in self.thing.clips if clip.title == title)
             for _, mesh in self.ghost_meshes:
                 mesh.visible = self.clip.ghost is not None
+            self.scrubber.max = self._end()
             self.show(0.0)
             self.select(self.joint or self._widest())
 
@@ -201,15 +205,11 @@ class Stage:
                         for label, color in zip(curve.lines, colors, strict=False)
                     ]
                     data = (np.asarray(curve.time), *(np.asarray(line) for line in curve.lines.values()))
-                    self.plots.append(
-                        self.server.gui.add_uplot(
-                            data,
-                            tuple(series),
-                            title=curve.title,
-                            scales={"x": {"time": False}},
-                            aspect=1.8,
-                        )
+                    flat = {"x": {"time": False}}
+                    plot = self.server.gui.add_uplot(
+                        data, tuple(series), title=curve.title, scales=flat, aspect=1.8
                     )
+                    self.plots.append(plot)
 
     def _scrubbed(self) -> None:
         if not self._setting:

@@ -95,6 +95,13 @@ def test_plan_says_how_much_motion_its_target_takes(ur10: Robot, small_plan: Pla
     assert twice.within > forecast.within
 
 
+def test_large_deviations_are_percentages_a_person_writes(small_plan: Plan) -> None:
+    first = small_plan.outlook.parameters[0]
+    vague = replace(first, name="vague", excited=True, rsd_percent=223.4, essential=True)
+    said = replace(small_plan.outlook, parameters=(*small_plan.outlook.parameters, vague)).summary()
+    assert "largest 223 % (vague)" in said
+
+
 def test_a_forecast_tells_more_motion_from_too_much_motion() -> None:
     forecast = Forecast.of({"a": 5.0, "b": 10.0, "c": 20.0, "d": 31.0, "e": 80.0}, 10.0, 60.0)
     assert forecast.summary() == (

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
 
@@ -163,3 +164,21 @@ def test_the_next_command_is_one_that_exists(
         (then,) = re.findall(r"^then: excite (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
         name, *arguments = shlex.split(then)
         COMMANDS[name].make_context(name, arguments).close()
+
+
+def test_the_next_command_names_the_robot_of_a_table_that_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    motion = excite.load_motions("ur10")[0]
+    excite.save_motion(motion, tmp_path / "known.parquet")
+    names = [f"q.{joint}" for joint in excite.load_robot("ur10").joint_names]
+    rows = np.column_stack([motion.time, motion.q])
+    np.savetxt("mine.csv", rows, delimiter=",", header=",".join(["time", *names]), comments="")
+    said = {}
+    for name in ("known.parquet", "mine.csv"):
+        assert _run(["rank", "ur10", name]) == 0
+        (said[name],) = re.findall(r"^then: excite (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
+    assert said["known.parquet"] == "export known.parquet --format csv --out commands"
+    assert said["mine.csv"] == "export mine.csv --robot ur10 --format csv --out commands"
+    assert _run(shlex.split(said["mine.csv"])) == 0

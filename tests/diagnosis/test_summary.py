@@ -86,6 +86,12 @@ def test_what_the_doctor_found_is_said_once(two_effects: Diagnosis):
         "log: stamps jitter by 13 % (believed; repaired)",
         "log: tau.a clips in 3 rows (carry less)",
     ]
+    # The limits of what is said hold it too, as it limits.
+    limited = replace(two_effects, warnings=("tau.a clips in 3 rows", "a gap is left at a"))
+    assert [line for line in limited.summary().splitlines() if line.startswith("note:")] == [
+        "note: a gap is left at a"
+    ]
+    assert limited.summary().count("tau.a clips in 3 rows") == 1
 
 
 def test_a_number_without_a_unit_has_none(two_effects: Diagnosis):

@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 from excite.cli.main import _run
-from excite.export.export import export_motions, robot_beside
+from excite.export.export import export_motions
+from excite.export.whose import robot_beside
 from excite.motion.files import save_motion
 from excite.robot.bringing import load_robot
 from excite.viewer.thing import read_thing

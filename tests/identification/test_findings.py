@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from excite.campaign.findings import mass_comparison
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
@@ -18,6 +19,7 @@ from excite.identification.judgement.judgement import TotalMassReport
 from excite.identification.judgement.statistics import base_statistics
 from excite.identification.judgement.warnings import find_warnings
 from excite.identification.problem import build_problem
+from excite.identification.result import Identification
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log, changed
@@ -108,17 +110,28 @@ def test_a_changed_segment_that_would_weigh_less_than_nothing_is_called_no_body(
     result = identify(ur10, arm_log(ur10, 0, trials=2), "wls", problem_settings=SETTINGS)
     link, mass = result.links[-1], float(result.nominal[-10])
 
-    def said(change: float, std: float) -> list[str]:
+    def judged(change: float, std: float) -> Identification:
         segment = ChangedSegment("tool", link, change, std, 50.0, ())
         changes = replace(result.changes, segments=(segment,))
         judgement = replace(result.judgement, changes=changes)
         found = find_warnings(result.identified, result.statistics, judgement)
-        return [item.text for item in found if item.kind == "weightless"]
+        return replace(result, judgement=judgement, findings=found)
+
+    def said(change: float, std: float) -> list[str]:
+        return [item.text for item in judged(change, std).findings if item.kind == "weightless"]
 
     assert said(-0.5 * mass, 0.01) == said(-1.2 * mass, 0.2 * mass) == said(3.0 * mass, 0.01) == []
     (text,) = said(-2.0 * mass, 0.01)
     assert link in text
     assert "torque scale" in text
+    # Where it stands as changed, and where masses are drawn, it is not called one either.
+    doubted, believed = judged(-2.0 * mass, 0.01), judged(-0.5 * mass, 0.01)
+    (line,) = (line for line in doubted.summary().splitlines() if line.startswith("  tool:"))
+    assert line.endswith("no such change")
+    assert "no such change" not in believed.summary()
+    assert "sizes hold if nothing else differs" in believed.summary()
+    assert mass_comparison(ur10, believed, None).changed[-1]
+    assert not mass_comparison(ur10, doubted, None).changed.any()
 
 
 def test_one_constraint_holds_and_two_hold():

@@ -82,6 +82,33 @@ def test_nothing_is_left_of_a_log_that_could_not_be_written(arm_log: Log, tmp_pa
     assert (tmp_path / "mine" / "letter.txt").read_text() == "dear"
 
 
+def test_a_log_that_a_person_wrote_is_not_replaced(arm_log: Log, tmp_path: Path) -> None:
+    """Beside it may lie the only recordings of a robot."""
+    folder = save_log(arm_log, tmp_path / "log")
+    header = folder / "log.yaml"
+    header.write_text("# my robot, on Monday\n" + header.read_text())
+    before = {item.name: item.read_bytes() for item in folder.iterdir()}
+    with pytest.raises(LogError, match=r"holds a log that excite did not write.* move that one away"):
+        save_log(arm_log, folder)
+    assert {item.name: item.read_bytes() for item in folder.iterdir()} == before
+
+
+def test_what_lies_beside_a_replaced_log_is_kept(arm_log: Log, tmp_path: Path) -> None:
+    folder = save_log(arm_log, tmp_path / "log")
+    (folder / "notes.txt").write_text("elbow was warm")
+    (folder / "photos").mkdir()
+    (folder / "photos" / "arm.png").write_bytes(b"png")
+    (folder / "link").symlink_to("notes.txt")
+    entries = tuple(replace(trial) for trial in arm_log.trials[:2])
+    header = arm_log.header.model_copy(update={"trials": arm_log.header.trials[:2]})
+    save_log(replace(arm_log, header=header, trials=entries), folder)
+    assert len(load_log(folder).trials) == 2
+    assert not (folder / arm_log.header.trials[2].file).exists()
+    assert (folder / "notes.txt").read_text() == "elbow was warm"
+    assert (folder / "photos" / "arm.png").read_bytes() == b"png"
+    assert (folder / "link").is_symlink()
+
+
 def test_repeated_swapped_and_missing_rows_are_repaired_and_counted(
     edited: Callable[[Callable[[dict], None]], Path], arm_log: Log
 ) -> None:

@@ -41,6 +41,7 @@ def test_a_plan_says_what_is_to_be_expected(tmp_path: Path) -> None:
     plan = {**SMALL["plan"], "robot": "ur10", "selected": [motion], "forecast": forecast}
     text, mark = answer(tmp_path, plan=plan)
     assert "1 motion of 8 s in all" in text and "3 of 4 essential parameters" in text
+    assert "expected within 15 %" in text
     assert "1 more would take 70 s of motion like this." in text and mark == ""
     assert f"excite capture ur10 {tmp_path}" in text
     # What nobody has the patience for is not said in seconds.
@@ -137,6 +138,33 @@ def test_figures_that_differ_are_explained_where_they_stand(tmp_path: Path) -> N
     found["simulation"]["after"] = {"elbow": 0.02}
     (tmp_path / "diagnosis.json").write_text(json.dumps(found), encoding="utf-8")
     assert "are both right. The first is what the effects explain" not in report(tmp_path).read_text()
+
+
+def test_a_diagnosis_says_whether_what_is_left_is_little(tmp_path: Path) -> None:
+    found = json.loads(json.dumps(SMALL["diagnosis"]))
+    found |= {
+        "verdict": "effect",
+        "sentence": "arm: the gap is armature at a; adding it closes most of it.",
+        "log": [],
+    }
+    found["gap"] |= {"before": 0.2, "after": 0.021, "noise_floor": 0.02, "share_closed": 0.99}
+    text, mark = answer(tmp_path, diagnosis=found)
+    assert (
+        "What is left is 1.1 times the noise: good enough for motions like these." in text and mark == "yes"
+    )
+    found["gap"] |= {"after": 0.1, "share_closed": 0.76}
+    text, mark = answer(tmp_path, diagnosis=found)
+    assert "What is left is 5.0 times the noise: not good enough yet." in text and mark == "no"
+    found["gap"] |= {"share_closed": None}
+    assert "times the noise" not in answer(tmp_path, diagnosis=found)[0]
+
+
+def test_a_log_says_what_makes_a_page_of_it(tmp_path: Path) -> None:
+    (tmp_path / "log.yaml").write_text("schema: excite.log/1\n", encoding="utf-8")
+    with pytest.raises(
+        InputError, match="is a log, which has no page of its own; excite doctor, identify or diagnose"
+    ):
+        report(tmp_path)
 
 
 def test_an_empty_folder_says_what_writes_one(tmp_path: Path) -> None:

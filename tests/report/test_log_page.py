@@ -16,9 +16,12 @@ from excite.cli.main import app
 from excite.doctor.beside_model import beside_model
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
+from excite.motion.collection import load_motions
+from excite.motion.files import save_motion
 from excite.report.comparisons import MassComparison
 from excite.report.data import ReportData, load_report_data, save_report_data
 from excite.report.page import report
+from excite.robot.loading import load_robot
 from tests.diagnosis.two_joints import moved, two_joint_log
 
 
@@ -155,3 +158,19 @@ def test_a_check_says_of_which_robot(tmp_path: Path) -> None:
     page = report(tmp_path / "check").read_text(encoding="utf-8")
     assert "<h1>Universal Robots UR10</h1>" in page and "Safety of motions" in page
     assert "Next: export them for the controller" in text_of(page, "answer")
+
+
+def test_a_check_shows_first_what_is_not_safe(tmp_path: Path) -> None:
+    good = load_motions("ur10")[0]
+    save_motion(good, tmp_path / "a_good.parquet")
+    robot = load_robot("ur10")
+    down = 0.5 * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 501)))
+    q = robot.rest + np.outer(down, [0.0, 1.2, 1.6, 0.5, 0.0, 0.0])  # through the table
+    rows = np.column_stack([np.arange(501) * 0.008, q])
+    names = ",".join(["time", *(f"q.{joint}" for joint in robot.joint_names)])
+    np.savetxt(tmp_path / "b_bad.csv", rows, delimiter=",", header=names, comments="")
+    files = (tmp_path / "a_good.parquet", tmp_path / "b_bad.csv")
+    assert excite("check", "ur10", *files, "--out", tmp_path / "check") == 1
+    page = report(tmp_path / "check").read_text(encoding="utf-8")
+    assert "do not run b_bad." in text_of(page, "answer")
+    assert 0 < page.index('"b_bad · ') < page.index('"a_good · ')

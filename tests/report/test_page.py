@@ -132,6 +132,14 @@ def test_motions_that_are_gone_are_said_to_be(folder, tmp_path):
     assert "pictures of motion motions/motion_00.parquet" in page
     # What was refused is drawn from the plan itself.
     assert _outline(page).drawings == 1
+    # What has no distance to tell counts all the same: as many are refused there as are not accepted.
+    section = page[page.index('id="refused"') :]
+    rows = re.findall(r"<tr>(.*?)</tr>", section[: section.index("</section>")], re.DOTALL)
+    cells = [
+        [re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<td.*?</td>", row, re.DOTALL)] for row in rows
+    ]
+    assert {row[0]: row[2] for row in cells if row} == {"zmp": "4", "self collision": "17", "time limit": "1"}
+    assert "1 candidate" not in page and "22 rejected candidates" in page
 
 
 def test_a_robot_of_ones_own_is_found_by_its_file_or_left_out(folder, tmp_path):

@@ -65,6 +65,25 @@ def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):
     assert max(place[0] + length(text, 7.0) for text, place in words.items() if "→" in text) < sketch.width
 
 
+def test_numbers_of_a_figure_are_not_rounded_with_the_places_of_its_lines():
+    """Torques of a thousandth of a newton metre had the scale 0.00, 0.00, -0.00, and 0.125 stood there as 0.12."""
+    time = np.linspace(0.0, 1.0, 50)
+    measured = 0.004 * np.sin(9.0 * time)[:, None]
+    figure = plot_forces(
+        ForceComparison("one", ("a",), ("N·m",), time, measured, 0.5 * measured, 0.9 * measured)
+    )
+    root = fromstring(to_svg(figure, "small", "what it shows"))
+    texts = [
+        "".join(item.itertext()).strip().replace("−", "-")
+        for item in root.iter()
+        if item.tag.endswith("text")
+    ]
+    assert {"-0.004", "-0.002", "0.002", "0.004"} <= set(texts) and "-0.00" not in texts
+    (title,) = (text for text in texts if "RMSE" in text)
+    rmse = float(np.sqrt(np.mean((0.5 * measured) ** 2)))
+    assert f"RMSE {rmse:.3g} → {0.2 * rmse:.3g} N·m" in title
+
+
 def test_masses_show_all_three_and_mark_what_changed(data):
     axes = plot_masses(data.masses).axes[0]
     nominal, identified, intervals = axes.containers

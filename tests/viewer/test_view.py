@@ -52,6 +52,15 @@ def test_a_motion_knows_its_robot(motion: Path) -> None:
     assert set(thing.clips[0].curves) == set(thing.robot.joint_names)
 
 
+def test_a_folder_of_results_holds_no_motion(tmp_path: Path) -> None:
+    """What its report draws from has the suffix of a motion."""
+    save_report_data(ReportData(path=sample_path(load_robot("ur10"))), tmp_path / "report_data.npz")
+    with pytest.raises(ExciteError, match="holds no motion, plan, log or diagnosis"):
+        read_thing(tmp_path)
+    with pytest.raises(ExciteError, match="folder holds no motions"):
+        load_motions([tmp_path], load_robot("ur10"))
+
+
 def test_a_log_has_the_command_as_a_ghost(log: Path) -> None:
     thing = read_thing(log)
     clip, trial = thing.clips[0], load_log(log).trials[0]
@@ -167,6 +176,27 @@ def test_what_is_too_near_turns_red_and_a_slider_moves_a_joint(stage) -> None:
     stage.sliders[0].value = 1.0
     stage._moved()
     assert stage.q[0] == pytest.approx(1.0) and not stage.playing.value
+
+
+@needs_viser
+def test_the_scrubber_ends_where_the_motion_does(motion: Path, tmp_path: Path) -> None:
+    """It ended with the longest of them, so that most of its way was beyond a short one."""
+    import viser
+
+    from excite.viewer.stage import Stage
+
+    first, second = (load_motions("ur10")[i] for i in (0, 1))
+    for one in (first, second):
+        save_motion(one, tmp_path / f"{one.name}.parquet")
+    server = viser.ViserServer(host="127.0.0.1", port=_free_port(), verbose=False)
+    try:
+        shown = Stage(server, read_thing(tmp_path))
+        for clip in shown.thing.clips:
+            shown.choose(clip.title)
+            assert shown.scrubber.max == pytest.approx(clip.time[-1])
+        assert first.duration != pytest.approx(second.duration)
+    finally:
+        server.stop()
 
 
 @needs_viser

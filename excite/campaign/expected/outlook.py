@@ -77,10 +77,11 @@ class Outlook:
         found = self.essential_rsd
         lines = []
         if found:
+            middle = float(np.median(list(found.values())))
             worst = max(found, key=lambda name: found[name])
             lines.append(
-                f"predicted RSD of {len(found)} essential parameters: median {np.median(list(found.values())):.2g} %, "
-                f"largest {found[worst]:.2g} % ({worst})"
+                f"predicted RSD of {len(found)} essential parameters: median {_percent(middle)}, "
+                f"largest {_percent(found[worst])} ({worst})"
             )
         never = [p.name for p in self.parameters if not p.excitable]
         missed = [p.name for p in self.parameters if p.excitable and not p.excited]
@@ -146,3 +147,8 @@ def outlook(robot: Robot, motions: Sequence[Motion]) -> Outlook:
 def _some(names: Sequence[str]) -> str:
     rest = len(names) - _NAMED
     return ", ".join(names[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _percent(value: float) -> str:
+    """Two digits, and all of what is above a hundred."""
+    return f"{value:.2g} %" if value < 100.0 else f"{value:.0f} %"

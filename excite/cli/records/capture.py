@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 import excite
+from excite.cli.session.campaigns import log_folder
 from excite.cli.session.options import JobsOption, JsonOption, RobotArgument, SeedOption
 from excite.cli.session.output import command_line, emit
 
@@ -26,7 +27,7 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
-    from excite.export.export import robot_beside  # lazy: pinocchio
+    from excite.export.whose import robot_beside  # lazy: pinocchio
 
     # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
     whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)
@@ -39,5 +40,7 @@ def command(
         f"wrote {sheet.path}: {len(sheet.capture.logged)} recordings, {minutes:.0f} minutes with warm-up",
         document,
         as_json=as_json,
-        then=command_line("convert", "RECORDING", "--robot", robot, "--out", "log", "--capture", sheet.path),
+        then=command_line(
+            "convert", "RECORDING", "--robot", robot, "--out", log_folder(plan), "--capture", sheet.path
+        ),
     )

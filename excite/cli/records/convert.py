@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import excite
+from excite.cli.session.campaigns import campaign_of
 from excite.cli.session.options import JobsOption, JsonOption, SeedOption
 from excite.cli.session.output import command_line, emit
 
@@ -59,6 +60,9 @@ def _then(found: Conversion, robot: str) -> str:
     if found.chart is not None and not found.chart.usable:
         fatal = {f.kind for f in found.chart.findings if f.severity == "fatal" and not f.repaired}
         return command_line("plan", robot, "--out", "plan") if fatal == {"no_torques"} else ""
+    campaign = campaign_of(found.folder)
+    if campaign is not None:
+        return command_line("campaign", robot, "--resume", "--out", campaign)
     if not found.log.header.measures_forces:
         return command_line("diagnose", found.folder, "--out", "diagnosis")
     return command_line("identify", robot, found.folder, "--out", "result")

@@ -99,7 +99,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "campaign": (
         ("excite campaign ur10 --candidates 60 --target-rsd 10 --out campaign", "on a virtual robot"),
         ("excite campaign ur10 --on-robot --out campaign", "stops for you to record on the real one"),
-        ("excite campaign ur10 --on-robot --resume --out campaign", "and goes on"),
+        ("excite campaign ur10 --resume --out campaign", "and goes on, by the same options"),
     ),
     "report": (("excite report arm", "arm/report.html"),),
     "view": (

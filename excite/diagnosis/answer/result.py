@@ -237,5 +237,6 @@ class Diagnosis(Tabled):
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]
         lines += fault_lines(self.faults)
-        lines += [f"note: {text}" for text in self.warnings if text not in lines[0]]
+        said = {item.text for item in self.faults}
+        lines += [f"note: {text}" for text in self.warnings if text not in said and text not in lines[0]]
         return "\n".join(lines)

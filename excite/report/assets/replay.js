@@ -497,7 +497,7 @@ class Replay {
       for (const margin of track.margins) {
         const unit = [...new Set(margin.places.map((place) => this.unitAt(margin.unit, place)))].join(" or ") || margin.unit;
         add(grid, {
-          title: margin.title + ", to the nearest limit [" + unit + "]",
+          title: margin.title + (margin.required > 0 ? "" : ", to the nearest limit") + " [" + unit + "]",
           unit,
           height: 150,
           series: [{ label: "margin", role: "identified", values: margin.values }],

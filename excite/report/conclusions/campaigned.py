@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 from excite.report.conclusions.identified import of_identification, taken
 from excite.report.conclusions.result import NAMED, Conclusion, begun_with, count, robot_words
 from excite.report.folder import Document, Findings
-from excite.report.html import number
 
 
 def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     """Of ``campaign.json``."""
+    if not campaign["iterations"]:
+        return _awaiting("Nothing is recorded yet, and so nothing is known", campaign, findings)
     last = campaign["iterations"][-1]
     judged, missed = {*last["rsd_percent"], *last["not_met"]}, last["not_met"]
     target, motions = (
         campaign["target_rsd_percent"],
         sum(step["n_motions"] for step in campaign["iterations"]),
     )
-    wanted = "their target" if target is None else f"{number(target)} %"
+    wanted = "their target" if target is None else f"{target:g} %"
     done = f"{count(len(campaign['iterations']), 'iteration')} and {count(motions, 'motion')}"
     found = (
         f"After {done}{_judging(motions, findings)}, "
         f"{len(judged) - len(missed)} of {len(judged)} parameters are known to within {wanted}"
     )
     if campaign["awaits"]:
-        return Conclusion(
-            f"{found}; it waits for a recording in {campaign['awaits']}.",
-            None,
-            _again(findings, "--on-robot"),
-            "go on when the log is there",
-        )
+        return _awaiting(found, campaign, findings)
     if campaign["targets_met"]:
         return Conclusion(f"{found}: the targets are met.", True, *taken(findings))
     worst = ", ".join(missed[:NAMED]) + (f" and {len(missed) - NAMED} more" if len(missed) > NAMED else "")
@@ -48,6 +47,19 @@ def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
         False,
         _again(findings, "--max-iterations", 2 * len(campaign["iterations"])),
         "go on with more motions",
+    )
+
+
+def _awaiting(found: str, campaign: Document, findings: Findings) -> Conclusion:
+    """Of a campaign that was stopped for its motions to be recorded."""
+    log = Path(campaign["awaits"])
+    iteration = os.path.normpath(findings.folder / log.parent.name)
+    return Conclusion(
+        f"{found}; motions are planned in {iteration}, whose report shows them, and their log is awaited in "
+        f"{iteration}/{log.name}.",
+        None,
+        ("capture", robot_words(findings), iteration),
+        "the sheet for recording them; when the log is there, the campaign goes on with --resume",
     )
 
 

@@ -15,7 +15,7 @@ def conclusion(findings: Findings) -> Conclusion | None:
     """Of the last step that the folder holds: what came before it is in the sections below."""
     if findings.diagnosis is not None:
         return of_diagnosis(findings.diagnosis, findings)
-    if findings.campaign is not None and findings.campaign["iterations"]:
+    if findings.campaign is not None and (findings.campaign["iterations"] or findings.campaign["awaits"]):
         return of_campaign(findings.campaign, findings)
     if findings.identification is not None:
         return of_identification(findings.identification, findings)

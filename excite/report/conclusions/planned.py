@@ -5,7 +5,6 @@ from __future__ import annotations
 from excite.identification.judgement.poor import PATIENCE
 from excite.report.conclusions.result import NAMED, Conclusion, count, robot_words
 from excite.report.folder import Document, Findings
-from excite.report.html import number
 
 
 def of_plan(plan: Document, findings: Findings) -> Conclusion:
@@ -30,7 +29,7 @@ def of_plan(plan: Document, findings: Findings) -> Conclusion:
     purpose = "the sheet for the minutes at the robot"
     if forecast is None:
         return Conclusion(f"{found}.", None, capture, purpose)
-    n, within, target = forecast["essential"], forecast["within"], number(forecast["target_rsd_percent"])
+    n, within, target = forecast["essential"], forecast["within"], f"{forecast['target_rsd_percent']:g}"
     promise = f"{within} of {n} essential parameters are to be expected within {target} %"
     if within == n:
         return Conclusion(f"{found}: {promise}, which is enough.", True, capture, purpose)

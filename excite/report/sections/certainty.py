@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from excite.report.conclusions.result import count
 from excite.report.folder import Findings
 from excite.report.html import figure, folded, section, table
 from excite.report.plots.rsd import plot_rsd
@@ -32,7 +33,7 @@ class Certainty(Section):
         why = last["reasons"]
         rows = [(name, last["rsd_percent"].get(name), why.get(name, "")) for name in missed]
         listing = folded(
-            f"{len(missed)} parameters miss the target at the end",
+            f"{count(len(missed), 'parameter')} above the target at the end",
             table(("base parameter", "RSD [%]", "why"), rows),
         )
         svg = to_svg(plot, "rsd", "Relative standard deviation of each base parameter per iteration")

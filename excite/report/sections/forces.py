@@ -46,6 +46,12 @@ class Forces(Section):
                 f"On {data.trial}, which the identification has not seen, the blue line of the identified "
                 "model should cover the measured one, and the dashed nominal one should not."
             )
+            if findings.human is not None and tables:
+                lead += (
+                    " The curves are the ground reaction in the laboratory's axes, with moments about a point on the "
+                    "ground below the pelvis, as under Person; the tables are of the same wrench in the pelvis' axes, "
+                    "about its origin, as it was fitted: other figures of the same trials."
+                )
             if len(data.channels) > MOST_PANELS:
                 lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
             svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")

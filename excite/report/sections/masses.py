@@ -37,8 +37,9 @@ class Masses(Section):
         if data.changed is not None and data.changed.any():
             names = [name for name, changed in zip(data.names, data.changed, strict=True) if changed]
             lead += (
-                " In bold, what differs from the model in mass, centre of mass or inertia (see Differences): "
-                f"{', '.join(names)}."
+                " In bold, the fewest segments that, changed in mass, centre of mass or inertia, explain what the "
+                f"nominal model leaves: {', '.join(names)}. A robot whose bodies all differ a little shows itself so "
+                "too; Differences lists what the data tell of each parameter by itself."
             )
         svg = to_svg(plot_masses(data), "masses", "Mass of each segment: nominal, identified, true")
         return section(self.identifier, self.title, lead, figure(svg), folded("Numbers", _numbers(data)))
@@ -47,8 +48,10 @@ class Masses(Section):
 def _numbers(data: MassComparison) -> str:
     columns = {"nominal [kg]": data.nominal, "identified [kg]": data.identified}
     sums = {name: float(np.sum(column)) for name, column in columns.items()}
-    if data.half_width is not None and data.determined is not None:
-        columns |= {"± 95 % [kg]": data.half_width, "told by the data [%]": 100.0 * data.determined}
+    if data.half_width is not None:
+        columns["± 95 % [kg]"] = data.half_width
+    if data.determined is not None:
+        columns["told by the data [%]"] = 100.0 * data.determined
     if data.true is not None:
         columns["true [kg]"] = data.true
         sums["true [kg]"] = float(np.sum(data.true))

@@ -8,6 +8,7 @@ from typing import Any
 
 from excite.errors import ExciteError
 from excite.motion.motion import Motion
+from excite.report.conclusions.result import count
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, folded, paragraph, section, table
 from excite.report.live import replay
@@ -39,23 +40,20 @@ class Motions(Section):
         """See :class:`Section`."""
         if findings.plan is None:
             figures = _figures(findings) if findings.check is not None else []
-            lead = "The motions that were checked, whether they are safe or not."
+            lead = "The motions that were checked, those that are not safe first."
             return section(self.identifier, self.title, lead, *figures) if figures else ""
         selected = findings.plan["selected"]
         rows: list[tuple[Cell, ...]] = [
             (entry["motion"], ", ".join(entry["segments"]), float(entry["duration_s"])) for entry in selected
         ]
-        listing = folded(
-            f"All {len(rows)} motions", table(("motion", "chosen for the segments", "duration [s]"), rows)
-        )
+        headers = ("motion", "chosen for the segments", "duration [s]")
+        listing = folded(f"All {len(rows)} motions" if len(rows) > 1 else "The motion", table(headers, rows))
         rejected = findings.plan["candidates"]["rejected"]
         reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
         refused = (
             folded(
-                f"{sum(rejected.values())} rejected candidates, by reason",
-                table(
-                    ("reason", "candidates"), [(reason.replace("_", " "), count) for reason, count in reasons]
-                ),
+                f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
+                table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
             )
             if rejected
             else ""
@@ -69,7 +67,7 @@ def _caption(robot: Robot) -> str:
 
 
 def _figures(findings: Findings) -> list[str]:
-    robot, motions = findings.robot, findings.motions
+    robot, motions = findings.robot, _worst_first(findings)
     if robot is None or not motions:
         return []
     shown = choose_motions(motions, _N_PICTURES)
@@ -86,6 +84,13 @@ def _figures(findings: Findings) -> list[str]:
     )
     how = paragraph(_HOW, "lead moving")
     return [how, replay("replay", scene(robot), moving, snapshots), said, caption]
+
+
+def _worst_first(findings: Findings) -> tuple[Motion, ...]:
+    """The motions, before all others those that are not safe: they are what one has to look at."""
+    judged = (findings.check or {"motions": ()})["motions"]
+    unsafe = {item["motion"] for item in judged if not item["safe"]}
+    return tuple(sorted(findings.motions, key=lambda motion: motion.name not in unsafe))
 
 
 def _tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], list[str]]:

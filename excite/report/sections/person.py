@@ -22,7 +22,8 @@ class Person(Section):
             return ""
         lead = (
             "Masses of the segments by two tables of the literature, beside those that the ground reaction tells; "
-            "where the deviation is as large as the mass, the motions did not tell it."
+            "± is one standard deviation of motions and table together, and where it is as large as the mass, motions "
+            "did not tell it."
         )
         return section(self.identifier, self.title, lead, _masses(human, findings), _reactions(human))
 

@@ -15,6 +15,8 @@ from excite.robot.robot import Robot
 # Pictures beside each other, and lines of the table that are not folded away.
 _PICTURES, _LISTED = 3, 8
 
+_BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None, "posture": None}
+
 
 class Refused(Section):
     """Pictures of the worst refused postures, the table, the change that was counted."""
@@ -70,7 +72,14 @@ def _said(findings: Findings) -> _Said:
         return _Said(*(findings.refusals[key] for key in ("refused", "remedy", "generated")))
     if findings.plan is not None:
         plan = findings.plan
-        return _Said(plan["refused"], plan["remedy"], plan["candidates"]["generated"])
+        # What is told by no distance, as a fall in the rehearsal, has a number of candidates alone.
+        measured = {item["reason"] for item in plan["refused"]}
+        others = [
+            _BARE | {"reason": reason, "candidates": n}
+            for reason, n in plan["candidates"]["rejected"].items()
+            if reason not in measured
+        ]
+        return _Said([*plan["refused"], *others], plan["remedy"], plan["candidates"]["generated"])
     return _Said([], None, 0)
 
 

@@ -32,7 +32,9 @@ class Record(Section):
             content.append(
                 "<h3>Faults of the record</h3>" + table(("what", "what was done, or is to be done", ""), rows)
             )
+        said = {item["what"] for item in found["log"]}
         notes = [*found["warnings"], *((found["simulation"] or {"warnings": ()})["warnings"])]
+        notes = [text for text in notes if text not in said]
         if notes:
             content.append(
                 "<h3>Limits</h3><ul>" + "".join(f"<li>{escape(text)}</li>" for text in notes) + "</ul>"

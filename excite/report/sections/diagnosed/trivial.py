@@ -49,7 +49,8 @@ def _lead(found: Document, of_commands: bool) -> str:
     if not of_commands:
         return (
             f"{rows}: what the model leaves, and by how much one trial's reading differs from another's with the same "
-            "command, of which no model can know more."
+            "command. Both readings have noise of their own: a perfect model leaves 0.7 of that difference, and "
+            "none leaves less."
         )
     simulation = found["simulation"]
     anew = (
