@@ -470,6 +470,29 @@ def test_links_without_geometry_are_named(tmp_path: Path) -> None:
     assert any("links without geometry: shoulder" in one for one in said)
 
 
+def test_friction_that_the_model_states_is_said_not_to_count(tmp_path: Path) -> None:
+    parts = [
+        link("base", 5.0, '<box size="0.2 0.2 0.1"/>'),
+        link("arm", 1.0, '<box size="0.04 0.04 0.3"/>', "0 0 0.15"),
+        hinge("turn", "base", "arm", "0 0 0.1", "0 1 0", '<dynamics damping="6" friction="12"/>'),
+        link("fore", 0.5, '<box size="0.03 0.03 0.2"/>', "0 0 0.1"),
+        hinge("bend", "arm", "fore", "0 0 0.3", "0 1 0", '<dynamics damping="0.0"/>'),
+    ]
+    said = [
+        str(one)
+        for one in written(f'<robot name="rubs">{"".join(parts)}</robot>', tmp_path).description.assumed
+    ]
+    # 12 N·m and 6 N·m·s/rad at 5 rad/s, of 60 N·m.
+    assert any(
+        "friction that the model states at 1 joint" in one and "0.7 of the torque limit of turn" in one
+        for one in said
+    )
+    assert not any(
+        "friction that the model" in str(one)
+        for one in written(biped(), tmp_path / "two").description.assumed
+    )
+
+
 def test_what_is_only_drawn_is_kept_apart_too(tmp_path: Path) -> None:
     hand = '<visual><origin xyz="0 0 0.1"/><geometry><box size="0.06 0.06 0.2"/></geometry></visual>'
     gone = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
