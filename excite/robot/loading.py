@@ -136,8 +136,10 @@ def _fingerprint(description: RobotDescription, model_path: Path, root: ElementT
     digest = hashlib.sha256(stated.encode() + b"\0" + content)
     if ground_is_assumed(description):
         digest.update(b"\0ground assumed")
+    geometry = description.collision.geometry
+    shown = ("collision", "visual") if geometry == "either" else (geometry,)
     for link in root.findall("link"):
-        for mesh in link.iterfind(f"{description.collision.geometry}/geometry/mesh"):
+        for mesh in (found for kind in shown for found in link.iterfind(f"{kind}/geometry/mesh")):
             file = Path(mesh.get("filename", ""))
             # A mesh that is not there, or is no mesh, is refused where the geometry is built.
             if file.is_file() and file.stat().st_size <= MAX_XML_BYTES:

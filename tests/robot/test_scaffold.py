@@ -22,7 +22,7 @@ from excite.robot.scaffold.files import write_scaffold
 from excite.robot.scaffold.footing import Footing
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
-from excite.robot.shapes.collision import collision_shapes
+from excite.robot.shapes.collision import collision_model, collision_shapes, geometry_data, pair_distance
 from excite.robot.upright import too_soft_to_stand
 from excite.simulation.replay import replay
 from tests.robot.small import ARM
@@ -468,6 +468,59 @@ def _tenth(match: re.Match[str]) -> str:
 def test_links_without_geometry_are_named(tmp_path: Path) -> None:
     said = [str(one) for one in written(cart(), tmp_path).description.assumed]
     assert any("links without geometry: shoulder" in one for one in said)
+
+
+def test_friction_that_the_model_states_is_said_not_to_count(tmp_path: Path) -> None:
+    parts = [
+        link("base", 5.0, '<box size="0.2 0.2 0.1"/>'),
+        link("arm", 1.0, '<box size="0.04 0.04 0.3"/>', "0 0 0.15"),
+        hinge("turn", "base", "arm", "0 0 0.1", "0 1 0", '<dynamics damping="6" friction="12"/>'),
+        link("fore", 0.5, '<box size="0.03 0.03 0.2"/>', "0 0 0.1"),
+        hinge("bend", "arm", "fore", "0 0 0.3", "0 1 0", '<dynamics damping="0.0"/>'),
+    ]
+    said = [
+        str(one)
+        for one in written(f'<robot name="rubs">{"".join(parts)}</robot>', tmp_path).description.assumed
+    ]
+    # 12 N·m and 6 N·m·s/rad at 5 rad/s, of 60 N·m.
+    assert any(
+        "friction that the model states at 1 joint" in one and "0.7 of the torque limit of turn" in one
+        for one in said
+    )
+    assert not any(
+        "friction that the model" in str(one)
+        for one in written(biped(), tmp_path / "two").description.assumed
+    )
+
+
+def test_what_is_only_drawn_is_kept_apart_too(tmp_path: Path) -> None:
+    hand = '<visual><origin xyz="0 0 0.1"/><geometry><box size="0.06 0.06 0.2"/></geometry></visual>'
+    gone = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
+    parts = [
+        link("base", 5.0, '<box size="0.2 0.2 0.1"/>'),
+        link("arm", 1.0, '<box size="0.04 0.04 0.3"/>', "0 0 0.15"),
+        hinge("turn", "base", "arm", "0 0 0.1", "0 1 0"),
+        link("fore", 0.5, '<box size="0.03 0.03 0.2"/>', "0 0 0.1"),
+        hinge("bend", "arm", "fore", "0 0 0.3", "0 1 0").replace("1.5", "3.1"),
+        # A hand on the forearm that has no <collision>, and one whose picture is not there.
+        link("hand", 0.2).replace("</link>", f"{hand}</link>"),
+        '<joint name="wrist" type="fixed"><parent link="fore"/><child link="hand"/><origin xyz="0 0 0.2"/></joint>',
+        link("marker", 0.01).replace("</link>", f"{gone}</link>"),
+        '<joint name="on_it" type="fixed"><parent link="hand"/><child link="marker"/></joint>',
+    ]
+    robot = written(f'<robot name="drawn">{"".join(parts)}</robot>', tmp_path)
+    assert robot.description.collision.geometry == "either"
+    assert {shape.link for shape in collision_shapes(robot)} == {"base", "arm", "fore", "hand", "table"}
+    folded = np.array([0.0, 2.9])
+    model = collision_model(robot)
+    data = geometry_data(model)
+    pin.updateGeometryPlacements(robot.model, robot.model.createData(), model, data, folded)
+    names = [
+        {model.geometryObjects[i].name.rsplit("_", 1)[0] for i in (p.first, p.second)}
+        for p in model.collisionPairs
+    ]
+    assert {"base", "hand"} in names
+    assert pair_distance(model, data, names.index({"base", "hand"})) < 0.0
 
 
 def test_an_expression_of_xacro_that_does_not_end_is_one_line(tmp_path: Path, monkeypatch) -> None:

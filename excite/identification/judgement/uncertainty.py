@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import eigh, svd
 
 from excite.arrays import Array
 from excite.identification.judgement.statistics import BaseStatistics
@@ -32,9 +32,11 @@ def parameter_uncertainty(
 ) -> ParameterUncertainty:
     """Posterior of the standard parameters of a Gaussian prior about the nominal model.
 
-    With ``P`` the prior's covariance, ``K`` the base parameters as combinations of the standard ones and ``C``
-    their covariance, ``P − P Kᵀ (K P Kᵀ + C)⁻¹ K P``. Directions outside ``K`` no motion shows: there the
-    prior stays. Inequalities (positive masses, physical consistency) are not used and could only narrow it.
+    With ``P`` the prior's covariance, ``K`` the base parameters as combinations of the standard ones and
+    ``R⁻¹ M R⁻ᵀ`` their covariance, ``P − P Kᵀ (K P Kᵀ + R⁻¹ M R⁻ᵀ)⁻¹ K P``. It is computed as
+    ``P − P Kᵀ Rᵀ (R K P Kᵀ Rᵀ + M)⁻¹ R K P``: the inverse of ``R`` has no digits left of directions that the motions
+    hardly show. Directions outside ``K`` no motion shows: there the prior stays. Inequalities (positive masses,
+    physical consistency) are not used and could only narrow it.
 
     Args:
         problem: the rows.
@@ -46,12 +48,11 @@ def parameter_uncertainty(
         Standard deviations and shares.
     """
     prior = prior_std(problem, spread)
-    scaled = statistics.base.matrix * prior
-    # In units of the measurement's own deviations, so that combinations of all sizes count alike.
-    own = np.sqrt(np.diag(statistics.covariance))
-    own = np.maximum(own, 1e-12 * np.linalg.norm(scaled, axis=1))
-    scaled, noise = scaled / own[:, None], statistics.covariance / np.outer(own, own)
-    factor = cho_factor(scaled @ scaled.T + noise)
-    taken = np.einsum("bn,bn->n", scaled, cho_solve(factor, scaled))
+    power, axes = eigh(statistics.meat)
+    # What noise has rounded away is as small as the rounding of the largest.
+    power = np.maximum(power, max(np.finfo(float).eps * power[-1], np.finfo(float).tiny))
+    shown = axes.T @ (statistics.factor @ (statistics.base.matrix * prior)) / np.sqrt(power)[:, None]
+    _, sizes, directions = svd(shown, full_matrices=False)
+    taken = (sizes**2 / (1.0 + sizes**2)) @ directions**2
     determined = np.clip(taken, 0.0, 1.0)
     return ParameterUncertainty(prior * np.sqrt(1.0 - determined), determined)

@@ -101,6 +101,7 @@ def _content(
     structure = assumed_structure(
         model.held, model.faults[stands], model.geometry.fault, rest, ground, model.figure, model.ranged
     )
+    more += numbers.uncounted_friction(model.joints, model.free, made.torque)
     controller, stiff = made.controller()
     joints = {n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6}
     pairs = [list(pair) for pair in guess_pairs(robot)]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -69,6 +70,33 @@ def torque_limits(
             f"; it is 0 in the model for {first_names(zero)}: hold under locked_joints what no motor drives"
         )
     return found, [Assumed(what="torque limits", value=value, consequence=consequence)]
+
+
+def uncounted_friction(
+    joints: Mapping[str, ElementTree.Element], guesses: tuple[JointGuess, ...], torque: Mapping[str, float]
+) -> list[Assumed]:
+    """What the model's ``<dynamics>`` would take of the ``torque`` limits of the drives [N·m or N], which nothing counts.
+
+    Friction there is a drive's in some models and a simulator's damping in others, which nothing in the file tells.
+    """
+    shares: dict[str, float] = {}
+    for guess in guesses:
+        dynamics = joints[guess.name].find("dynamics")
+        if dynamics is not None:
+            dry, viscous = (float(dynamics.get(name, "0")) for name in ("friction", "damping"))
+            shares[guess.name] = (dry + viscous * (guess.velocity or 0.0)) / torque[guess.name]
+    rubbing = [name for name, share in shares.items() if share > 0.0]
+    if not rubbing:
+        return []
+    worst = max(rubbing, key=lambda name: shares[name])
+    return [
+        Assumed(
+            what=f"friction that the model states at {len(rubbing)} joint{'s' * (len(rubbing) > 1)}",
+            value=f"not counted; at full speed it would take {shares[worst]:.2g} of the torque limit of {worst}",
+            consequence="a motion may ask more of a drive than it gives, unless that is a simulator's damping: state "
+            "drives.viscous and drives.coulomb",
+        )
+    ]
 
 
 def velocity_limits(

@@ -15,6 +15,7 @@ from excite.robot.loading import build_robot
 from excite.robot.robot import Robot
 from excite.robot.scaffold.guesses import JointGuess
 from excite.robot.shapes.collision import collision_shapes
+from excite.robot.shapes.shape import Shape
 
 # Distance that links keep [m]: what hulls of a hundredth more than their meshes leave of clearances in arms of 1 m.
 APART = 0.01
@@ -26,7 +27,8 @@ class WithGeometry:
 
     Attributes:
         robot: the robot.
-        kind: ``collision`` or ``visual``; None where neither can be built.
+        kind: ``collision``, ``visual``, or ``either`` where some links have the second alone; None where nothing
+            can be built.
         fault: why not, None where one can.
     """
 
@@ -61,8 +63,19 @@ class StandIn:
                 # Nothing would be checked: no shape moves.
                 reasons.append(f"{kind}: none on a link that moves")
                 continue
-            return WithGeometry(robot, kind, None)
+            return self._filled(WithGeometry(robot, kind, None), shapes)
         return WithGeometry(self.robot("authored"), None, "; ".join(reasons))
+
+    def _filled(self, found: WithGeometry, shapes: tuple[Shape, ...]) -> WithGeometry:
+        """The same with what is drawn of links that have no ``collision``, if it can be built."""
+        if found.kind != "collision":
+            return found
+        robot = self.robot("either")
+        try:
+            more = len(collision_shapes(robot)) > len(shapes)
+        except RobotError:
+            return found
+        return WithGeometry(robot, "either", None) if more else found
 
     def robot(self, geometry: str, shapes: list[dict[str, Any]] | None = None) -> Robot:
         """The robot with geometry of one kind, and authored ``shapes``."""

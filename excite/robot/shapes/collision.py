@@ -15,7 +15,7 @@ from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collada_axes import upright
 from excite.robot.shapes.ground import ground_height, ground_is_assumed, links_below
-from excite.robot.shapes.link_shapes import link_shapes
+from excite.robot.shapes.link_shapes import link_shapes, links_by_kind
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape, coal_geometry
 
@@ -35,7 +35,8 @@ def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
 
     Meshes become convex hulls of at most ``hull_corners`` corners that contain every corner of the mesh
     (:func:`~excite.robot.shapes.meshes.convex_hull`). Shapes authored in ``robot.yaml`` are added to those
-    of the URDF's ``collision`` or ``visual`` elements, or stand alone with ``geometry: authored``.
+    of the URDF's ``collision`` or ``visual`` elements (``either``: the second of links without the first), or stand
+    alone with ``geometry: authored``.
     A ``table_height``, or the ground that a fixed base does not state, adds a 4 m × 4 m × 1 m block below the base.
 
     Raises:
@@ -158,13 +159,13 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     block = robot.description.collision
     shapes: list[Shape] = []
     if block.geometry != "authored":
-        root = fromstring(robot.urdf)
-        meshes = root.iterfind(f"link/{block.geometry}/geometry/mesh")
-        points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-        links = root.findall("link")
-        points = dict(upright(links, block.geometry, points))
-        for link in links:
-            shapes += link_shapes(robot, link, block.geometry, points)
+        links = fromstring(robot.urdf).findall("link")
+        for kind, shown in links_by_kind(links, block.geometry).items():
+            meshes = (mesh for link in shown for mesh in link.iterfind(f"{kind}/geometry/mesh"))
+            points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
+            points = dict(upright(shown, kind, points))
+            for link in shown:
+                shapes += link_shapes(robot, link, kind, points)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
         number = sum(shape.link == authored.link for shape in shapes)

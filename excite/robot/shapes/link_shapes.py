@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -20,6 +20,25 @@ from excite.robot.shapes.shape import Shape
 
 # A hull of 96 corners may have to grow by a hundredth; of a smooth body the growth falls with the corners' square.
 _CORNERS, _SLACK = 96, 0.01
+
+
+def links_by_kind(
+    links: Sequence[ElementTree.Element], geometry: str
+) -> dict[str, list[ElementTree.Element]]:
+    """Links by the kind of element that gives them shape.
+
+    Of ``either`` it is ``visual`` where they have no ``collision``, if the files are there: pictures are left out of
+    many copies of a model.
+    """
+    if geometry != "either":
+        return {geometry: list(links)}
+    kinds: dict[str, list[ElementTree.Element]] = {"collision": [], "visual": []}
+    for link in links:
+        if link.find("collision") is not None:
+            kinds["collision"].append(link)
+        elif all(Path(mesh.get("filename", "")).is_file() for mesh in link.iterfind("visual/geometry/mesh")):
+            kinds["visual"].append(link)
+    return kinds
 
 
 def link_shapes(
