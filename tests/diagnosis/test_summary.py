@@ -148,3 +148,16 @@ def test_what_closed_means_is_said(two_effects: Diagnosis, unit: str, of: str, h
     note = next(line for line in said if line.startswith("(closed:"))
     assert of in note
     assert "together with those before it, every other one alone" in note
+
+
+def test_a_ripple_that_grows_with_the_load_is_as_high_as_that_part():
+    """Of a harmonic drive's waves of 0.06 times the load the sentence said 0.009 ± 0.03 N·m."""
+    parts = {
+        "cosine": Estimate(0.006, 0.02, "N·m"),
+        "sine": Estimate(0.006, 0.04, "N·m"),
+        "cosine_load": Estimate(0.03, 0.01, "N·m/(N·m)"),
+        "sine_load": Estimate(0.04, 0.01, "N·m/(N·m)"),
+        "periods_per_rev": Estimate(200.0, None, "1"),
+    }
+    ripple = Candidate("torque_ripple", "a", parts, 640.0, 0.1, 0.9, ("a",))
+    assert sized(ripple) == "torque ripple at a (0.05 ± 0.01 N·m/(N·m))"

@@ -84,7 +84,9 @@ def sized(item: Candidate) -> str:
 
 def _size(parameters: Mapping[str, Estimate]) -> str:
     if {"cosine", "sine"} <= set(parameters):
-        return measured(_height(parameters))
+        # Of a gear's waves those that grow with its load may be all that is told.
+        waves = [_height(parameters, end) for end in ("", "_load", "_2") if f"cosine{end}" in parameters]
+        return measured(max(waves, key=lambda wave: wave.value / (wave.std or math.inf)))
     first = next(iter(parameters), "")
     axes = {n: e for n, e in parameters.items() if n[-1] in "xyz" and e.std} if first.endswith("x") else {}
     if len(axes) < 2:
@@ -94,9 +96,9 @@ def _size(parameters: Mapping[str, Estimate]) -> str:
     return f"{axis.replace('_', ' ')} {measured(axes[axis])}"
 
 
-def _height(parameters: Mapping[str, Estimate]) -> Estimate:
+def _height(parameters: Mapping[str, Estimate], end: str) -> Estimate:
     """Height of a wave by its two parts: where the phase lies, either may be near zero."""
-    parts = [parameters[name] for name in ("cosine", "sine")]
+    parts = [parameters[f"{name}{end}"] for name in ("cosine", "sine")]
     height = math.hypot(*(part.value for part in parts))
     spread = None
     if height > 0.0 and all(part.std is not None for part in parts):

@@ -15,8 +15,9 @@ from excite.diagnosis.effects.note import Beyond, JointStep, Note
 
 # Periods over a joint's motion below which nothing has been seen to repeat: a spring or a stop would do as well.
 _SEEN = 2.0
-# Spacing of the periods a revolution that are tried.
-_APART = 0.5
+# Spacing of the periods a revolution that are tried, and the most of them: strain-wave gears have two waves a turn of
+# the motor, 200 to 320 a turn of the joint at the usual ratios of 100 to 160.
+_APART, _MOST = 0.5, 340.0
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class TorqueRipple(Effect):
 
     name = "torque_ripple"
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("cosine", "N·m"), Parameter("sine", "N·m"))
-    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("periods_per_rev", "1", 4.0, 200.0),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("periods_per_rev", "1", 4.0, 1.2 * _MOST),)
     confusable_with = ("joint_spring",)
     separating_motion = "a slow sweep of the joint at constant speed"
     mujoco = "none of its own: a control callback"
@@ -68,7 +69,7 @@ class TorqueRipple(Effect):
         return (RippleHarmonics(),)
 
     def grid(self, context: Context, location: str) -> list[Theta]:
-        """The three best of those seen to repeat, to 150, by a projection of the baseline's residual at the rows."""
+        """The three best of those seen to repeat, by a projection of the baseline's residual at the rows."""
         j = context.row(location)
         samples = context.baseline.samples
         q = np.concatenate(
@@ -78,7 +79,7 @@ class TorqueRipple(Effect):
         # Every second row: the sampling of the phase matters little, that of the periods much.
         residual, q = context.baseline.fit.residual[j][use][::2], q[use][::2]
         least = _SEEN * 2.0 * np.pi / max(float(np.ptp(context.q[:, j])), 1e-9)
-        periods = np.arange(max(4.0, np.ceil(2.0 * least) / 2.0), 150.0, _APART)
+        periods = np.arange(max(4.0, np.ceil(2.0 * least) / 2.0), _MOST, _APART)
         power = _projections(periods, q, residual)
         best: list[Theta] = []
         for k in np.argsort(-power):
