@@ -15,6 +15,7 @@ from excite.errors import InputError
 from excite.logs.header_blocks import Role
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
+from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
 
 # Grease and seals settle within minutes of motion; friction of cold drives is up to twice that of warm ones
@@ -40,12 +41,12 @@ class Sheet:
 
 
 def capture(
-    robot: Robot, plan: str | Path, out: str | Path | None = None, *, named: str | None = None
+    robot: RobotLike, plan: str | Path, out: str | Path | None = None, *, named: str | None = None
 ) -> Sheet:
     """Write the sheet of a plan, Markdown or, if ``out`` ends with ``.html``, a page.
 
     Args:
-        robot: the robot.
+        robot: the robot, or what :func:`~excite.robot.bringing.load_robot` takes.
         plan: folder of a plan, with ``plan.json`` and ``motions/``.
         out: the file; ``capture.md`` in the plan's folder if None.
         named: what commands on the sheet call the robot, its file where it is no bundled one; its name if None.
@@ -56,6 +57,7 @@ def capture(
     Raises:
         InputError: the plan is of another robot, or a motion of it is missing.
     """
+    robot = as_robot(robot)
     folder = Path(plan) if Path(plan).is_dir() else Path(plan).parent
     document = read_document(folder / "plan.json", Plan)
     if document.robot != robot.name:

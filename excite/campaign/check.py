@@ -7,10 +7,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from excite.errors import InputError
+from excite.motion.collection import MotionsLike, as_motions
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.description import Assumed
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
@@ -73,13 +75,13 @@ class CheckReport(Tabled):
 
 
 def check(
-    robot: Robot, motions: Sequence[Motion], *, jobs: Jobs = 1, progress: Progress = silent
+    robot: RobotLike, motions: MotionsLike, *, jobs: Jobs = 1, progress: Progress = silent
 ) -> CheckReport:
     """Judge motions independently of whatever planned them; those of a chain have to be among them all.
 
     Args:
-        robot: the robot that shall run them.
-        motions: what to judge.
+        robot: the robot that shall run them, or what :func:`~excite.robot.bringing.load_robot` takes.
+        motions: what to judge: motions, files, folders.
         jobs: number of processes, or an executor; the verdicts do not depend on it.
         progress: told after each motion.
 
@@ -89,6 +91,8 @@ def check(
     Raises:
         InputError: no motions.
     """
+    robot = as_robot(robot)
+    motions = as_motions(motions, robot)
     if not motions:
         raise InputError("no motions to check", remedy="name at least one")
     named = {motion.name: motion for motion in motions}

@@ -14,10 +14,12 @@ from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role
 from excite.logs.log import Log
+from excite.motion.collection import MotionsLike, as_motions
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_seed
+from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.shown import Shown
 from excite.simulation.effects.registry import inject as inject_effects
@@ -139,8 +141,8 @@ def virtual_robot(
 
 
 def simulate(
-    robot: Robot,
-    motions: Sequence[Motion],
+    robot: RobotLike,
+    motions: MotionsLike,
     *,
     inject: Sequence[str] = (),
     nominal: bool = False,
@@ -153,8 +155,9 @@ def simulate(
     """Run motions on a virtual robot and log them.
 
     Args:
-        robot: the nominal robot.
-        motions: what to run; every fifth, in order, is logged as validation unless ``roles`` says otherwise.
+        robot: the nominal robot, or what :func:`~excite.robot.bringing.load_robot` takes.
+        motions: what to run, motions, files or folders; every fifth, in order, is logged as validation unless
+            ``roles`` says otherwise.
         inject: effects as ``EFFECT[:LOCATION[:VALUE]]``.
         nominal: give the virtual robot the model's own parameters.
         roles: by motion name, ``identification`` or ``validation``.
@@ -170,6 +173,8 @@ def simulate(
         InputError: no motions, an effect is malformed; UnknownNameError: an effect or its place is unknown.
         MotionError: a motion is not for this robot.
     """
+    robot = as_robot(robot)
+    motions = as_motions(motions, robot)
     virtual = virtual_robot(robot, seed, nominal=nominal, inject=inject)
     noise = np.random.SeedSequence(seed, spawn_key=(_NOISE_STREAM, batch))
     chosen = dict(roles) if roles is not None else _every_fifth(motions)

@@ -56,7 +56,12 @@ class Journal:
 
     def settings(self) -> CampaignSettings:
         """What the campaign in the folder was asked for; raises InputError where there is none."""
-        return CampaignSettings(**self._begun()["settings"])
+        begun, path = self._begun()["settings"], self.folder / "journal.json"
+        try:
+            return CampaignSettings(**begun)
+        except InputError as error:
+            field = f"settings.{error.field}" if error.field else "settings"
+            raise InputError(error.what, source=path, field=field, remedy=error.remedy) from error
 
     def _begun(self) -> dict[str, Any]:
         path = self.folder / "journal.json"

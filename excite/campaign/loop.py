@@ -32,6 +32,7 @@ from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data
+from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
 
 # Stream of random numbers of the plans, apart from those of the virtual robot.
@@ -39,7 +40,7 @@ _PLAN_STREAM = 3
 
 
 def campaign(
-    robot: Robot,
+    robot: RobotLike,
     folder: Path,
     settings: CampaignSettings | None = None,
     *,
@@ -55,7 +56,7 @@ def campaign(
     ``max_iterations``. With ``on_robot`` it stops after each plan and waits for a recording.
 
     Args:
-        robot: the robot.
+        robot: the robot, or what :func:`~excite.robot.bringing.load_robot` takes.
         folder: where everything is written.
         settings: what is asked for; defaults if None.
         resume: go on with the campaign that ``folder`` holds.
@@ -72,6 +73,7 @@ def campaign(
         NoSolutionError: no candidate is safe, or the estimator failed; what earlier iterations found is written.
         LogError: a recorded log does not fit.
     """
+    robot = as_robot(robot)
     settings = settings or CampaignSettings()
     with claimed(Path(folder)):
         journal = Journal(Path(folder))

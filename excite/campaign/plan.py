@@ -26,7 +26,7 @@ from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
-from excite.robot.robot import Robot
+from excite.robot.bringing import RobotLike, as_robot
 from excite.safety.filter_report import FilterReport
 from excite.temporary_folder import TemporaryFolder
 
@@ -40,7 +40,7 @@ FELL = "fell_in_rehearsal"
 
 
 def plan(
-    robot: Robot,
+    robot: RobotLike,
     *,
     n_candidates: int | None = None,
     targets: Sequence[str] = (),
@@ -63,7 +63,7 @@ def plan(
     ``interrupted`` of the plan says so.
 
     Args:
-        robot: the robot.
+        robot: the robot, or what :func:`~excite.robot.bringing.load_robot` takes.
         n_candidates: how many candidate motions to generate; if None 140, and twice as many more while fewer than
             three motions come of them.
         targets: joints to aim at; all, if empty.
@@ -92,6 +92,7 @@ def plan(
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """
+    robot = as_robot(robot)
     count = N_CANDIDATES if n_candidates is None else n_candidates
     check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     check_target(target_rsd)

@@ -10,10 +10,10 @@ import numpy as np
 
 from excite.errors import InputError
 from excite.excitation.conditioning import Conditioning, conditioning, motion_factor
-from excite.motion.motion import Motion
+from excite.motion.collection import MotionsLike, as_motions
 from excite.progress import Progress, silent
 from excite.regressor.base_parameters import structural_base_parameters
-from excite.robot.robot import Robot
+from excite.robot.bringing import RobotLike, as_robot
 from excite.shown import Row, Tabled
 
 
@@ -89,12 +89,12 @@ class RankReport(Tabled):
         return "\n".join([*lines, f"together: {self.together.summary()}"])
 
 
-def rank(robot: Robot, motions: Sequence[Motion], *, progress: Progress = silent) -> RankReport:
+def rank(robot: RobotLike, motions: MotionsLike, *, progress: Progress = silent) -> RankReport:
     """Rank motions by condition numbers, full (base columns) and per segment.
 
     Args:
-        robot: the robot.
-        motions: what to rank.
+        robot: the robot, or what :func:`~excite.robot.bringing.load_robot` takes.
+        motions: what to rank: motions, files, folders.
         progress: told after each motion.
 
     Returns:
@@ -104,6 +104,8 @@ def rank(robot: Robot, motions: Sequence[Motion], *, progress: Progress = silent
         InputError: no motions.
         MotionError: a motion is not for this robot.
     """
+    robot = as_robot(robot)
+    motions = as_motions(motions, robot)
     if not motions:
         raise InputError("no motions to rank", remedy="name at least one")
     base = structural_base_parameters(robot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,9 @@ from excite.identification.regression import iterate_weights, regression
 from excite.identification.result import Identification
 from excite.identification.solution import solution_of
 from excite.logs.bare_urdf import nominal_faults
+from excite.logs.files import load_log
 from excite.logs.log import Log
+from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.com_box import com_boxes
 from excite.rows.settings import ProblemSettings
@@ -55,8 +58,8 @@ _EXPLAINED, _EXPLAINED_BY_JOINT = 0.98, 0.9
 
 
 def identify(
-    robot: Robot,
-    log: Log,
+    robot: RobotLike,
+    log: str | Path | Log,
     method: str = DEFAULT_METHOD,
     *,
     settings: EstimatorSettings | None = None,
@@ -71,8 +74,9 @@ def identify(
     ``cls3``, ``lmi``, ``physical``.
 
     Args:
-        robot: the robot.
-        log: the log; trials of role ``identification`` are used, those of role ``validation`` judge.
+        robot: the robot, or what :func:`~excite.robot.bringing.load_robot` takes.
+        log: a log folder, or a log in memory; trials of role ``identification`` are used, those of role
+            ``validation`` judge.
         method: registry name of the estimator.
         settings: settings of the estimator, from
             :func:`~excite.identification.estimators.method_settings.estimator_settings`; defaults if None.
@@ -89,6 +93,9 @@ def identify(
             with the best point known, marked by its status and its first finding.
         InputError: a setting that the method does not know.
     """
+    robot = as_robot(robot)
+    if not isinstance(log, Log):
+        log = load_log(log, robot)
     estimator = find_estimator(method)
     own = own_settings(estimator, settings)
     chart = examine(robot, log, problem_settings)

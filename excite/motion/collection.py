@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from excite.errors import InputError, MotionError
@@ -13,6 +13,9 @@ from excite.motion.readers.registry import is_motion
 from excite.reading.file import unreadable_file
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+
+MotionsLike = str | Path | Iterable[Motion | str | Path]
+"""Motions, or files and folders of them."""
 
 # What reports draw from, in folders of results: suffixes of motions, and none.
 _RESULT_ARRAYS = frozenset({"report_data.npz", "doctor_data.npz"})
@@ -54,6 +57,22 @@ def _inside(path: Path) -> list[Path]:
             source=path,
             remedy="expected .parquet, .csv, .npz, .mcap or ROS 2 bags",
         )
+    return found
+
+
+def as_motions(motions: MotionsLike, robot: Robot) -> Sequence[Motion]:
+    """The motions themselves, and those in files and folders.
+
+    Args:
+        motions: motions, files, folders, mixed as they come; or one file or folder.
+        robot: whose they are.
+
+    Raises:
+        MotionError: a file is missing or malformed, or a motion of another robot.
+    """
+    found: list[Motion] = []
+    for item in [motions] if isinstance(motions, str | Path) else motions:
+        found += [item] if isinstance(item, Motion) else load_motions([item], robot)
     return found
 
 

@@ -59,9 +59,7 @@ _ABSENT = {
     "identification": "the identification (identification.json), which excite identify ROBOT LOG --out DIR writes",
     "campaign": "the campaign (campaign.json: certainty per iteration), which excite campaign ROBOT --out DIR writes",
 }
-_HELP = (
-    "give a folder that excite plan, check, identify, diagnose, doctor, campaign or human wrote with --out"
-)
+_HELP = "give a folder that excite plan, check, identify, diagnose, doctor, campaign or human wrote to"
 _OF_LOGS = "excite doctor, identify or diagnose make what a page shows of it: give their --out"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
+from pathlib import Path, PosixPath
 
 from excite.atomic import write_text
 from excite.report.folder import Findings, read_folder
@@ -25,7 +25,16 @@ _TITLES = {
 }
 
 
-def report(folder: Path, out: Path | None = None) -> Path:
+class Page(PosixPath):
+    """Path of a page that was written; a notebook shows the page itself."""
+
+    def _repr_html_(self) -> str:
+        """The page in a frame, as it is on disk."""
+        content = escape(self.read_text(encoding="utf-8"), quote=True)
+        return f'<iframe srcdoc="{content}" style="width: 100%; height: 80vh; border: 0"></iframe>'
+
+
+def report(folder: str | Path, out: str | Path | None = None) -> Page:
     """Write ``report.html`` from what a results folder holds; what it lacks is left out and said.
 
     Args:
@@ -33,12 +42,12 @@ def report(folder: Path, out: Path | None = None) -> Path:
         out: folder to write to; ``folder`` itself where left out.
 
     Returns:
-        The path written.
+        The path written, which a notebook shows as the page.
 
     Raises:
         InputError: no such folder, nothing in it to report on, or a file in it that is malformed.
     """
-    return write_text(Path(out or folder) / "report.html", render(read_folder(folder)))
+    return Page(write_text(Path(out or folder) / "report.html", render(read_folder(Path(folder)))))
 
 
 def render(findings: Findings) -> str:

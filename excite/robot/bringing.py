@@ -5,10 +5,14 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+from excite.errors import InputError
 from excite.robot.catalogue import find_robot
 from excite.robot.loading import load_robot as load_described
 from excite.robot.robot import Robot
 from excite.temporary_folder import TemporaryFolder
+
+RobotLike = Robot | str | Path
+"""A robot, or what :func:`load_robot` makes one of."""
 
 _MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
 
@@ -37,6 +41,23 @@ def load_robot(name_or_path: str | Path, *, keep: str | Path | None = None) -> R
         Path(keep) if keep is not None else _temporary().path / path.resolve().as_posix().replace("/", "_")
     )
     return load_described(write_scaffold(path, folder, overwrite=True, absolute=True).description)
+
+
+def as_robot(robot: RobotLike) -> Robot:
+    """The robot itself, or the one of that name or file.
+
+    Raises:
+        InputError: it is neither.
+        RobotError: a file is missing or malformed.
+        UnknownNameError: neither a file nor a bundled robot.
+    """
+    if isinstance(robot, Robot):
+        return robot
+    if isinstance(robot, str | Path):
+        return load_robot(robot)
+    raise InputError(
+        f"is a {type(robot).__name__}", source="robot", remedy="give a Robot, a bundled name or a file"
+    )
 
 
 @cache

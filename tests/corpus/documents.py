@@ -266,13 +266,13 @@ def _resumed(folder: Path, **settings: Any) -> Path:
     return plan
 
 
-def _resume(what: str, spoil: Callable[[Path], object], line: str) -> Case:
+def _resume(what: str, spoil: Callable[[Path], object], line: str, *options: str) -> Case:
     """A campaign that is resumed after something in its folder was changed."""
 
     def build(folder: Path) -> list[str]:
         _resumed(folder)
         spoil(folder)
-        return [*_RESUME, str(folder)]
+        return [*_RESUME, str(folder), *options]
 
     return Case("campaign folder", what, build, line)
 
@@ -285,12 +285,12 @@ def _planned(place: str, value: Any, line: str) -> Case:
     return _resume(f"plan {place} {str(value)[:20]}", spoil, rf"iteration_1/plan\.json: {line}")
 
 
-def _journal(place: str, value: Any, line: str) -> Case:
+def _journal(place: str, value: Any, line: str, *options: str) -> Case:
     def spoil(folder: Path) -> None:
         path = folder / "journal.json"
         _write(path, changed(json.loads(path.read_text()), place, value))
 
-    return _resume(f"journal {place} {str(value)[:20]}", spoil, rf"journal\.json: {line}")
+    return _resume(f"journal {place} {str(value)[:20]}", spoil, rf"journal\.json: {line}", *options)
 
 
 def _exchanged(path: str, make: Callable[[Path], object]) -> Callable[[Path], None]:
@@ -312,7 +312,11 @@ _CAMPAIGNS = (
     _journal("robot_hash", "f" * 64, "robot_hash: the campaign there was started with"),
     _journal("robot_hash", 7, "robot_hash: is 7, not text"),
     _journal("settings", None, "settings: is null, not an object"),
-    _journal("settings.seed", 4, "settings: the campaign there was started with seed 4, not 0"),
+    _journal(
+        "settings.seed", 4, "settings: the campaign there was started with seed 4, not 0", "--seed", "0"
+    ),
+    _journal("settings.seed", -4, "settings.seed: is -4; choose"),
+    _journal("settings.method", "guess", "settings: unknown method 'guess'"),
     _journal("settings.target_rsd", "low", "settings.target_rsd: is 'low', not a number"),
     _journal("schema", "excite.plan/1", "schema: schema is 'excite.plan/1'"),
     _planned("selected", [], "selected: names no motion"),

@@ -87,8 +87,8 @@ def _figures(findings: Findings) -> list[str]:
 
 
 def _worst_first(findings: Findings) -> tuple[Motion, ...]:
-    """The motions, before all others those that are not safe: they are what one has to look at."""
-    judged = (findings.check or {"motions": ()})["motions"]
+    """A plan's motions in its order; of what was only checked first what is not safe: that is to be looked at."""
+    judged = findings.check["motions"] if findings.check is not None and findings.plan is None else ()
     unsafe = {item["motion"] for item in judged if not item["safe"]}
     return tuple(sorted(findings.motions, key=lambda motion: motion.name not in unsafe))
 

@@ -1,0 +1,52 @@
+"""The verbs take a robot, its name or its file; motions and logs, or where they lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import excite
+from excite.campaign.settings import CampaignSettings
+from excite.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("verbs") / "plan"
+    excite.plan("ur10", n_candidates=4, seed=1).save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def log(planned: Path) -> Path:
+    excite.simulate("ur10", planned).save(planned.parent / "log")
+    return planned.parent / "log"
+
+
+def test_names_and_folders_say_the_same_as_what_was_loaded(planned: Path, log: Path) -> None:
+    """Each of these ended in an AttributeError of a string."""
+    robot = excite.load_robot("ur10")
+    motions = excite.load_motions([planned], robot)
+    assert excite.check("ur10", str(planned)).to_json() == excite.check(robot, motions).to_json()
+    mixed = [motions[0], *sorted((planned / "motions").iterdir())[1:]]
+    assert excite.rank("ur10", mixed).to_json() == excite.rank(robot, motions).to_json()
+    found = excite.identify("ur10", str(log), "wls").to_json()
+    assert found == excite.identify(robot, excite.load_log(log, robot), "wls").to_json()
+    assert excite.capture("ur10", planned).path.is_file()
+    waiting = excite.campaign(
+        "ur10", planned.parent / "campaign", CampaignSettings(n_candidates=4, on_robot=True)
+    )
+    assert waiting.awaits is not None
+
+
+def test_what_is_no_robot_is_said_in_one_line() -> None:
+    with pytest.raises(InputError, match="is a int; give a Robot, a bundled name or a file"):
+        excite.plan(7)  # type: ignore[arg-type]
+
+
+def test_a_notebook_shows_the_page(planned: Path) -> None:
+    page = excite.report(str(planned))
+    assert isinstance(page, Path) and page == planned / "report.html"
+    shown = page._repr_html_()
+    assert shown.startswith('<iframe srcdoc="&lt;!doctype html&gt;') and shown.count('"') == 4
