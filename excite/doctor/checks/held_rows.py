@@ -51,9 +51,9 @@ class HeldRows(Check):
             remedy="they are left out",
             trials=tuple(count),
         )
-        # What a log states is the rate of its rows, of which these were some.
-        slower = rate_of(trials) / rate_of(log.trials)
-        header = log.header.model_copy(update={"rate_hz": log.header.rate_hz * slower})
+        # What a log states is the rate of its rows, of which a packet lasts some.
+        lasts = max(1, round(rate_of(log.trials) / rate_of(trials)))
+        header = log.header.model_copy(update={"rate_hz": log.header.rate_hz / lasts})
         return Outcome(replace(log, header=header, trials=trials), (finding,))
 
 
