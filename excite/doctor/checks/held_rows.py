@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
-from excite.doctor.checks.rate import rate_of
+from excite.doctor.checks.rate import RATE_OFF, rate_of
 from excite.finding import Finding, listed
 from excite.logs.log import Log, Trial
 from excite.logs.resolution import channel_noise
@@ -51,9 +51,10 @@ class HeldRows(Check):
             remedy="they are left out",
             trials=tuple(count),
         )
-        # What a log states is the rate of its rows, of which a packet lasts some.
-        lasts = max(1, round(rate_of(log.trials) / rate_of(trials)))
-        header = log.header.model_copy(update={"rate_hz": log.header.rate_hz / lasts})
+        # What a log states is the rate of its rows, of which these may be so few that theirs is another.
+        slower, header = rate_of(trials) / rate_of(log.trials), log.header
+        if slower < 1.0 / RATE_OFF:
+            header = header.model_copy(update={"rate_hz": header.rate_hz * slower})
         return Outcome(replace(log, header=header, trials=trials), (finding,))
 
 

@@ -13,7 +13,7 @@ from excite.logs.log import Log, Trial
 from excite.robot.robot import Robot
 
 # Rates of a log are stated with few digits; further off is another rate.
-_RATE_OFF = 1.05
+RATE_OFF = 1.05
 # Rows this seldom or this often come from no logger of a robot [Hz].
 _SLOWEST_HZ, _FASTEST_HZ = 2.0, 5e4
 _UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
@@ -32,7 +32,7 @@ class StatedRate(Check):
         log, found = _in_seconds(robot, log)
         rate = rate_of(log.trials)
         factor = rate / log.header.rate_hz
-        if not 1.0 / _RATE_OFF < factor < _RATE_OFF:
+        if not 1.0 / RATE_OFF < factor < RATE_OFF:
             text = f"time stamps run at {rate:.4g} Hz, log.yaml says {log.header.rate_hz:g} Hz: one of them is wrong"
             found.append(
                 Finding(
