@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from excite.diagnosis.answer.budget import Budget, ChannelBudget
+from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named
 from excite.diagnosis.answer.candidate import Candidate, Estimate, sized
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.answer.result import Diagnosis
@@ -92,6 +92,21 @@ def test_what_the_doctor_found_is_said_once(two_effects: Diagnosis):
         "note: a gap is left at a"
     ]
     assert limited.summary().count("tau.a clips in 3 rows") == 1
+
+
+def test_shares_that_differ_are_explained_where_they_stand(two_effects: Diagnosis):
+    """77 % of the gap were an effect's, which closed 95 % of it, and nothing said why."""
+
+    def said(share: float) -> str:
+        of_channel = EffectShare("joint_spring", "a", share, (share - 0.1, share + 0.1))
+        channel = ChannelBudget(0.04, 0.2, (of_channel,), (), 1.0 - share, 1.0, "N·m")
+        named = Named("joint_spring", "a", share, 0.99, {}, 50.0)
+        return replace(two_effects, budget=Budget({"a": channel}, (named,))).summary()
+
+    text = said(0.6)
+    assert "adding both closes 98 %" in text and "joint spring at a 60 %" in text
+    assert "here named effects take 60 %, and the accepted effects close 98 %: both are right" in text
+    assert "both are right" not in said(0.97)
 
 
 def test_a_number_without_a_unit_has_none(two_effects: Diagnosis):

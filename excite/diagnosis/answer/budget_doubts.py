@@ -9,6 +9,10 @@ from collections.abc import Mapping, Sequence
 _WIDE = 0.5
 
 
+# Shares that differ by more than this are explained.
+_DIFFERS = 0.1
+
+
 def doubt_of_share(share: float | None, low: float | None, high: float | None) -> str:
     """Why a share and its interval do not seem to fit each other, or say little; empty where they do not.
 
@@ -54,4 +58,22 @@ def left_elsewhere(
     return (
         f"the budget counts the gap where most of it lies at {here}, before and after count it where most lies at "
         f"{there}: bodies are fitted anew in both, and what they do not explain may be left at one joint or at another"
+    )
+
+
+def named_beside_closed(named: float, closed: float | None, *, accepted: bool) -> str:
+    """Why the parts with a name are not what the accepted effects close; empty where both say nearly the same.
+
+    Args:
+        named: share of the whole gap that the budget gives to effects.
+        closed: share of it that the accepted effects close; None where it was not computed.
+        accepted: whether any was.
+    """
+    if closed is None or abs(named - closed) <= _DIFFERS:
+        return ""
+    taken = f"the accepted effects close {100.0 * closed:.0f} %" if accepted else "no effect was accepted"
+    return (
+        f"here named effects take {100.0 * named:.0f} %, and {taken}: both are right; the first counts all that "
+        "one fit of everything together finds, the motion alone and each joint by its own power; the second what the "
+        "effects that stand clear leave of all rows, each joint by its own signal"
     )

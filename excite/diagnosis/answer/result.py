@@ -232,7 +232,7 @@ class Diagnosis(Tabled):
         listed = effect_table(self.effects, self.candidates, self.ambiguous_with)
         lines += ["", *listed, *([f"({closed_in_words(self.gap.of_positions)})"] if listed else [])]
         if self.budget is not None:
-            lines += ["", *budget_lines(self.budget, self.gap, self.modelled)]
+            lines += ["", *budget_lines(self.budget, self.gap, self.modelled, accepted=bool(self.effects))]
         lines += trivial_table(self.trivial)
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from excite.diagnosis.answer.budget import Budget
-from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere
+from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere, named_beside_closed
 from excite.diagnosis.answer.candidate import Candidate, in_words, measured, sized
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.trivial import TrivialErrors
@@ -48,11 +48,13 @@ def gap_table(gap: Gap, where: Sequence[Where]) -> list[str]:
     return [*lines, f"{'all':{width}}  {total}  (of the signal)"]
 
 
-def budget_lines(budget: Budget, gap: Gap, modelled: Sequence[str]) -> list[str]:
-    """The budget in one sentence and as a table, and why the gap by channel lies elsewhere, where it does."""
+def budget_lines(budget: Budget, gap: Gap, modelled: Sequence[str], *, accepted: bool) -> list[str]:
+    """The budget in one sentence and as a table, and why it has other figures than stand before it, where it has."""
     gaps = {name: (item.before, item.noise_floor) for name, item in gap.per_channel.items()}
-    said = left_elsewhere(gaps, budget.weights, modelled)
-    return [budget.sentence(), *_budget_table(budget), *([f"({said})"] if said else [])]
+    named = sum(item.share for item in budget.named)
+    beside = named_beside_closed(named, gap.share_closed, accepted=accepted)
+    said = [text for text in (beside, left_elsewhere(gaps, budget.weights, modelled)) if text]
+    return [budget.sentence(), *_budget_table(budget), *(f"({text})" for text in said)]
 
 
 def _budget_table(budget: Budget) -> list[str]:

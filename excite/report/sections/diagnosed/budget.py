@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 
 from excite.diagnosis.answer.budget import NOT_REPEATED
-from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere
+from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere, named_beside_closed
 from excite.report.folder import Document, Findings
 from excite.report.html import folded, number, paragraph, section
 from excite.report.plots.forces import channel_label
@@ -15,8 +15,6 @@ from excite.report.sections.section import Section
 
 # Channels with less of the whole gap are folded away.
 _SMALL = 0.02
-# Shares that differ by more are worth a word.
-_DIFFERS = 0.1
 # Parts of a sentence, the least of them, and of what does harm.
 _SAID, _WORTH, _HARMS = 3, 0.02, 0.05
 
@@ -151,17 +149,8 @@ def _beside(found: Document, order: list[tuple[str, Document]]) -> str:
         (channel["weight"] or 0.0) * sum(item["share"] or 0.0 for item in channel["effects"])
         for _, channel in order
     )
-    if closed is None or abs(named - closed) <= _DIFFERS:
-        return ""
-    taken = (
-        "no effect was accepted" if not found["effects"] else f"the accepted effects close {_percent(closed)}"
-    )
-    return paragraph(
-        f"Here named effects take {_percent(named)}, and {taken}: both are right. The first counts all effects that "
-        "one fit of everything together finds, the motion alone and each joint by its own power; the second what the "
-        "effects that stand clear leave of all rows, each joint by its own signal.",
-        "note",
-    )
+    said = named_beside_closed(named, closed, accepted=bool(found["effects"]))
+    return paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
 
 
 def _elsewhere(found: Document) -> str:
