@@ -11,7 +11,7 @@ from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import Finding, listed
 
-# Logged torques hold what bodies need, and friction. In 15 logs in N·m, most of them of real machines and whatever their loads,
+# Logged torques hold what bodies need, and friction. In 15 logs in N·m, most of real machines and with whatever loads,
 # those of most joints vary by 0.6 to 20 times what the nominal bodies need, or by a quarter (a double pendulum that
 # swings by itself); those of a KUKA KR 300 before its gears by a hundredth.
 _TOO_SMALL = 0.1
