@@ -75,7 +75,7 @@ def torque_limits(
 def uncounted_friction(
     joints: Mapping[str, ElementTree.Element], guesses: tuple[JointGuess, ...], torque: Mapping[str, float]
 ) -> list[Assumed]:
-    """What the model's ``<dynamics>`` would take of the ``torque`` limits of the drives [N·m or N], which nothing counts.
+    """What the model's ``<dynamics>`` would take of the drives' ``torque`` limits [N·m or N], which nothing counts.
 
     Friction there is a drive's in some models and a simulator's damping in others, which nothing in the file tells.
     """
