@@ -20,8 +20,8 @@ def entries(data: Path, folder: Path) -> list[Entry]:
 
 def _weight(data: Path, folder: Path, place: Place) -> Entry:
     d = diagnose(dvrk_log(data, folder, place))
-    first = d.effects[0] if d.effects else None
-    moment = float("nan") if first is None else first.parameters["first_moment"].value
+    body = next((e for e in d.effects if "first_moment" in e.parameters), None)
+    moment = float("nan") if body is None else body.parameters["first_moment"].value
     arm = 100.0 * moment / MASS
     closed = [
         f"{name} {gap.before:.2f} → {gap.after:.2f} N·m"
