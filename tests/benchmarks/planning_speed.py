@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 IMAGE = Path(__file__).resolve().parents[2] / "docs" / "images" / "planning_work.png"
 
-# Each size in a process of its own, from the start of Python on. Workers are waited for when they are shut down, so
-# that their processor time is in RUSAGE_CHILDREN by the time that the script ends.
+# Each size in a process of its own, from the start of Python on. Workers that wait for more work are ended before
+# their processor time is asked for: RUSAGE_CHILDREN holds that of processes that are no more.
 _SCRIPT = """
 import json, resource, sys, time
 started = time.perf_counter()
@@ -49,6 +49,8 @@ else:
     report = filter_candidates(robot, candidates, jobs=2, keep=Keeper(folder.path))
     Pool(report.kept, folder, ranked_segments(robot)).ranking
     accepted, repairs = len(report.kept), sum(report.stage_seconds.values())
+from excite.parallel.local import _IDLE
+_IDLE.end()
 used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
 print(json.dumps({
     "wall": time.perf_counter() - started,
