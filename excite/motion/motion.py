@@ -12,10 +12,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.errors import MotionError
+from excite.motion import quintics
 from excite.robot.robot import Robot
-
-# Times at which a motion is evaluated together: their polynomials stay in the processor's cache.
-_BLOCK = 256
 
 
 @dataclass(frozen=True)
@@ -134,27 +133,20 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
 
     Returns:
         The motion at ``time``.
+
+    Raises:
+        MotionError: the motion moves other joints than the robot's.
     """
+    if motion.joint_names != robot.joint_names:
+        raise MotionError(
+            f"moves other joints than {robot.name}", source=motion.name, remedy=f"is it for {robot.name!r}?"
+        )
+    time = np.asarray(time, dtype=float)
     index = np.clip(np.searchsorted(motion.time, time, side="right") - 1, 0, motion.n_samples - 2)
-    steps = (motion.time[index + 1] - motion.time[index])[:, None]
-    shares = np.clip((time - motion.time[index])[:, None] / steps, 0.0, 1.0)
-    # Polynomials of the intervals that are met, once each however many times lie in them.
-    met, interval = np.unique(index, return_inverse=True)
-    coefficients = _polynomials(motion, robot, met)
-    d, v, a = np.empty((3, len(index), motion.v.shape[1]))
-    for first in range(0, len(index), _BLOCK):
-        part = slice(first, first + _BLOCK)
-        c1, c2, c3, c4, c5 = (values[interval[part]] for values in coefficients)
-        s, h = shares[part], steps[part]
-        d[part] = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
-        v[part] = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
-        a[part] = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
-    if motion.floating:
-        q = np.array([pin.integrate(robot.model, motion.q[i], row) for i, row in zip(index, d, strict=True)])
-    else:
-        q = motion.q[index] + d
+    shares = np.clip((time - motion.time[index]) / (motion.time[index + 1] - motion.time[index]), 0.0, 1.0)
+    q, v, a = _floating_at(motion, index, shares) if motion.floating else _fixed_at(motion, index, shares[:, None])
     contacts = {name: flags[index] for name, flags in motion.contacts.items()}
-    return replace(motion, time=np.asarray(time, dtype=float), q=q, v=v, a=a, contacts=contacts)
+    return replace(motion, time=time, q=q, v=v, a=a, contacts=contacts)
 
 
 class Instants:
@@ -209,13 +201,21 @@ def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:
     return np.column_stack(flags) if flags else np.zeros((motion.n_samples, 0), dtype=bool)
 
 
-def _polynomials(motion: Motion, robot: Robot, starts: NDArray[np.intp]) -> list[Array]:
-    """Coefficients of s … s⁵ on the intervals of a motion that start at some samples, five of ``(n, nv)``."""
-    ends = starts + 1
-    q0, q1 = motion.q[starts], motion.q[ends]
-    if motion.floating:
-        step = np.array([pin.difference(robot.model, a, b) for a, b in zip(q0, q1, strict=True)])
-    else:
-        step = q1 - q0
-    h = (motion.time[ends] - motion.time[starts])[:, None]
-    return _quintic(h, step, motion.v[starts], motion.v[ends], motion.a[starts], motion.a[ends])
+def _floating_at(motion: Motion, index: NDArray[np.intp], shares: Array) -> tuple[Array, Array, Array]:
+    """Configurations, velocities and accelerations some shares ``(m,)`` of the way from samples to the next ones."""
+    samples = [np.ascontiguousarray(values, dtype=float) for values in (motion.time, motion.q, motion.v, motion.a)]
+    q, v, a = (np.empty((len(index), values.shape[1])) for values in samples[1:])
+    quintics.evaluate(*samples, index, shares, q, v, a)
+    return q, v, a
+
+
+def _fixed_at(motion: Motion, index: NDArray[np.intp], s: Array) -> tuple[Array, Array, Array]:
+    """The same of a fixed base, shares ``(m, 1)``: what few samples of an arm take is less than loading a kernel."""
+    h = (motion.time[index + 1] - motion.time[index])[:, None]
+    step = motion.q[index + 1] - motion.q[index]
+    ends = motion.v[index], motion.v[index + 1], motion.a[index], motion.a[index + 1]
+    c1, c2, c3, c4, c5 = _quintic(h, step, *ends)
+    q = motion.q[index] + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+    v = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
+    a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
+    return q, v, a

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pinocchio as pin
 
@@ -19,6 +21,7 @@ def slides(model: pin.Model, column: int) -> bool:
     return bool(np.any(np.reshape(model.joints[joint].createData().S, (6, -1))[:3]))
 
 
+@lru_cache(maxsize=4)
 def sliding_joints(robot: Robot) -> frozenset[str]:
     """Names of a robot's joints that slide."""
     model = robot.model

@@ -10,7 +10,7 @@ import pytest
 from excite.robot.robot import Robot
 from excite.safety.checks.balance import CentreOfMassCheck, ContactWrenchCheck, ZeroMomentPointCheck
 from excite.safety.checks.base import CheckResult, first_violations
-from excite.safety.checks.control_points import ControlPoints
+from tests.safety.control_points import ControlPoints
 from excite.safety.checks.foot import FootCheck
 from excite.safety.checks.limits import JointAccelerationCheck, JointPositionCheck, JointVelocityCheck
 from excite.safety.checks.sweep import Sweep

@@ -12,10 +12,11 @@ from excite.lazy_kernel import LazyKernel
 from excite.motion.motion import Motion, interpolate
 from excite.robot.per_joint import PerJoint
 from excite.robot.robot import Robot
-from excite.safety.checks.control_points import control_points
+from excite.safety.checks.control_points import joint_bounds
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import drive_torques
 from excite.safety.contact_wrench import polygon_margin, wrench_at_world_origin, zero_moment_point
+from tests.safety.control_points import control_points
 from tests.safety.motions import arm_motion
 
 
@@ -36,20 +37,6 @@ def test_a_rate_that_is_asked_for_is_never_below_the_motion_s(arm: Robot) -> Non
     assert Sweep(arm, motion, 20.0).fine is motion
 
 
-def test_a_coarser_grid_asks_only_for_the_intervals_that_it_meets(
-    humanoid: Robot, squatting: Motion, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked, difference = [], pin.difference
-
-    def counted(*arguments: object) -> np.ndarray:
-        asked.append(arguments)
-        return difference(*arguments)
-
-    monkeypatch.setattr(pin, "difference", counted)
-    shown = squatting.resampled(humanoid, 10.0)
-    assert shown.n_samples < squatting.n_samples and len(asked) <= shown.n_samples
-
-
 @pytest.mark.parametrize(
     ("rate", "stride"), [(200.0, 1), (290.0, 1), (310.0, 2), (400.0, 2), (1000.0, 5), (150.0, 1)]
 )
@@ -63,12 +50,10 @@ def test_torques_are_evaluated_about_200_times_a_second(rate: float, stride: int
 def test_control_points_are_those_of_the_interpolation(humanoid: Robot, squatting: Motion) -> None:
     """Bernstein polynomials of the control points are the motion between the grid's samples."""
     sweep = Sweep(humanoid, squatting)
-    points, grid = control_points(sweep.fine, 0, sweep.fine.n_samples - 1), sweep.fine.time
+    points, grid = control_points(sweep.fine), sweep.fine.time
     bounds = points.bounds()
     for name in ("lowest", "highest", "speed", "acceleration"):
-        assert np.array_equal(getattr(sweep.bounds, name), getattr(bounds, name)), (
-            "block by block as all at once"
-        )
+        assert np.allclose(getattr(sweep.bounds, name), getattr(bounds, name), rtol=1e-9, atol=1e-8), name
     for k in (200, 411, 600):
         for u in (0.0, 0.3, 0.8):
             there = interpolate(sweep.fine, humanoid, np.array([grid[k] + u * (grid[k + 1] - grid[k])]))
@@ -80,6 +65,17 @@ def test_control_points_are_those_of_the_interpolation(humanoid: Robot, squattin
                 while len(values) > 1:
                     values = (1.0 - u) * values[:-1] + u * values[1:]
                 assert np.allclose(values[0], expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("lost", ["q", "v", "a"])
+def test_what_is_no_number_bounds_nothing(lost: str, arm: Robot) -> None:
+    motion = arm_motion(arm, 1.0)
+    values = getattr(motion, lost).copy()
+    values[7, 2] = np.nan
+    bounds = joint_bounds(replace(motion, **{lost: values}))
+    for name in ("lowest", "highest", "speed", "acceleration"):
+        found = np.argwhere(np.isnan(getattr(bounds, name)))
+        assert found.tolist() == [[6, 2], [7, 2]]
 
 
 def turned(robot: Robot, motion: Motion) -> Motion:

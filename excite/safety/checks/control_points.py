@@ -1,8 +1,14 @@
-"""What joints do between samples: Bézier control points, and the bounds that follow from them."""
+"""What joints do between samples: bounds from Bézier control points.
+
+Between samples a motion follows quintic polynomials; a polynomial never leaves the range of its control points (Farin
+2002, section 4.3), so bounds on these hold at every instant, not only at samples.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from itertools import pairwise
 
 import numpy as np
 
@@ -30,66 +36,28 @@ class JointBounds:
     acceleration: Array
 
 
-@dataclass(frozen=True, eq=False)
-class ControlPoints:
-    """Bézier control points of the joints' motion on intervals of a grid.
-
-    Between samples a motion follows quintic polynomials; a polynomial never leaves the range of its control
-    points (Farin 2002, section 4.3), so bounds on these hold at every instant, not only at samples.
-
-    Attributes:
-        position: ``(6, m, n_joints)`` [rad or m].
-        velocity: ``(5, m, n_joints)`` [rad/s or m/s].
-        acceleration: ``(4, m, n_joints)`` [rad/s² or m/s²].
-    """
-
-    position: Array
-    velocity: Array
-    acceleration: Array
-
-    def bounds(self) -> JointBounds:
-        """Bounds on the same intervals."""
-        return JointBounds(
-            self.position.min(axis=0),
-            self.position.max(axis=0),
-            np.abs(self.velocity).max(axis=0),
-            np.abs(self.acceleration).max(axis=0),
-        )
-
-
-def control_points(motion: Motion, first: int, last: int) -> ControlPoints:
-    """Control points of a motion's quintic interpolant on the intervals from its sample ``first`` to ``last``."""
-    part = slice(first, last + 1)
-    h = np.diff(motion.time[part])[:, None]
-    q, v, a = (
-        values[part]
-        for values in (motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations())
-    )
-    step = np.diff(q, axis=0)
-    offsets = np.stack(
-        [
-            np.zeros_like(step),
-            h * v[:-1] / 5.0,
-            2.0 * h * v[:-1] / 5.0 + h**2 * a[:-1] / 20.0,
-            step - 2.0 * h * v[1:] / 5.0 + h**2 * a[1:] / 20.0,
-            step - h * v[1:] / 5.0,
-            step,
-        ]
-    )
-    velocity = 5.0 * np.diff(offsets, axis=0) / h
-    acceleration = 4.0 * np.diff(velocity, axis=0) / h
-    return ControlPoints(q[:-1] + offsets, velocity, acceleration)
-
-
 def joint_bounds(motion: Motion) -> JointBounds:
     """Bounds on all intervals of a motion's own grid."""
-    last = motion.n_samples - 1
-    parts = [
-        control_points(motion, start, min(start + _BLOCK, last)).bounds() for start in range(0, last, _BLOCK)
-    ]
-    return JointBounds(
-        np.concatenate([part.lowest for part in parts]),
-        np.concatenate([part.highest for part in parts]),
-        np.concatenate([part.speed for part in parts]),
-        np.concatenate([part.acceleration for part in parts]),
-    )
+    time, n = motion.time, motion.n_samples - 1
+    samples = motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()
+    found = np.empty((4, n, samples[0].shape[1]))
+    for start in range(0, n, _BLOCK):
+        part = slice(start, min(start + _BLOCK, n) + 1)
+        q, v, a = (values[part] for values in samples)
+        found[:, start : start + _BLOCK] = _bounded(np.diff(time[part])[:, None], q, v, a)
+    return JointBounds(*found)
+
+
+def _bounded(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+    """Bounds between samples ``(m + 1, n_joints)`` that are ``h`` ``(m, 1)`` apart, each ``(m, n_joints)``."""
+    step, v, a = np.diff(q, axis=0), v / 5.0, a / 20.0
+    # Of the position, from where the interval starts: six, the first of which is zero. Those of its derivatives are
+    # the differences of the points before, times the degree over the interval.
+    first, last = h * v[:-1], step - h * v[1:]
+    second, third = 2.0 * first + h * h * a[:-1], last - h * v[1:] + h * h * a[1:]
+    position = (first, second, third, last, step)
+    lowest, highest = reduce(np.minimum, position, 0.0), reduce(np.maximum, position, 0.0)
+    velocity = (first, second - first, third - second, last - third, step - last)
+    fastest = reduce(np.maximum, map(np.abs, velocity))
+    most = reduce(np.maximum, (np.abs(after - before) for before, after in pairwise(velocity)))
+    return q[:-1] + lowest, q[:-1] + highest, 5.0 * fastest / h, 20.0 * most / (h * h)

@@ -1,7 +1,7 @@
 """Position, velocity and acceleration limits of the joints, at every instant.
 
 All three bound the Bézier control points of the interpolant on the finer grid (see
-:class:`~excite.safety.checks.control_points.ControlPoints`), so nothing passes its limit between samples.
+:mod:`~excite.safety.checks.control_points`), so nothing passes its limit between samples.
 """
 
 from __future__ import annotations
