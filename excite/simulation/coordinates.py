@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+import scipy
 
 from excite.arrays import Array
 
@@ -47,7 +48,7 @@ def motion_from_mujoco(q: Array, qvel: Array, qacc: Array, *, floating: bool) ->
     """
     v, a = qvel.copy(), qacc.copy()
     if floating:
-        rotation = np.array([pin.Quaternion(row).matrix() for row in q[:, 3:7]])
+        rotation = scipy.spatial.transform.Rotation.from_quat(q[:, 3:7]).as_matrix()
         v[:, :3] = np.einsum("nji,nj->ni", rotation, qvel[:, :3])
         a[:, :3] = np.einsum("nji,nj->ni", rotation, qacc[:, :3]) - np.cross(v[:, 3:6], v[:, :3])
     return v, a

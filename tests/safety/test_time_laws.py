@@ -172,15 +172,16 @@ def test_the_factor_reaches_the_limit_that_it_names(
     assert found.where == "path" if reason == "phase_rate" else found.where in panda.joint_names
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_where_standing_still_breaks_a_limit_no_speed_helps(
-    path: MotionPath, candidate: Candidate, law: TimeLaw
+    sign: float, path: MotionPath, candidate: Candidate, law: TimeLaw
 ) -> None:
     class Impossible(PathLimits):
-        def rows(self, sample):
-            rows = super().rows(sample)
-            static = rows.static.copy()
-            static[np.abs(sample.s - 0.5 * self.path.s[-1]) < 1e-2, 3] = 0.1
-            return replace(rows, static=static)
+        def joint_shares(self, sample):
+            shares = super().joint_shares(sample)
+            static = shares.static.copy()
+            static[np.abs(sample.s - 0.5 * self.path.s[-1]) < 1e-2, 3] = sign * 1.1
+            return replace(shares, static=static)
 
     found = largest_factor(Impossible(candidate, path, Shares()), law, 400.0)
     assert (found.factor, found.reason) == (0.0, "joint_acceleration")

@@ -132,32 +132,34 @@ class PathLimits:
         return bound
 
     def rows(self, sample: PathSample) -> Rows:
-        """The rows at samples of the path."""
-        robot, s = self._robot, sample.s
-        tau, wrench = (_interpolate(self.path.s, values, s) for values in self._dynamics)
-        n_base = robot.n_base_v
-        limit = self.shares.acceleration * robot.limits.acceleration
-        blocks = [
-            _two_sided(
-                np.stack(
-                    [
-                        np.zeros((len(s), robot.n_joints)),
-                        sample.curvature[:, n_base:],
-                        sample.twist[:, n_base:],
-                    ],
-                    1,
-                )
-                / limit
-            )
-        ]
-        blocks.append(_two_sided(tau / self._usable_torque))
-        labels = [(kind, j) for kind in ("joint_acceleration", "joint_torque") for j in robot.joint_names * 2]
-        if robot.feet:
-            contact, names = self._contact_rows(s, wrench)
-            blocks.append(contact)
-            labels += names
-        stacked = np.concatenate(blocks, axis=2)
-        return Rows(tuple(labels), stacked[:, 0], stacked[:, 1], stacked[:, 2])
+        """All rows at samples of the path."""
+        joints, contacts = self.joint_shares(sample), self.contact_rows(sample)
+        return Rows(
+            joints.labels + joints.labels + contacts.labels,
+            np.hstack([joints.static - 1.0, -joints.static - 1.0, contacts.static]),
+            np.hstack([joints.curved, -joints.curved, contacts.curved]),
+            np.hstack([joints.driven, -joints.driven, contacts.driven]),
+        )
+
+    def joint_shares(self, sample: PathSample) -> Rows:
+        """Accelerations and torques of the joints as shares of what they may be, either way: within ±1, not below 0."""
+        tau = _interpolate(self.path.s, self._dynamics[0], sample.s) / self._usable_torque
+        limit, n_base = self.shares.acceleration * self._robot.limits.acceleration, self._robot.n_base_v
+        names = self._robot.joint_names
+        return Rows(
+            tuple((kind, joint) for kind in ("joint_acceleration", "joint_torque") for joint in names),
+            np.hstack([np.zeros((len(sample.s), len(names))), tau[:, 0]]),
+            np.hstack([sample.curvature[:, n_base:] / limit, tau[:, 1]]),
+            np.hstack([sample.twist[:, n_base:] / limit, tau[:, 2]]),
+        )
+
+    def contact_rows(self, sample: PathSample) -> Rows:
+        """Rows of the ZMP, of friction and of the load on the feet; none of a robot without feet."""
+        s = sample.s
+        if not self._robot.feet:
+            return Rows((), *np.zeros((3, len(s), 0)))
+        rows, labels = self._contact_rows(s, _interpolate(self.path.s, self._dynamics[1], s))
+        return Rows(tuple(labels), rows[:, 0], rows[:, 1], rows[:, 2])
 
     def _contact_rows(self, s: Array, wrench: Array) -> tuple[Array, list[tuple[str, str]]]:
         """ZMP inside the polygon, friction with torsion, enough load; relative to the weight, ``(n, 3, m)``."""
@@ -222,13 +224,6 @@ class PathLimits:
             friction = min(foot.friction for foot in feet)
             self._supports[key] = support_of([self._soles[foot.name] for foot in feet], friction)
         return self._supports[key]
-
-
-def _two_sided(values: Array) -> Array:
-    """Rows for ``|Σ| ≤ 1`` from ``(n, 3, m)`` values relative to their limits: ``(n, 3, 2m)``."""
-    rows = np.concatenate([values, -values], axis=2)
-    rows[:, 0] -= 1.0
-    return np.asarray(rows)
 
 
 def _interpolate(knots: Array, values: Array, s: Array) -> Array:

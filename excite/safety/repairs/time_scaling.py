@@ -23,6 +23,8 @@ _POWERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 _FINER, _HIGHEST_RATE_HZ = 2, 400.0
 # Samples whose rows are looked at together: a megabyte of them stays in the processor's cache.
 _BLOCK = 256
+# Shares of a limit that rounding leaves where motion uses none of it.
+_STILL = 1e-12
 
 
 @dataclass(frozen=True)
@@ -110,14 +112,21 @@ def _row_bound(
     limits: PathLimits, sample: PathSample, time: Array, speed: Array, acceleration: Array
 ) -> Scaling:
     """The bound from the rows at some samples."""
-    rows = limits.rows(sample)
-    dynamic = rows.curved * speed[:, None] ** 2 + rows.driven * acceleration[:, None]
+    found = []
+    joints, contacts = limits.joint_shares(sample), limits.contact_rows(sample)
     with np.errstate(divide="ignore", invalid="ignore"):
-        square = np.where(dynamic > 1e-12, -rows.static / dynamic, np.inf)
-    square = np.where(rows.static > 0.0, 0.0, square)
-    worst = np.unravel_index(int(np.argmin(square)), square.shape)
-    reason, where = rows.labels[worst[1]]
-    return Scaling(float(np.sqrt(max(0.0, square[worst]))), reason, where, float(time[worst[0]]))
+        for rows, either_way in ((joints, True), (contacts, False)):
+            dynamic = rows.curved * speed[:, None] ** 2 + rows.driven * acceleration[:, None]
+            # What is left of the limit while the robot stands, in the direction in which motion uses it.
+            left = 1.0 - rows.static * np.sign(dynamic) if either_way else -rows.static
+            used = np.abs(dynamic) if either_way else dynamic
+            square = np.where(used > _STILL, left / used, np.inf)
+            square[np.abs(rows.static) > 1.0 if either_way else rows.static > 0.0] = 0.0
+            if square.size:
+                worst = np.unravel_index(int(np.argmin(square)), square.shape)
+                reason, where = rows.labels[worst[1]]
+                found.append(Scaling(float(np.sqrt(square[worst])), reason, where, float(time[worst[0]])))
+    return min(found, key=lambda scaling: scaling.factor)
 
 
 def _rate_bounds(
