@@ -144,7 +144,9 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
     time = np.asarray(time, dtype=float)
     index = np.clip(np.searchsorted(motion.time, time, side="right") - 1, 0, motion.n_samples - 2)
     shares = np.clip((time - motion.time[index]) / (motion.time[index + 1] - motion.time[index]), 0.0, 1.0)
-    q, v, a = _floating_at(motion, index, shares) if motion.floating else _fixed_at(motion, index, shares[:, None])
+    q, v, a = (
+        _floating_at(motion, index, shares) if motion.floating else _fixed_at(motion, index, shares[:, None])
+    )
     contacts = {name: flags[index] for name, flags in motion.contacts.items()}
     return replace(motion, time=time, q=q, v=v, a=a, contacts=contacts)
 
@@ -203,7 +205,9 @@ def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:
 
 def _floating_at(motion: Motion, index: NDArray[np.intp], shares: Array) -> tuple[Array, Array, Array]:
     """Configurations, velocities and accelerations some shares ``(m,)`` of the way from samples to the next ones."""
-    samples = [np.ascontiguousarray(values, dtype=float) for values in (motion.time, motion.q, motion.v, motion.a)]
+    samples = [
+        np.ascontiguousarray(values, dtype=float) for values in (motion.time, motion.q, motion.v, motion.a)
+    ]
     q, v, a = (np.empty((len(index), values.shape[1])) for values in samples[1:])
     quintics.evaluate(*samples, index, shares, q, v, a)
     return q, v, a

@@ -19,7 +19,7 @@ _SMALL = 1e-6
 
 @LazyKernel
 def base_step(start, end, step):
-    """The twist ``step`` ``(6,)`` that takes one pose, position and quaternion x y z w ``(7,)``, to another [m, rad]."""
+    """The twist ``step`` ``(6,)`` from one pose, position and quaternion x y z w ``(7,)``, to another [m, rad]."""
     ax, ay, az, aw = start[3], start[4], start[5], start[6]
     bx, by, bz, bw = end[3], end[4], end[5], end[6]
     # The turn from one to the other, the short way round.

@@ -10,13 +10,13 @@ import pytest
 from excite.robot.robot import Robot
 from excite.safety.checks.balance import CentreOfMassCheck, ContactWrenchCheck, ZeroMomentPointCheck
 from excite.safety.checks.base import CheckResult, first_violations
-from tests.safety.control_points import ControlPoints
 from excite.safety.checks.foot import FootCheck
 from excite.safety.checks.limits import JointAccelerationCheck, JointPositionCheck, JointVelocityCheck
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import JointTorqueCheck
 from excite.safety.force_distribution import ContactForces
 from excite.safety.verdict import Nearest, Violation
+from tests.safety.control_points import ControlPoints
 
 TIME = np.arange(11) * 0.1
 SOLE = np.array([[0.1, 0.05, 0.0], [-0.1, 0.05, 0.0], [-0.1, -0.05, 0.0], [0.1, -0.05, 0.0]])
