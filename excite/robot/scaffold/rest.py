@@ -69,7 +69,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         notes.append(_said("base", "held", unsteady))
     if standing is not None and base == "floating":
         q, feet = standing.q, standing.feet
-        source = "found: feet on one plane, centre of mass above their middle"
+        source = "found: feet on one plane, centre of mass above the middle of what soles and ankles hold"
     else:
         ground = ground_height(figure.model, figure.shapes, wanted, held_up=base == "held")
         above = [ground] if said.posture is not None else [ground + _HEADROOM * figure.reach, ground]

@@ -128,7 +128,7 @@ class Postures:
         )
 
     def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
-        """A posture with all feet on one plane, the centre of mass above their middle, and nothing touching."""
+        """A posture with all feet on one plane, the centre of mass where they hold it, and nothing touching."""
         best = self._best(self.stances.of(legs), legs, ignored, None)
         if best is None or self._agility(best[1], legs) < _AGILE:
             best = self._best(self.stances.wide(legs), legs, ignored, best)
