@@ -10,6 +10,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model, collision_shapes
+from excite.robot.shapes.ground import links_below
 from excite.robot.shapes.shape import Shape
 from excite.simulation.coordinates import body_name
 
@@ -22,7 +23,11 @@ WORLD = "world"
 
 
 def watch_shapes(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Add collision shapes, and make their pairs that must not meet, also with the ground, the only ones that do."""
+    """Add collision shapes, and make their pairs that must not meet, also with the ground, the only ones that do.
+
+    What rests on soles or nearer to the ground than bodies keep from each other, such as the part between an ankle's
+    two joints, is no further from it when the robot stands.
+    """
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
     shapes = collision_shapes(robot)
@@ -31,9 +36,12 @@ def watch_shapes(spec: mujoco.MjSpec, robot: Robot) -> None:
         _add_shape(spec, spec.body(carrier), shape)
     for pair in collision_model(robot).collisionPairs:
         _watch(spec, shapes[pair.first].name, shapes[pair.second].name)
+    if not robot.feet:
+        return
     soles = {foot.joint for foot in robot.feet}
-    for shape in shapes if robot.feet else ():
-        if shape.joint not in soles:
+    low = links_below(robot.model, shapes, robot.rest, 0.0, robot.description.collision.margin)
+    for shape in shapes:
+        if shape.joint not in soles and shape.link not in low:
             _watch(spec, GROUND, shape.name)
 
 
