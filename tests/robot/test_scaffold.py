@@ -132,6 +132,16 @@ def test_a_quadruped_stands_level_on_four_balls(tmp_path: Path) -> None:
     assert np.linalg.norm(centre[:2] - touching[:, :2].mean(axis=0)) < 0.02
 
 
+@pytest.mark.parametrize(("length", "wheels"), [(0.04, True), (0.2, False)])
+def test_a_leg_on_a_wheel_rolls_as_on_a_ball(length: float, wheels: bool, tmp_path: Path) -> None:
+    across = f'rpy="1.5708 0 0"/><geometry><cylinder radius="0.05" length="{length}"/>'
+    robot = written(quadruped().replace('/><geometry><sphere radius="0.02"/>', " " + across), tmp_path)
+    assert robot.floating and len(robot.feet) == 4
+    for foot, stated in zip(robot.feet, robot.description.feet, strict=True):
+        assert len(foot.sole) == (1 if wheels else 2)
+        assert stated.radius == (0.05 if wheels else 0.0)
+
+
 def test_balls_stand_on_the_ground_in_another_posture_too(tmp_path: Path) -> None:
     """Where a ball is lowest depends on the shank's angle: ANYmal's feet were lifted by 15 mm."""
     robot = written(quadruped(), tmp_path)
@@ -634,6 +644,15 @@ def test_soles_have_no_corners_on_one_another(tmp_path: Path) -> None:
     twice = box + '<collision><origin xyz="0.03 0 -0.05"/>' + box.replace("0.1 ", "0.10002 ")
     robot = written(biped().replace(box, twice), tmp_path)
     assert [len(foot.sole) for foot in robot.feet] == [4, 4]
+
+
+def test_an_ankle_that_rests_as_low_as_the_soles_does_not_touch_the_ground(tmp_path: Path) -> None:
+    heel = '<collision><origin xyz="-0.02 0 -0.06"/><geometry><box size="0.04 0.04 0.02"/></geometry></collision>'
+    text = re.sub(r'(<link name="\w+_ankle_pitch">.*?)(</link>)', rf"\1{heel}\2", biped())
+    robot = written(text, tmp_path)
+    assert any(shape.link == "left_ankle_pitch" for shape in collision_shapes(robot))
+    outcome = replay(robot, standing(robot, 1.0))
+    assert outcome.on_its_feet, outcome.summary()
 
 
 def test_a_base_called_world_stands_in_simulation(tmp_path: Path) -> None:

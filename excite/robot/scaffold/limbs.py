@@ -163,9 +163,14 @@ class Figure:
         link = own[lowest].link
         _, placement = link_placement(self.model, link, self.robot.source, "feet")
         frame = pose * placement
-        ball = own[lowest].kind == "sphere" and len(corners) == 1
+        shape = own[lowest]
+        ball = shape.kind == "sphere" and len(corners) == 1
+        if shape.kind == "cylinder" and len(corners) == 2 and shape.size[1] < 2.0 * shape.size[0]:
+            # A wheel rolls as a ball does when its leg pitches. Tilted by 0.1 rad, one as wide as it is high would
+            # touch lower by a twentieth of that.
+            corners, ball = corners.mean(axis=0, keepdims=True), True
         sole = np.array([frame.actInv(corner) for corner in corners])
-        return FootGuess(link, sole, own[lowest].size[0] if ball else 0.0)
+        return FootGuess(link, sole, shape.size[0] if ball else 0.0)
 
 
 def _turns(points: Array) -> list[pin.SE3]:
