@@ -13,7 +13,6 @@ from excite.arrays import Array
 from excite.robot.holding import TORQUE_SHARE
 from excite.robot.scaffold.limbs import Figure, FootGuess, sole_area
 
-
 # Cosine to the horizontal of an ankle's axis that turns the sole about the vertical: it carries none of the load.
 _UPRIGHT = 0.1
 
