@@ -23,6 +23,7 @@ from excite.robot.scaffold.footing import Footing
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
 from excite.robot.shapes.collision import collision_model, collision_shapes, geometry_data, pair_distance
+from excite.robot.shapes.ground import bottom
 from excite.robot.upright import too_soft_to_stand
 from excite.simulation.replay import replay
 from tests.robot.small import ARM
@@ -140,6 +141,18 @@ def test_a_leg_on_a_wheel_rolls_as_on_a_ball(length: float, wheels: bool, tmp_pa
     for foot, stated in zip(robot.feet, robot.description.feet, strict=True):
         assert len(foot.sole) == (1 if wheels else 2)
         assert stated.radius == (0.05 if wheels else 0.0)
+
+
+def test_a_belly_is_kept_off_the_ground(tmp_path: Path) -> None:
+    """With its legs bent by as much as is tried first, it would hang 15 mm above the feet."""
+    robot = written(quadruped().replace('"0.4 0.2 0.1"', '"0.4 0.2 0.71"'), tmp_path)
+    assert robot.floating
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    trunk = [
+        bottom(shape, data.oMi[shape.joint]) for shape in collision_shapes(robot) if shape.link == "trunk"
+    ]
+    assert min(points[:, 2].min() for points in trunk) > robot.description.collision.margin + 0.02
 
 
 def test_balls_stand_on_the_ground_in_another_posture_too(tmp_path: Path) -> None:

@@ -16,9 +16,10 @@ from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.stances import Stances
 from excite.robot.shapes.ignored_pairs import PairSearch
 
-# Room that motions need about a standing posture: of the legs' joints to their limits [rad], between links [m]. Sways
-# of the Go2 and the HyQ turn knees by some 0.3 rad (with 0.16 rad of room no candidate of either passes, with 0.35 most
-# do); candidates of a humanoid whose links rest at the margin collide.
+# Room that motions need about a standing posture: of the legs' joints to their limits [rad], between links and below
+# all that is no leg [m]. Sways of the Go2 and the HyQ turn knees by some 0.3 rad (with 0.16 rad of room no candidate of
+# either passes, with 0.35 most do); candidates of a humanoid whose links rest at the margin collide; a hexapod whose
+# belly rests 4 mm above the ground touches it as soon as it carries more.
 _ROOM, _APART = 0.35, 0.02
 # Angle of knees from which a leg can lift and lower its hip both ways [rad]: the bundled humanoids stand with 0.7.
 _BEND = 0.6
@@ -174,9 +175,13 @@ class Postures:
             )
             if pair not in ignored
         ]
+        low, of_legs = self.figure.lowest(q), {joint for leg in legs for joint in self.figure.chain(leg)}
+        ground = min(low[leg] for leg in legs)
+        above = [low[joint] - ground - margin for joint in low if joint not in of_legs]
         shares = (
             float(to_limits.min(initial=_ROOM)) / _ROOM,
             min(apart, default=_APART) / _APART,
+            min(above, default=_APART) / _APART,
             min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
             / _BEND,
             self._agility(stand, legs) / _AGILE,
