@@ -198,19 +198,18 @@ def test_a_biped_stands_on_its_soles(tmp_path: Path) -> None:
         np.testing.assert_allclose(np.ptp(foot.sole, axis=0), [0.2, 0.1, 0.0], atol=1e-3)
 
 
-@pytest.mark.parametrize(("effort", "ahead"), [(60.0, 0.03), (12.0, 0.012), (4.0, 0.0)])
-def test_a_biped_leans_no_further_over_its_toes_than_its_ankles_hold(
-    effort: float, ahead: float, tmp_path: Path
+@pytest.mark.parametrize("effort", [60.0, 4.0, 2.0])
+def test_a_biped_leans_no_further_over_its_toes_than_its_ankles_hold_with_ease(
+    effort: float, tmp_path: Path
 ) -> None:
-    """Soles reach from 0.07 m behind the ankles to 0.13 m ahead of them; 216 N stand on two of these."""
+    """The middle of each sole is 0.03 m ahead of its ankle; half of what motions may use holds 108 N there."""
     ankle = r'(ankle_pitch_joint".*?effort=)"60"'
     robot = written(re.sub(ankle, rf'\1"{effort}"', biped()), tmp_path)
     assert robot.mass == pytest.approx(22.0)
     data = robot.model.createData()
     centre = pin.centerOfMass(robot.model, data, robot.rest)
-    reach = 0.85 * effort / (0.5 * 22.0 * 9.81)
-    assert ahead == pytest.approx(0.5 * (min(reach, 0.13) - min(reach, 0.07)), abs=2e-3)
-    assert centre[0] - data.oMi[robot.feet[0].joint].translation[0] == pytest.approx(ahead, abs=4e-3)
+    ahead = min(0.03, 0.5 * 0.85 * effort / (0.5 * 22.0 * 9.81))
+    assert centre[0] - data.oMi[robot.feet[0].joint].translation[0] == pytest.approx(ahead, abs=3e-3)
 
 
 def test_a_biped_whose_hips_swing_obliquely_stands_with_its_toes_ahead(tmp_path: Path) -> None:

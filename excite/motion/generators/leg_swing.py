@@ -22,6 +22,7 @@ from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
+from excite.robot.ankles import eased
 from excite.robot.robot import Foot, Robot
 
 # Number of swings. Over a broad sole, of this half width [m] or more, they are quick, and more of them make up for the
@@ -141,7 +142,7 @@ class _Ground:
     """Where feet and centre of mass are at rest.
 
     Attributes:
-        shift: from the centre of mass to the middle of the stance sole, ``(2,)`` [m].
+        shift: from the centre of mass to where the stance foot holds it best, ``(2,)`` [m].
         half_width: of the stance sole along y, the narrower side of its middle [m].
         outward: sign of y from the stance foot to the free one.
         height: of the pelvis [m].
@@ -160,10 +161,13 @@ class _Ground:
 def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     data = robot.model.createData()
     centre = np.array(pin.centerOfMass(robot.model, data, robot.rest))
-    over = data.oMi[stance.joint].act(stance.placement.translation)
+    corners = np.array([data.oMi[stance.joint].act(corner) for corner in stance.sole])
+    over = corners.mean(axis=0)
+    load = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
+    over[:2] += eased(robot, data.oMi, stance.joint, corners, load)
     pose = data.oMi[swing.joint]
     sole = np.array(pose.act(swing.placement.translation))
-    across = np.abs([data.oMi[stance.joint].act(corner)[1] - over[1] for corner in stance.sole])
+    across = np.abs(corners[:, 1] - over[1])
     return _Ground(
         shift=over[:2] - centre[:2],
         half_width=float(across.min()),

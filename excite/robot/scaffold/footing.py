@@ -10,11 +10,8 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from excite.arrays import Array
-from excite.robot.holding import TORQUE_SHARE
+from excite.robot.ankles import before_knee, eased
 from excite.robot.scaffold.limbs import Figure, FootGuess, sole_area
-
-# Cosine to the horizontal of an ankle's axis that turns the sole about the vertical: it carries none of the load.
-_UPRIGHT = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +25,7 @@ class Standing:
 class _Contacts(NamedTuple):
     """Heights of the soles' middles, their tilts, and the centre of mass from the feet's middle [m, rad].
 
-    That is the middle of where both soles and ankles can hold the robot.
+    That is where soles and ankles hold the robot best.
     """
 
     heights: Array
@@ -101,7 +98,7 @@ class Footing:
         parts = self._parts(leg, foot)
         if len(parts) < 2:
             return np.inf
-        k = _before_knee(parts)
+        k = before_knee(parts)
         knee = figure.chain(leg)[k + 1]
         turn = pin.getJointJacobian(figure.model, figure.data, knee, pin.LOCAL_WORLD_ALIGNED)
         axis = turn[3:, knee - 1]
@@ -139,6 +136,7 @@ class Footing:
     def _contacts(self, q: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> _Contacts:
         figure = self.figure
         centre = figure.centre(q)
+        load = figure.beyond[0] * float(np.linalg.norm(figure.model.gravity.linear)) / len(legs)
         heights, tilts, middles = [], [], []
         for leg, foot in zip(legs, feet, strict=True):
             pose = figure.data.oMi[leg] * self._placement(foot)
@@ -149,35 +147,10 @@ class Footing:
             if len(corners) >= 3:
                 normal = np.linalg.svd(corners - middle)[2][2]
                 tilts += list(normal[:2] * np.sign(normal[2]))
-                middles[-1] = middles[-1] + self._where_ankles_hold(leg, foot, corners[:, :2], len(legs))
+                middles[-1] = middles[-1] + eased(figure.robot, figure.data.oMi, leg, corners, load)
             elif len(corners) == 2:
                 tilts.append((corners[1] - corners[0])[2] / np.linalg.norm(corners[1] - corners[0]))
         return _Contacts(np.array(heights), np.array(tilts), centre[:2] - np.mean(middles, axis=0))
-
-    def _where_ankles_hold(self, leg: int, foot: FootGuess, corners: Array, n_feet: int) -> Array:
-        """From the middle of a sole to that of the part on which the ankle's torques hold its share of the robot, seen
-        from above ``(2,)`` [m]: zero of ankles that hold it anywhere on the sole.
-
-        A load W at a point p asks ``(ẑ × a)·(p − o) W`` of a joint about the axis a through o.
-        """
-        figure, parts = self.figure, self._parts(leg, foot)
-        shift = np.zeros(2)
-        if len(parts) < 2 or figure.robot.mechanism is not None:
-            return shift
-        load = figure.beyond[0] * float(np.linalg.norm(figure.model.gravity.linear)) / n_feet
-        for joint in figure.chain(leg)[_before_knee(parts) + 2 :]:
-            axis = figure.data.oMi[joint].rotation @ figure.model.joints[joint].createData().S[3:].ravel()
-            lever = np.array([-axis[1], axis[0]])
-            level = float(np.linalg.norm(lever))
-            if level < _UPRIGHT:
-                continue
-            along = lever / level
-            reach = TORQUE_SHARE * float(figure.robot.limits.torque[joint - 1]) / (load * level)
-            places, middle = corners @ along, float(figure.data.oMi[joint].translation[:2] @ along)
-            low, high = float(places.min()), float(places.max())
-            held = np.clip([middle - reach, middle + reach], low, high)
-            shift += (held.mean() - 0.5 * (low + high)) * along
-        return shift
 
     def _placement(self, foot: FootGuess) -> pin.SE3:
         model = self.figure.model
@@ -188,9 +161,3 @@ class Footing:
         return np.concatenate(
             [10.0 * (heights - heights.mean()), 3.0 * tilts, 3.0 * offset, 0.02 * (q - start)]
         )
-
-
-def _before_knee(parts: Array) -> int:
-    """Which part of a leg is the thigh: of two longest parts in a row the first."""
-    sizes = np.linalg.norm(parts, axis=1)
-    return int(np.argmax(sizes[:-1] + sizes[1:]))
