@@ -15,8 +15,8 @@ from excite.excitation.selection import Candidates, Selection, select
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress
 from excite.regressor.base_parameters import BaseParameters
+from excite.robot.legs.upright import too_soft_to_stand
 from excite.robot.robot import Robot
-from excite.robot.upright import too_soft_to_stand
 
 # Motions kept back for cross-validation.
 _N_VALIDATION = 4

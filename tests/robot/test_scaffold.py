@@ -14,6 +14,7 @@ import yaml
 import excite
 from excite.errors import RobotError
 from excite.robot.holding import holding_torques
+from excite.robot.legs.upright import too_soft_to_stand
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.scaffold.bare_model import bare_model
@@ -24,7 +25,6 @@ from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
 from excite.robot.shapes.collision import collision_model, collision_shapes, geometry_data, pair_distance
 from excite.robot.shapes.ground import bottom
-from excite.robot.upright import too_soft_to_stand
 from excite.simulation.replay import replay
 from tests.robot.small import ARM
 from tests.simulation.motions import standing

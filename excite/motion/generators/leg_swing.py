@@ -22,7 +22,7 @@ from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
-from excite.robot.ankles import eased
+from excite.robot.legs.ankles import eased
 from excite.robot.robot import Foot, Robot
 
 # Number of swings. Over a broad sole, of this half width [m] or more, they are quick, and more of them make up for the

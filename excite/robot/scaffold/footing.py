@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from excite.arrays import Array
-from excite.robot.ankles import before_knee, eased
+from excite.robot.legs.ankles import before_knee, eased
 from excite.robot.scaffold.limbs import Figure, FootGuess, sole_area
 
 

@@ -14,9 +14,9 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.finding import first_names
 from excite.robot.description import Assumed
+from excite.robot.legs.upright import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot
 from excite.robot.scaffold.guesses import JointGuess, drawn_posture
-from excite.robot.upright import UPRIGHT, toppling_stiffness
 
 SHARE_OF_TORQUE = 0.3
 """Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia."""

@@ -1,0 +1,1 @@
+"""What legs have to hold for a robot to stand on them."""
