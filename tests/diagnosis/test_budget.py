@@ -361,6 +361,6 @@ def test_an_effect_that_shares_what_another_takes_is_not_clear() -> None:
 
 
 def test_an_effect_is_clear_where_another_joint_has_the_gap_without_it() -> None:
-    """A servo that is too weak at the last joint: without it the link is lighter, and the joints before have the gap."""
+    """A servo too weak at the last joint: without it the link is lighter, and the joints before have the gap."""
     assert stands_clear(shares([0.0, 0.998], [721.0, 0.014]), 0, firm=True)
     assert not stands_clear(shares([0.0, 0.0], [0.09, 0.09]), 0, firm=False)

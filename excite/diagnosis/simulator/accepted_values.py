@@ -14,7 +14,7 @@ from excite.diagnosis.simulator.found import Found
 
 
 def found_effects(attribution: Attribution) -> tuple[Found, ...]:
-    """The accepted effects with their sizes as fitted all together, those at a joint in the units of its true torque."""
+    """The accepted effects with their sizes as fitted together, beside a channel's gain in units of the true torque."""
     sizes = fitted_sizes(attribution)
     found = [_found(item, beta) for item, beta in zip(attribution.accepted, sizes, strict=True)]
     forms = [item.form((item.location,)) for item in found]

@@ -59,7 +59,7 @@ def fitted_plant(baseline: Baseline) -> Plant:
 def plant_with(baseline: Baseline, forms: Iterable[tuple[str, Form]]) -> Plant:
     """The plant as fitted, with the bodies and drives of effects.
 
-    A torque channel's factor is told from the bodies' torque: what was fitted to its joint alone was fitted to readings.
+    A torque channel's factor is told from the bodies' torque; what is its joint's alone was fitted to readings.
 
     Args:
         baseline: the baseline as fitted together with the effects.
