@@ -30,9 +30,9 @@ _APART = 2.5
 _BENT = 0.03
 # Share of the Coulomb level below which an excess says that bristles are not quite what the model has them be.
 _TRIFLE = 0.05
-# A search that ended within its last step, 1.3 per cent, of the slowest velocity that may be would go on to slower ones:
-# of three simulated joints that stick (a UR3e's pan axis, a Z1's fourth, an upper arm's second) it was at 1.000 to 1.010
-# of that, at joints with Stribeck friction at 6 and more.
+# A search that ended within its last step, 1.3 per cent, of the slowest velocity that may be would go on to slower
+# ones: of three simulated joints that stick (a UR3e's first, a Z1's fourth, the second of another arm) it ended at
+# 1.000, 1.0006 and 1.010 of that.
 _EDGE = 1.02
 # Most of the Coulomb level that bristles may take over; the fit without them is off by a little.
 _SHARE = 1.5
