@@ -45,8 +45,9 @@ def base_fields(
         fields |= {"base": "floating", "wrench": _FRAME, "sensors": sensors}
         because = "a base pose and contact wrenches were logged"
         found.facts.append(("wrench", _FRAME, "what ankle sensors and plates say after their drivers"))
-    if feet and not sensors and "feet" not in stated:
+    if feet and "feet" not in stated:
         fields |= {"base": "floating", "feet": [foot.model_dump() for foot in feet]}
+    if feet and not sensors and "feet" not in stated:
         because = f"{'a base pose' if posed else 'readings of an IMU'} and contact flags were logged"
     if "base" not in stated:
         found.facts.append(("base", fields["base"], because))

@@ -493,6 +493,29 @@ def test_trials_stacked_in_arrays(suffix, arm, tmp_path):
         check(conversion, trial, "q", "tau", trial=k)
 
 
+@pytest.mark.parametrize("suffix", [".mat", ".h5"])
+def test_what_describes_the_trials_beside_them_is_none_of_them(suffix, arm, tmp_path):
+    """A cell array of structs, or groups, and one more that says whose and in which units they are."""
+    trials = [written.motion(seed=k) for k in range(2)]
+    file, info = tmp_path / f"day{suffix}", {"robot": "arm", "fs": 100.0, "units": "rad, Nm"}
+    if suffix == ".mat":
+        cells = np.empty(2, dtype=object)
+        cells[:] = [{key: trial[key] for key in ("time", "q", "tau")} for trial in trials]
+        savemat(file, {"runs": cells, "info": info})
+    else:
+        with h5py.File(file, "w") as target:
+            for k, trial in enumerate(trials):
+                for key in ("time", "q", "tau"):
+                    target[f"run{k}/{key}"] = trial[key]
+            for key, value in info.items():
+                target[f"info/{key}"] = value
+    rules = Map.model_validate({"trials": {"split": "none"}})
+    conversion = excite.convert([file], arm, tmp_path / "log", rules)
+    assert len(conversion.log.trials) == 2
+    for k, trial in enumerate(trials):
+        check(conversion, trial, "q", "tau", trial=k)
+
+
 def test_a_field_of_the_log_in_the_map_is_told_its_place(tmp_path):
     (tmp_path / "map.yaml").write_text("rate_hz: 100\n")
     with pytest.raises(LogError, match=r"rate_hz \(belongs under log: \{rate_hz: …\}\)"):

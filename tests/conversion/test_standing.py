@@ -140,3 +140,23 @@ def test_the_map_beside_the_log_repeats_it(toy, tmp_path):
     for name in ("base", "imu", "q", "tau"):
         one, other = (getattr(found.log.trials[0], name) for found in (first, again))
         np.testing.assert_array_equal(one, other)
+
+
+def test_contact_flags_beside_contact_wrenches_are_kept(tmp_path):
+    """A log was written that could not be read: its flags were of feet that its header did not have."""
+    robot = excite.load_robot("g1")
+    feet, time = ("left_foot", "right_foot"), 0.005 * np.arange(400)
+    columns = {"t": time} | {f"q_{name}": 0.1 * np.sin(time + k) for k, name in enumerate(robot.joint_names)}
+    columns |= {f"base_pos_{axis}": 0.0 * time + (0.8 if axis == "z" else 0.0) for axis in "xyz"}
+    columns |= {f"base_quat_{axis}": 0.0 * time + (axis == "w") for axis in "wxyz"}
+    names = {
+        f"wrench.{foot}.{axis}": f"{foot}_{axis}"
+        for foot in feet
+        for axis in ("fx", "fy", "fz", "tx", "ty", "tz")
+    }
+    columns |= {column: 0.0 * time + (160.0 if column.endswith("fz") else 0.0) for column in names.values()}
+    columns |= {f"contact_{foot}": 0.0 * time + 1.0 for foot in feet}
+    stated = Map.model_validate({**_WHOLE.model_dump(by_alias=True), "columns": names})
+    found = excite.convert([table(tmp_path / "a.csv", columns)], "g1", tmp_path / "log", stated)
+    assert {sensor.name for sensor in found.log.header.sensors} == set(feet)
+    assert set(found.log.trials[0].contacts) == set(feet)

@@ -14,10 +14,11 @@ from scipy.signal import lfilter
 
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
 from excite.diagnosis.budget.fit.joint_fit import effective_share
-from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.reading import clear, explained
+from excite.diagnosis.budget.made import budget_of, stands_clear
+from excite.diagnosis.budget.reading import explained
 from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
 from excite.diagnosis.budget.same_machine import other_machine
+from excite.diagnosis.budget.shares import Shares
 from excite.diagnosis.budget.unison import independent_joints, unison
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.registry import EFFECTS
@@ -242,7 +243,6 @@ def test_effects_are_the_gap_where_the_largest_share_is_theirs(shares, unnamed, 
     budget = Budget(
         {"joint_0": ChannelBudget(0.01, 1.0, at, strange, 1.0 - sum(shares) - unnamed, 1.0)}, named
     )
-    assert all(clear(budget, item) for item in named)
     assert explained(budget, named) is said
 
 
@@ -347,12 +347,20 @@ def test_play_before_friction_is_named_with_its_width(tmp_path: Path) -> None:
     assert result.gap.share_closed > 0.97
 
 
+def shares(value: list[float], lost: list[float]) -> Shares:
+    """What one effect takes of two joints, known to a tenth."""
+    row, tenth = np.array([value]), np.full((1, 2), 0.1)
+    one = np.ones(2)
+    return Shares(one, one, one, one, row, tenth, np.array([lost]), tenth, np.array([True]))
+
+
 def test_an_effect_that_shares_what_another_takes_is_not_clear() -> None:
     """Let in alone it takes a part of what the other one takes; without it next to nothing is lost."""
-    named = tuple(Named(name, "joint", 0.5, 1.0, {}, 50.0) for name in ("base_tilt", "torque_gain"))
-    at = tuple(
-        EffectShare(n.effect, n.location, 0.5, (0.4, 0.6), lost)
-        for n, lost in zip(named, (0.9, 0.001), strict=True)
-    )
-    budget = Budget({"joint": ChannelBudget(0.01, 1.0, at, (), 0.0, 1.0)}, named)
-    assert [clear(budget, item) for item in named] == [True, False]
+    assert stands_clear(shares([0.5, 0.0], [0.9, 0.0]), 0, firm=True)
+    assert not stands_clear(shares([0.5, 0.0], [0.001, 0.0]), 0, firm=True)
+
+
+def test_an_effect_is_clear_where_another_joint_has_the_gap_without_it() -> None:
+    """A servo too weak at the last joint: without it the link is lighter, and the joints before have the gap."""
+    assert stands_clear(shares([0.0, 0.998], [721.0, 0.014]), 0, firm=True)
+    assert not stands_clear(shares([0.0, 0.0], [0.09, 0.09]), 0, firm=False)

@@ -11,6 +11,7 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.friction.stribeck import Stribeck
+from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.logs.files import save_log
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
@@ -58,7 +59,7 @@ def test_drag_that_sets_in_at_high_speed_is_no_stribeck_friction(tmp_path: Path)
 def test_what_leaves_no_dry_friction_at_higher_speed_is_none_either() -> None:
     """Drag above some speed, told by viscous friction and less than no Coulomb friction, looks like it."""
     names = ("rigid_body", "coulomb_friction")
-    base = SimpleNamespace(modelled=names)
+    base = SimpleNamespace(modelled=names, signs=(SignChange(0.01),))
     context = SimpleNamespace(baseline=base, row=lambda location: 0, v=np.zeros((9, 1)))
 
     def settled(coulomb: float) -> bool:
@@ -69,6 +70,19 @@ def test_what_leaves_no_dry_friction_at_higher_speed_is_none_either() -> None:
     # Below none by no more than the forms of the law differ.
     assert settled(-0.3)
     assert not settled(-8.0)
+
+
+@pytest.mark.parametrize(("sign", "slowest"), [(SignChange(4e-3), 0.01), (SignChange(1e-4), 5e-3)])
+def test_a_velocity_as_slow_as_may_be_is_how_a_joint_sticks(sign: SignChange, slowest: float) -> None:
+    """2.5 widths of the change of sign, or the slowest that is searched: there the search would go on."""
+    base = SimpleNamespace(modelled=("coulomb_friction",), signs=(sign,))
+    context = SimpleNamespace(baseline=base, row=lambda location: 0, v=np.ones((9, 1)))
+    fit = SimpleNamespace(own=np.array([[5.0]]), extra=np.array([7.0]))
+    assert [Stribeck().settled(context, "slide", (s * slowest,), fit) for s in (1.0, 1.012, 1.1)] == [
+        False,
+        False,
+        True,
+    ]
 
 
 @pytest.mark.parametrize(("velocity", "exponent"), [(0.6, 2.0), (0.45, 1.0)])
@@ -88,7 +102,7 @@ def test_of_a_slow_joint_no_stribeck_velocity_is_searched_beyond_its_speed() -> 
     fit = SimpleNamespace(own=np.array([[5.0]]), extra=np.array([7.0]))
     for speed, told in ((0.1, False), (1.5, True)):
         context = SimpleNamespace(
-            baseline=SimpleNamespace(modelled=("coulomb_friction",)),
+            baseline=SimpleNamespace(modelled=("coulomb_friction",), signs=(SignChange(0.01),)),
             row=lambda location: 0,
             v=np.full((9, 1), speed),
         )

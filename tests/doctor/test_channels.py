@@ -128,6 +128,18 @@ def test_weak_channels_are_named_and_move_nothing(panda, log) -> None:
     }
 
 
+def test_a_torque_in_which_something_large_hides_the_bodies_is_no_dead_channel(panda, log) -> None:
+    """A joint on which a cable pulled, of eight times its bodies' torque, was left out as a channel of noise."""
+
+    def pulled(trial):
+        tau = np.array(trial.tau)
+        tau[:, 4] += 8.0 * np.sin(11.0 * trial.q[:, 4])
+        return replace(trial, tau=tau)
+
+    found = suspicions(panda, changed(log, pulled))
+    assert "weak_torque" not in {item.kind for item in found}
+
+
 def test_joints_declared_without_torque_raise_no_suspicion(panda, log) -> None:
     quiet = changed(log, lambda t: replace(t, tau=np.delete(t.tau, 3, 1).dot(np.delete(np.eye(7), 3, 0))))
     header = quiet.header.model_copy(update={"no_torque": (JOINTS[3],)})

@@ -57,8 +57,11 @@ def _trials(arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
         group, _, rest = name.partition("/")
         groups.setdefault(group if rest else "", {})[rest or name] = values
     shared = groups.pop("", {})
-    if any(np.size(values) > MOST_CONSTANTS for values in shared.values()):
+    if not _constant(shared):
         return {}
+    # What describes the recordings (``info``, ``meta``) is none of them.
+    for group in [group for group, members in groups.items() if _constant(members)]:
+        shared |= {f"{group}/{name}": values for name, values in groups.pop(group).items()}
     if len(groups) == 1:
         ((group, members),) = groups.items()
         return {name: shared | inner for name, inner in _trials(members).items()}
@@ -70,6 +73,11 @@ def _trials(arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
     if len(set(said)) > 1 and all(said):
         return {}
     return {group: shared | members for group, members in groups.items()}
+
+
+def _constant(members: dict[str, Any]) -> bool:
+    """Whether no data set is long enough for a signal."""
+    return all(np.size(values) <= MOST_CONSTANTS for values in members.values())
 
 
 def hdf5_arrays(path: Path) -> dict[str, Any]:

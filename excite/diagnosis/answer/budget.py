@@ -22,17 +22,12 @@ class EffectShare:
         location: its place.
         share: of the power above the noise floor on the trials that judge, 0…1 (below 0 where it does harm there).
         interval90: of the share, by blocks left out of what is fitted and of what judges.
-        lost: by how much more is left where it alone is taken out, as a share of what is left with all.
-        sure: whether the 90 % interval of the one or of the other lies above zero, or that of a firm effect's size
-            leaves zero out.
     """
 
     effect: str
     location: str
     share: float
     interval90: tuple[float, float]
-    lost: float = 1.0
-    sure: bool = True
 
     def to_json(self) -> dict[str, Any]:
         """As it stands in the document."""
@@ -119,6 +114,7 @@ class Named:
         rivals: what else would score alike in the company of all others.
         chances: by position in ``rivals``, their probabilities.
         surely: what it surely takes of the whole gap, the lower ends of its intervals.
+        clear: whether what is left of some joint is clearly more without it, and it surely is there.
     """
 
     effect: str
@@ -130,6 +126,7 @@ class Named:
     rivals: tuple[tuple[str, str], ...] = ()
     chances: tuple[float, ...] = ()
     surely: float = 0.0
+    clear: bool = True
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.attribution.structured import structured_joints
 from excite.diagnosis.budget.fit.terms import Term
-from excite.diagnosis.budget.reading import alone, clear, explained
+from excite.diagnosis.budget.reading import alone, explained
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
@@ -46,7 +46,7 @@ class Reading:
 
     def verdict(self) -> tuple[Attribution, Judgement]:
         """The effects that are named, in the equations, and the verdict."""
-        sure = [item for item in self.budget.named if clear(self.budget, item)]
+        sure = [item for item in self.budget.named if item.clear]
         if not sure or not explained(self.budget, sure):
             return self._open()
         # First what surely takes most: of a gap that hardly stands above the noise, shares say little.

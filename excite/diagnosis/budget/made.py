@@ -53,6 +53,7 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
             i,
             float(shares.value[i] @ weight),
             float(np.maximum(shares.value[i] - shares.half[i], 0.0) @ weight),
+            stands_clear(shares, i, _firm(found, shares, i)),
         )
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
@@ -76,10 +77,7 @@ def _channel(
             strange += [UnnamedShare(term.effect.nameless, share)] if term.own == j else []
         elif term.own == j or abs(share) >= _LISTED:
             between = (share - half, share + half)
-            lost, unsure = float(shares.lost[i, j]), float(shares.unsure[i, j])
-            firm = bool(shares.sized[i]) and found.search.merits[model.chosen[i]].score >= THRESHOLDS.rival
-            sure = share > half or lost > unsure or firm
-            effects.append(EffectShare(term.name, term.location, share, between, lost, sure))
+            effects.append(EffectShare(term.name, term.location, share, between))
     effects.sort(key=lambda item: -item.share)
     generic = [
         UnnamedShare(left.follows, left.power / room, tuple(left.knots.tolist()), tuple(left.torque.tolist()))
@@ -95,7 +93,28 @@ def _channel(
     return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight, unit)
 
 
-def _named(found: Found, i: int, share: float, surely: float) -> Named:
+def _firm(found: Found, shares: Shares, i: int) -> bool:
+    """Whether an effect has a size that is none by chance, though shares may be too wide to tell."""
+    merit = found.search.merits[found.search.model.chosen[i]]
+    return bool(shares.sized[i]) and merit.score >= THRESHOLDS.rival
+
+
+def stands_clear(shares: Shares, i: int, firm: bool) -> bool:
+    """Whether an effect surely takes something of a joint's gap, and what is left there is clearly more without it.
+
+    At any joint: without the gain of a finger's last joint the last link is fitted lighter, and that leaves too much at
+    the joints before it, which had no gap.
+
+    Args:
+        shares: of all effects.
+        i: which effect.
+        firm: whether its size surely is none by chance.
+    """
+    sure = (shares.value[i] > shares.half[i]) | (shares.lost[i] > shares.unsure[i]) | firm
+    return bool((sure & (shares.lost[i] >= THRESHOLDS.trifle)).any())
+
+
+def _named(found: Found, i: int, share: float, surely: float, clear: bool) -> Named:
     search = found.search
     model, k = search.model, search.model.chosen[i]
     term, merit = model.design.terms[k], search.merits[k]
@@ -121,6 +140,7 @@ def _named(found: Found, i: int, share: float, surely: float) -> Named:
         rivals=tuple(model.design.terms[r.index].key for r in rivals),
         chances=tuple(chances),
         surely=surely,
+        clear=clear,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from excite.diagnosis.answer.budget import Budget, EffectShare, Named
+from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 
@@ -57,14 +57,3 @@ def _leads(budget: Budget, item: Named, *, most: bool = False) -> bool:
 def alone(item: Named) -> bool:
     """Whether an effect has no rival of another name."""
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)
-
-
-def clear(budget: Budget, item: Named) -> bool:
-    """Whether an effect surely takes something of a place's gap, and what is left there is clearly more without it."""
-    return any(s.sure and s.lost >= THRESHOLDS.trifle for s in _of(budget, item))
-
-
-def _of(budget: Budget, item: Named) -> list[EffectShare]:
-    """What an effect takes of each channel."""
-    shares = (s for channel in budget.channels.values() for s in channel.effects)
-    return [s for s in shares if (s.effect, s.location) == (item.effect, item.location)]

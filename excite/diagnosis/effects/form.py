@@ -72,6 +72,7 @@ class Form:
         coulomb: dry friction of that joint [N·m].
         armature: rotor inertia of that joint [kg·m²].
         bias: constant in that joint's torque channel [N·m].
+        reads: factor of that joint's torque channel; what is fitted to that joint alone is in the channel's units.
         body: inertial parameters of the link where it is, ``(10,)``, in the order of the dynamic parameters.
         gravity: what becomes of gravity ``(3,)`` [m/s²].
         elements: what it changes in the XML.
@@ -84,6 +85,7 @@ class Form:
     coulomb: float = 0.0
     armature: float = 0.0
     bias: float = 0.0
+    reads: float = 1.0
     body: Array | None = None
     gravity: Callable[[Array], Array] | None = None
     elements: Change | None = None

@@ -9,14 +9,31 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.attribution.attribution import Attribution, Scored
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.form import Told
+from excite.diagnosis.effects.form import Form, Told
 from excite.diagnosis.simulator.found import Found
 
 
 def found_effects(attribution: Attribution) -> tuple[Found, ...]:
-    """The accepted effects with their sizes as fitted all together."""
+    """The accepted effects with their sizes as fitted together, beside a channel's gain in units of the true torque."""
     sizes = fitted_sizes(attribution)
-    return tuple(_found(item, beta) for item, beta in zip(attribution.accepted, sizes, strict=True))
+    found = [_found(item, beta) for item, beta in zip(attribution.accepted, sizes, strict=True)]
+    forms = [item.form((item.location,)) for item in found]
+    reads = {item.location: form.reads for item, form in zip(found, forms, strict=True) if form.reads != 1.0}
+    return tuple(
+        _read_at(item, reads[item.location]) if item.location in reads and _of_the_joint(item, form) else item
+        for item, form in zip(found, forms, strict=True)
+    )
+
+
+def _of_the_joint(item: Found, form: Form) -> bool:
+    """Whether an effect is a torque of its joint, neither a body nor of the channel that reads it."""
+    return item.effect.own_joint and form.reads == 1.0 and form.bias == 0.0
+
+
+def _read_at(item: Found, factor: float) -> Found:
+    """An effect that a channel reads larger by a factor: its torques, and its shares of the load."""
+    torques = {p.name for p in item.effect.linear if item.effect.by_load or p.unit != "1"}
+    return replace(item, values={n: v / factor if n in torques else v for n, v in item.values.items()})
 
 
 def fitted_sizes(attribution: Attribution) -> tuple[Array, ...]:

@@ -13,7 +13,7 @@ from excite.diagnosis.effects.friction.build_up import PRESLIDING, BuildUp
 from excite.diagnosis.effects.note import Noted
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.own_columns import COULOMB
-from excite.diagnosis.simulator.augmented_plant import Plant, fitted_plant, physical_plant, with_effect
+from excite.diagnosis.simulator.augmented_plant import Plant, physical_plant, plant_with
 from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.model_text import AugmentedModel
 from excite.diagnosis.simulator.notes import write_note
@@ -51,9 +51,7 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
     robot = baseline.samples.robot
     joints = baseline.samples.joints
     forms = [item.form(joints) for item in effects]
-    wanted = fitted_plant(baseline)
-    for item, form in zip(effects, forms, strict=True):
-        wanted = with_effect(wanted, baseline, item.location, form)
+    wanted = plant_with(baseline, ((item.location, form) for item, form in zip(effects, forms, strict=True)))
     plant = physical_plant(baseline, wanted, _turned(np.array(robot.model.gravity.linear), forms))
     warnings = [said for item in effects if (said := item.formless) is not None]
     warnings += unphysical(plant.mismatch, "residual")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -55,15 +56,32 @@ def fitted_plant(baseline: Baseline) -> Plant:
     return Plant(baseline.phi, viscous, coulomb, armature, of(CONSTANT))
 
 
-def with_effect(plant: Plant, baseline: Baseline, location: str, form: Form) -> Plant:
-    """The plant with an effect's bodies and drives.
+def plant_with(baseline: Baseline, forms: Iterable[tuple[str, Form]]) -> Plant:
+    """The plant as fitted, with the bodies and drives of effects.
+
+    A torque channel's factor is told from the bodies' torque; what is its joint's alone was fitted to readings.
 
     Args:
-        plant: the plant; left as it is.
-        baseline: for joints and links.
-        location: the effect's place.
-        form: its form.
+        baseline: the baseline as fitted together with the effects.
+        forms: places and forms of the effects.
+
+    Returns:
+        The plant, possibly no physical one.
     """
+    plant, several = fitted_plant(baseline), tuple(forms)
+    factor = np.ones(baseline.n_joints)
+    for location, form in several:
+        if form.reads != 1.0:
+            factor[baseline.samples.joints.index(location)] *= form.reads
+    drives = {name: getattr(plant, name) / factor for name in ("viscous", "coulomb", "armature")}
+    plant = replace(plant, **drives)
+    for location, form in several:
+        plant = _with_effect(plant, baseline, location, form)
+    return plant
+
+
+def _with_effect(plant: Plant, baseline: Baseline, location: str, form: Form) -> Plant:
+    """The plant with an effect's bodies and drives."""
     samples = baseline.samples
     changed: dict[str, Any] = {}
     for name in ("viscous", "coulomb", "armature", "bias"):

@@ -11,7 +11,7 @@ from excite.diagnosis.effects.form import Form
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi
 from excite.diagnosis.simulator.accepted_values import found_effects
-from excite.diagnosis.simulator.augmented_plant import Plant, fitted_plant, physical_plant, with_effect
+from excite.diagnosis.simulator.augmented_plant import Plant, physical_plant, plant_with
 from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.model_text import MODEL
 from excite.robot.links import carried_link
@@ -38,12 +38,10 @@ def robot_changes(attribution: Attribution, baseline: Baseline) -> tuple[RobotCh
 
 def _changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges:
     samples = baseline.samples
-    wanted, said = fitted_plant(baseline), []
-    for item in effects:
-        form = item.form(samples.joints)
-        wanted = with_effect(wanted, baseline, item.location, form)
-        said += _beyond(item, form)
-    links = {item.location for item in effects if item.form(samples.joints).body is not None}
+    forms = [item.form(samples.joints) for item in effects]
+    wanted = plant_with(baseline, ((item.location, form) for item, form in zip(effects, forms, strict=True)))
+    said = [line for item, form in zip(effects, forms, strict=True) for line in _beyond(item, form)]
+    links = {item.location for item, form in zip(effects, forms, strict=True) if form.body is not None}
     plant = physical_plant(baseline, wanted) if links else wanted
     drives = [
         {name: max(float(v), 0.0) for name, v in zip(samples.joints, values, strict=True)}

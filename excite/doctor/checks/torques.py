@@ -42,6 +42,9 @@ class WeakTorques(Check):
             return Outcome(log, (said_of_unit(samples, reading),), frozenset({Doubt.SIZE}))
         gains, _ = samples.gains(reading)
         weak = (samples.judged(reading)[:-1] > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
+        # What a spring or a cable takes hides the bodies' torque and is large; what a dead channel reads is small.
+        read, needed = samples.measured_torque(reading).std(axis=0), samples.predicted(reading)[0].std(axis=0)
+        weak &= read < _WEAK * needed
         # A torque that is cut off is weaker than it was.
         weak &= ~np.array([_cut_off(log, name) for name in samples.channels], dtype=np.bool_)
         if not weak.any() or 2 * weak.sum() > len(weak):

@@ -32,9 +32,11 @@ class TorqueGain(Effect):
         return {"gain": Estimate(1.0 + error["gain_error"].value, std, "1"), **error}
 
     def in_mujoco(self, item: Sizes) -> Form:
+        gain = 1.0 + item.value("gain_error")
+
         def weaker(draft: Draft) -> None:
-            motor, gain = draft.motor(item.location), 1.0 + item.value("gain_error")
+            motor = draft.motor(item.location)
             motor.gainprm[0] /= gain
             motor.biasprm[0] /= gain
 
-        return Form(elements=weaker)
+        return Form(reads=gain, elements=weaker)
