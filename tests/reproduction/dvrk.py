@@ -47,7 +47,7 @@ URDF = """<robot name="dvrk_psm">
 """
 
 
-def dvrk_log(data_dir: Path, folder: Path, place: Place, split: float = 0.5) -> Log:
+def dvrk_log(data_dir: Path, folder: Path, place: Place, split: float = 0.5, against: Place | None = None) -> Log:
     """Torques with the weight less those without it, on the motion with it: the bare arm's run is the simulator.
 
     Both runs follow one command, row by row; their positions differ by about two milliradians.
@@ -57,9 +57,10 @@ def dvrk_log(data_dir: Path, folder: Path, place: Place, split: float = 0.5) -> 
         folder: where the log goes.
         place: which of the two runs with a weight.
         split: share of the run that trains; the rest judges.
+        against: where the weight is in the run that is taken off, if it is there at all.
     """
-    bare = _columns(data_dir, "no_weight")
-    loaded = _columns(data_dir, f"105g_at_{place}")
+    bare = _columns(data_dir, _run(against))
+    loaded = _columns(data_dir, _run(place))
     n = len(loaded["q1"])
     border = round(split * n)
     columns = {"time": np.arange(n) / RATE_HZ}
@@ -89,7 +90,11 @@ def dvrk_log(data_dir: Path, folder: Path, place: Place, split: float = 0.5) -> 
         )
         for entry, part in zip(header.trials, parts, strict=True)
     )
-    return load_log(save_log(Log(header, trials, robot_text=URDF), folder / f"dvrk_{place}"))
+    return load_log(save_log(Log(header, trials, robot_text=URDF), folder / f"dvrk_{place}_{against}"))
+
+
+def _run(place: Place | None) -> str:
+    return "no_weight" if place is None else f"105g_at_{place}"
 
 
 def typical_difference(data_dir: Path, place: Place) -> float:
