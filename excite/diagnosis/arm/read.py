@@ -188,8 +188,8 @@ class Reading:
     def _beside_each_other(self, named: Sequence[tuple[str, str]]) -> dict[tuple[str, str], Term]:
         """Terms by effect and place, each body of them the likeliest beside the others.
 
-        On a surgical arm a body stood beside half a newton metre at the yaw axis that its weight all but cancelled; that
-        constant was no name, and the body without it closed 43 % of the gap where the one of these terms closes 79 %.
+        A surgical arm's load stood beside half a newton metre at the yaw axis that its weight all but cancelled. That
+        constant was no name, and the load without it closed 43 % of the gap where the one of these terms closes 79 %.
         """
         search = self.found.search
         numbers = [k for k in search.model.chosen if search.design.terms[k].key in named]
