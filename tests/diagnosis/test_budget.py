@@ -290,6 +290,15 @@ def test_of_an_arm_that_moves_in_unison_only_its_torque_scales_are_said(
     assert finding.figures["torque_scale.joint5"] == pytest.approx(1.6, rel=0.1)
 
 
+def test_of_an_arm_that_moves_in_unison_no_stop_is_told_either(data_dir: Path, tmp_path: Path) -> None:
+    """On one path the weight that a model lacks looks like a stop that the fourth joint runs into."""
+    log = airbot_play_load.chirp_log(data_dir, tmp_path, loaded=False)
+    modelled = ("rigid_body_fixed", *FRICTION, "armature", "torque_bias")
+    result = diagnose(replace(log, header=log.header.model_copy(update={"modelled": modelled})))
+    assert result.verdict == "unknown" and "unison" in {finding.kind for finding in result.faults}
+    assert " stop" not in result.summary()
+
+
 def test_a_slow_rest_tells_little_against_what_changes_fast() -> None:
     """Deviations of a slope fitted to what has a slow rest in it, by algebra: the sandwich ``c'Rc/(c'c)²``."""
     rng, n, keep = np.random.default_rng(4), 20000, 0.9

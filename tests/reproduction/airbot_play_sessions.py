@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import butter, filtfilt
 from scipy.stats import norm
 
 from excite.arrays import Array
@@ -16,6 +17,7 @@ from excite.identification.sessions.compare import Sessions, identify_sessions
 from excite.identification.sessions.split import split_sessions
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
+from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from tests.reproduction.recordings import percent_left
@@ -62,6 +64,29 @@ def airbot_log(
     urdf = (source / "play.urdf").read_text()
     log = import_recordings(mapping, source, robot_text=urdf)
     return load_log(save_log(log, folder / "airbot_sessions"))
+
+
+def waves_a_turn(data_dir: Path, joint: int) -> tuple[float, float]:
+    """Periods a turn of the torque that comes back with a joint's position, and its size [N·m], by hand.
+
+    Of the four motions' second recordings, whose torques are less filtered than the first ones': what is above 1.5 Hz
+    while the joint is slow, projected on waves of the position; medians over the recordings.
+
+    Args:
+        data_dir: folder of the recordings.
+        joint: its number, from one.
+    """
+    periods, found = np.arange(20.0, 420.0, 0.5), []
+    for name in AGAIN:
+        rows = reader_for(data_dir / FOLDER / f"{name}.csv").read(data_dir / FOLDER / f"{name}.csv")
+        time, q, tau = rows["t_s"], rows[f"q{joint}_rad"], rows[f"tau{joint}_Nm"]
+        v = np.gradient(q, time)
+        fast = filtfilt(*butter(4, 1.5, "high", fs=1.0 / float(np.median(np.diff(time)))), tau)
+        slow = (np.abs(v) > 0.01) & (np.abs(v) < 0.6)
+        size = 2.0 * np.abs(np.exp(-1j * np.outer(periods, q[slow])) @ fast[slow]) / slow.sum()
+        found.append((periods[np.argmax(size)], size.max()))
+    best = np.median(found, axis=0)
+    return float(best[0]), float(best[1])
 
 
 def percents(data_dir: Path, folder: Path, method: str = "qp") -> Array:

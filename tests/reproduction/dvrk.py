@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
+from scipy.signal import butter, filtfilt
 
 from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
@@ -47,7 +49,9 @@ URDF = """<robot name="dvrk_psm">
 """
 
 
-def dvrk_log(data_dir: Path, folder: Path, place: Place, split: float = 0.5) -> Log:
+def dvrk_log(
+    data_dir: Path, folder: Path, place: Place, split: float = 0.5, against: Place | None = None
+) -> Log:
     """Torques with the weight less those without it, on the motion with it: the bare arm's run is the simulator.
 
     Both runs follow one command, row by row; their positions differ by about two milliradians.
@@ -57,9 +61,10 @@ def dvrk_log(data_dir: Path, folder: Path, place: Place, split: float = 0.5) -> 
         folder: where the log goes.
         place: which of the two runs with a weight.
         split: share of the run that trains; the rest judges.
+        against: where the weight is in the run that is taken off, if it is there at all.
     """
-    bare = _columns(data_dir, "no_weight")
-    loaded = _columns(data_dir, f"105g_at_{place}")
+    bare = _columns(data_dir, _run(against))
+    loaded = _columns(data_dir, _run(place))
     n = len(loaded["q1"])
     border = round(split * n)
     columns = {"time": np.arange(n) / RATE_HZ}
@@ -89,7 +94,44 @@ def dvrk_log(data_dir: Path, folder: Path, place: Place, split: float = 0.5) -> 
         )
         for entry, part in zip(header.trials, parts, strict=True)
     )
-    return load_log(save_log(Log(header, trials, robot_text=URDF), folder / f"dvrk_{place}"))
+    return load_log(save_log(Log(header, trials, robot_text=URDF), folder / f"dvrk_{place}_{against}"))
+
+
+def _run(place: Place | None) -> str:
+    return "no_weight" if place is None else f"105g_at_{place}"
+
+
+def by_hand(data_dir: Path, place: Place, against: Place | None = None) -> tuple[float, float]:
+    """First moment of a body that turns with the pitch axis [kg·m] and constant at that axis [N·m], by least squares.
+
+    Of both turning axes' torques below 5 Hz, each weighted by what is left of it; nothing of the toolkit is in it.
+
+    Args:
+        data_dir: folder of the recordings.
+        place: where the weight is.
+        against: where it is in the run that is taken off; None for the run without.
+    """
+    runs = [_columns(data_dir, _run(where)) for where in (place, against)]
+    low = butter(4, 5.0, fs=RATE_HZ)
+    tau = [filtfilt(*low, np.column_stack([run[f"tau{k}"] for k in (1, 2)]), axis=0) for run in runs]
+    q = filtfilt(*low, np.column_stack([runs[0][f"q{k}"] for k in (1, 2, 3)]), axis=0)
+    v = np.gradient(q, 1.0 / RATE_HZ, axis=0)
+    a = np.gradient(v, 1.0 / RATE_HZ, axis=0)
+    model = pin.buildModelFromXML(URDF)
+    data = model.createData()
+    # Of the body's ten parameters the mass is not felt; the last column is the constant.
+    columns = np.zeros((len(q), 2, 10))
+    for k, row in enumerate(zip(q, v, a, strict=True)):
+        columns[k, :, :9] = pin.computeJointTorqueRegressor(model, data, *row)[:2, 11:20]
+    columns[:, 1, 9] = 1.0
+    inside = slice(round(0.5 * RATE_HZ), -round(0.5 * RATE_HZ))
+    columns, y, weight = columns[inside], (tau[0] - tau[1])[inside], np.ones(2)
+    x = np.zeros(10)
+    for _ in range(8):
+        rows = (columns * weight[:, None]).reshape(-1, 10)
+        x = np.linalg.lstsq(rows, (y * weight).ravel(), rcond=1e-8)[0]
+        weight = 1.0 / (y - columns @ x).std(axis=0)
+    return float(np.linalg.norm(x[:3])), float(x[9])
 
 
 def typical_difference(data_dir: Path, place: Place) -> float:

@@ -81,11 +81,11 @@ def judged_record(record: TorqueRecord) -> Judged:
     # A joint that stands throughout leaves what holds it, in units of next to no torque: no part of the whole gap.
     scale = np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
     together = unison(full)
-    # On one path any list of effects could stand for any other.
-    effects = record.effects if together is None else _own_terms(record.effects)
+    # On one path any list of effects could stand for any other, and what has no name for any that has.
+    effects = (*record.effects, *NAMELESS) if together is None else _own_terms(record.effects)
     if together is None and (loaded := _loaded(full, least)) is not None:
         effects = (*effects, loaded)
-    found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least, sigma)
+    found = model_of_gap(full, record.modelled, effects, least, sigma)
     model, context = found.search.model, found.prediction.context
     spectral = with_held(samples, model.residual, spectral)
     budget = budget_of(found, spectral, scale)

@@ -118,8 +118,9 @@ def along(item: Hypothesis, direction: Array) -> Hypothesis:
     """A hypothesis of whose linear parameters only the size is left to be fitted, ``direction (n_linear,)`` times."""
     whole = replace(item, direction=direction)
     one = item.baseline.solver.fit(whole.fitted, item.columns.offset)
-    size, std = one.extra[0], one.extra_std[0]
-    fit = replace(one, extra=size * direction, extra_std=std * np.abs(direction), columns=item.columns.extra)
+    # Proportions are those of an estimate: a parameter is no surer than it is where all are free.
+    std = np.maximum(one.extra_std[0] * np.abs(direction), item.fit.extra_std)
+    fit = replace(one, extra=one.extra[0] * direction, extra_std=std, columns=item.columns.extra)
     return replace(whole, fit=fit)
 
 

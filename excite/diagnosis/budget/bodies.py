@@ -156,6 +156,29 @@ def _anew(search: Search, maker: TermMaker) -> Search:
     return replace(search, design=design, model=fit(design, search.model.chosen), rivals={}, merits={})
 
 
+def likeliest_beside(search: Search, numbers: Sequence[int], maker: TermMaker) -> list[Term]:
+    """Some terms of a search's model, each body of them the likeliest beside the others and nothing else.
+
+    What else the model has may cancel a part of a body: without it the body would be another.
+
+    Args:
+        search: settled.
+        numbers: of the terms.
+        maker: of columns.
+    """
+    if set(numbers) == set(search.model.chosen):
+        return list(search.model.terms)
+    found = []
+    for k in numbers:
+        term = search.design.terms[k]
+        if term.effect.is_body:
+            others = [i for i in numbers if i != k]
+            beside = Beside.of(fit(search.design, others, search.model.weight, left_out=False))
+            term = body(beside, maker, term.effect, term.location) or term
+        found.append(term)
+    return found
+
+
 def beside_others(search: Search, k: int) -> Beside:
     """A model's other terms; smaller bodies may have patched up the first, rough form of the largest."""
     model, terms = search.model, search.design.terms

@@ -100,15 +100,16 @@ def _airbot(data: Path, folder: Path) -> list[Entry]:
     sessions, pair = airbot_play_sessions, airbot_play_load
     log = sessions.airbot_log(data, folder, (*sessions.MOTIONS, *sessions.AGAIN), (sessions.FIRST[-1],))
     repeated = with_repeats(log, {f"{name}_rep2": name for name in sessions.MOTIONS})
+    motions = _diagnosed(repeated, motor=True)
     return [
         Entry(
             title="AirBot Play, five motions",
             source="Recordings published as dynamics_calibration_airbot (Zeyu1-oss).",
             trials="Four motions, each run twice, were fitted and give the noise floor; a fifth motion judges.",
             baseline=_MOTOR,
-            known=_UNKNOWN,
-            diagnosis=_diagnosed(repeated, motor=True),
-            bars=(),
+            known="no cause was published. By hand torques of the wrist come back with every 240th of a turn.",
+            diagnosis=motions,
+            bars=tuple(_ripple_bar(motions, data, number) for number in (5, 6)),
             remark=("No name takes most of what the joints leave."),
         ),
         Entry(
@@ -123,6 +124,21 @@ def _airbot(data: Path, folder: Path) -> list[Entry]:
         ),
         _airbot_load(data, folder),
     ]
+
+
+def _ripple_bar(d: Diagnosis, data: Path, number: int) -> Bar:
+    """Whether the ripple of a joint is named with as many periods a turn as by hand."""
+    periods, size = airbot_play_sessions.waves_a_turn(data, number)
+    found = [
+        e.parameters["periods_per_rev"].value
+        for e in d.effects
+        if (e.effect, e.location) == ("torque_ripple", f"joint{number}")
+    ]
+    return Bar(
+        f"ripple of joint {number} with {periods:.0f} periods a turn, by hand {1000.0 * size:.0f} mN·m",
+        f"{found[0]:.1f}" if found else "not named",
+        bool(found) and abs(found[0] - periods) < 1.0,
+    )
 
 
 def _airbot_load(data: Path, folder: Path) -> Entry:

@@ -1,0 +1,78 @@
+"""A log with the model of another machine: one cause, not several mistakes in the log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.doctor.examine import examine
+from excite.doctor.mistakes.other_machine import left_by_any_bodies
+from excite.doctor.reading import Reading
+from excite.doctor.torque_samples import torque_samples
+from excite.logs.log import Log
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from tests.identification.practice_log import arm_log, changed
+
+
+@pytest.fixture(scope="module")
+def arm() -> Robot:
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="module")
+def log(arm: Robot) -> Log:
+    return arm_log(arm)
+
+
+def smaller(robot: Robot, length: float, mass: float) -> Robot:
+    """A robot whose links are shorter and lighter by factors."""
+    model = pin.Model(robot.model)
+    for k in range(1, model.njoints):
+        place, body = model.jointPlacements[k], model.inertias[k]
+        model.jointPlacements[k] = pin.SE3(place.rotation, length * place.translation)
+        model.inertias[k] = pin.Inertia(
+            mass * body.mass, length * body.lever, mass * length**2 * np.array(body.inertia)
+        )
+    return replace(robot, model=model)
+
+
+@pytest.mark.parametrize(("length", "mass"), [(0.4, 0.25), (0.5, 0.5), (2.2, 4.0)])
+def test_the_log_of_a_robot_of_another_size_is_not_full_of_mistakes(
+    arm: Robot, log: Log, length: float, mass: float
+) -> None:
+    chart = examine(smaller(arm, length, mass), log)
+
+    (found,) = (item for item in chart.findings if item.severity == "spoils")
+    assert found.kind == "other_model" and not found.repaired
+    np.testing.assert_allclose(chart.log.trials[0].tau, log.trials[0].tau)
+
+
+def test_bodies_explain_no_torque_that_counts_the_other_way(arm: Robot, log: Log) -> None:
+    """Nor all of them, and their own as well as the model does."""
+    turned = {
+        "none": np.ones(6),
+        "one": np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0]),
+        "all": -np.ones(6),
+    }
+    left = {}
+    for name, signs in turned.items():
+        samples = torque_samples(arm, changed(log, lambda t, signs=signs: replace(t, tau=t.tau * signs)))
+        assert samples is not None
+        left[name] = float(left_by_any_bodies(samples, Reading.as_stated(log)).sum())
+    assert left["one"] > left["none"] + 1.0
+    assert left["all"] > left["none"] + 1.0
+
+
+def test_mistakes_that_no_bodies_explain_are_believed_however_many(arm: Robot, log: Log) -> None:
+    def spoilt(trial):
+        tau = trial.tau.copy()
+        tau[:, 2] *= -1.0
+        tau[:, 1] *= 4.0
+        return replace(trial, tau=tau)
+
+    kinds = {item.kind for item in examine(arm, changed(log, spoilt)).findings if item.severity == "spoils"}
+    assert "torque_sign" in kinds and "other_model" not in kinds
