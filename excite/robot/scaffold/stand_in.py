@@ -57,7 +57,8 @@ class StandIn:
             try:
                 shapes = collision_shapes(robot)
             except RobotError as error:
-                reasons.append(f"{kind}: {error.what}")
+                of = "" if error.source is None else f"{Path(str(error.source)).name}: "
+                reasons.append(f"{kind}: {of}{error.what}")
                 continue
             if not any(shape.joint for shape in shapes):
                 # Nothing would be checked: no shape moves.
