@@ -60,5 +60,9 @@ def test_one_of_what_is_asked_for_is_taken_as_one(planned: Path) -> None:
     assert excite.check(robot, motion).to_json() == excite.check(robot, [motion]).to_json()
     (written,) = excite.export_motions(str(file), "csv", out=planned.parent / "one")
     assert written.is_file()
-    experiment = excite.simulate(robot, motion, inject="torque_bias:elbow_joint:1.0", nominal=True)
-    assert [effect.effect for effect in experiment.truth.effects] == ["torque_bias"]
+    bias = "torque_bias:elbow_joint:1.0"
+    one, several = (
+        excite.simulate(robot, motions, inject=inject, nominal=True).log.trials[0].tau
+        for motions, inject in ((motion, bias), ([motion], [bias]))
+    )
+    assert (one == several).all()
