@@ -46,7 +46,9 @@ def _all_of(wrong: Sequence[LogError]) -> LogError:
     if len(alike) == 1:
         ((what, field, remedy), sources) = next(iter(alike.items()))
         return LogError(what, source=_few(sources), field=field, remedy=remedy)
-    said = [LogError(what, source=_few(of), field=field, remedy=do) for (what, field, do), of in alike.items()]
+    said = [
+        LogError(what, source=_few(of), field=field, remedy=do) for (what, field, do), of in alike.items()
+    ]
     return LogError("; ".join(map(str, said)))
 
 

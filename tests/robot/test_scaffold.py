@@ -669,7 +669,9 @@ def test_a_key_frame_that_nobody_can_stand_in_is_not_where_legs_are_sought(tmp_p
     assert len(robot.feet) == 4
 
 
-def test_geometry_that_is_not_there_is_named_and_the_boxes_in_its_place_are_called_boxes(tmp_path: Path) -> None:
+def test_geometry_that_is_not_there_is_named_and_the_boxes_in_its_place_are_called_boxes(
+    tmp_path: Path,
+) -> None:
     gone = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual></link>'
     text = cart().replace("<collision>", "<none>").replace("</collision>", "</none>").replace("</link>", gone)
     robot = written(text, tmp_path)
