@@ -63,7 +63,7 @@ def _then(robot: str | None, log: Path, apply: Path | None, document: dict[str, 
     if applied is not None and applied["left_out"] and len(applied["left_out"]) >= len(document["effects"]):
         # A second diagnosis would say the same.
         return ""
-    if apply is not None:
+    if apply is not None and document["verdict"] != "none":
         return command_line("diagnose", log, "--robot", apply / "robot.yaml", "--out", "second")
     if document["verdict"] in {"effect", "ambiguous"}:
         return command_line("diagnose", log, "--apply", "better", "--out", "first")

@@ -87,7 +87,11 @@ def test_bodies_that_were_fitted_are_said_not_to_be_the_files(named: str, tmp_pa
     found = CliRunner().invoke(app, ["diagnose", str(log / named), "--out", str(out)])
     assert found.exit_code == 0, found.exception
     assert "the model, its bodies fitted to the record, " in found.stdout.splitlines()[0]
-    assert f"then: excite identify {log / 'two.urdf'} {log / named} --out result" in found.stdout
+    then = f"then: excite identify {log / 'two.urdf'} {log / named} --out result"
+    assert then in found.stdout
+    again = ["diagnose", str(log / named), "--out", str(out), "--apply", str(tmp_path / "better")]
+    applied = CliRunner().invoke(app, again)
+    assert then in applied.stdout and "then: excite diagnose" not in applied.stdout
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Nothing beyond that needs to be corrected." in page
     # The page and the terminal name the same robot.
