@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
+from excite.divergence import without_log_file
 from excite.errors import InputError
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
 from excite.reading.xml_document import elements_of
@@ -197,7 +198,8 @@ def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
         ElementTree.SubElement(joint, "parent", link="world")
         ElementTree.SubElement(joint, "child", link=robot.base_link)
     try:
-        return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+        with without_log_file():
+            return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
     except ValueError as error:
         raise InputError(
             f"MuJoCo refuses it ({' '.join(str(error).split())})",
