@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from excite.campaign.applied import apply
 from excite.cli.diagnose import _then
 from excite.cli.main import app
+from excite.errors import RobotError
 from excite.logs.files import save_log
 from tests.diagnosis.two_joints import moved, two_joint_log
 
@@ -69,6 +71,21 @@ def test_the_robot_with_the_effects_is_what_the_next_diagnosis_starts_from(tmp_p
     assert again.exit_code == 0, again.exception
     document = json.loads(again.stdout)
     assert document["verdict"] == "none" and document["effects"] == [] and "applied" not in document
+
+
+def test_a_diagnosis_outlives_a_robot_that_it_does_not_make(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise RobotError("with what was found it is no robot", source="two")
+
+    monkeypatch.setattr(apply, "apply_effects", refuse)
+    log = three_trials(tmp_path, ["rigid_body", "viscous_friction", "coulomb_friction"])
+    out = tmp_path / "out"
+    done = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(out), "--apply", str(tmp_path / "new")])
+    assert isinstance(done.exception, RobotError)
+    assert (out / "report.html").is_file()
+    assert "applied" not in json.loads((out / "diagnosis.json").read_text())
 
 
 def test_a_second_diagnosis_that_would_say_the_same_is_not_proposed() -> None:
