@@ -196,7 +196,9 @@ def test_a_robot_that_cannot_be_is_not_left_behind(tmp_path: Path) -> None:
         bodies={"wrist_3_link": pin.Inertia(900.0, np.zeros(3), np.eye(3)).toDynamicParameters()}
     )
     found = replace(two_joints_diagnosed(), effects=(), changes=(heavy,))
-    with pytest.raises(RobotError, match="^ur10: .*with what was found it is no robot .*; diagnose without --apply"):
+    with pytest.raises(
+        RobotError, match="^ur10: .*with what was found it is no robot .*; diagnose without --apply"
+    ):
         apply_effects(found, load_robot("ur10"), tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -82,7 +82,9 @@ def test_a_diagnosis_outlives_a_robot_that_it_does_not_make(
     monkeypatch.setattr(apply, "apply_effects", refuse)
     log = three_trials(tmp_path, ["rigid_body", "viscous_friction", "coulomb_friction"])
     out = tmp_path / "out"
-    done = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(out), "--apply", str(tmp_path / "new")])
+    done = CliRunner().invoke(
+        app, ["diagnose", str(log), "--out", str(out), "--apply", str(tmp_path / "new")]
+    )
     assert isinstance(done.exception, RobotError)
     assert (out / "report.html").is_file()
     assert "applied" not in json.loads((out / "diagnosis.json").read_text())

@@ -202,7 +202,9 @@ def test_a_plan_of_a_mechanism_says_how_certain_its_parameters_will_be(model: st
         for one in identify(robot, log, "wls").to_json()["base_parameters"]
     }
     ratios = [
-        std / said[name] for name, std in zip(predicted.base.labels, predicted.std, strict=True) if name in said
+        std / said[name]
+        for name, std in zip(predicted.base.labels, predicted.std, strict=True)
+        if name in said
     ]
     # What hangs swings, which plans do not count on: its log says more than they promise.
     assert len(ratios) >= 5 and 0.5 < min(ratios) and (hangs or max(ratios) < 2.0)
