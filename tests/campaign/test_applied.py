@@ -197,7 +197,7 @@ def test_a_robot_that_cannot_be_is_not_left_behind(tmp_path: Path) -> None:
     )
     found = replace(two_joints_diagnosed(), effects=(), changes=(heavy,))
     with pytest.raises(
-        RobotError, match="^ur10: .*with what was found it is no robot .*; diagnose without --apply"
+        RobotError, match=r"^ur10: .*with what was found it is no robot .*; diagnose without --apply"
     ):
         apply_effects(found, load_robot("ur10"), tmp_path)
     assert not list(tmp_path.iterdir())
