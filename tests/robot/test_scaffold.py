@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -639,6 +640,19 @@ def test_a_floating_joint_at_the_root_says_that_the_base_is_free(bare: bool, tmp
         return
     with pytest.raises(RobotError, match="only joints with one coordinate"):
         written(text, tmp_path)
+
+
+def test_a_planar_joint_at_the_root_stands_for_wheels_that_stand_still(tmp_path: Path) -> None:
+    """As MoveIt wants it of bases on wheels; inside a robot it is refused as before."""
+    above = '<link name="floor"/><joint name="drive" type="planar"><parent link="floor"/><child link="{}"/></joint>'
+    root = ElementTree.fromstring(ARM)
+    first = next(link for link in root.iter("link")).get("name")
+    robot = written(ARM.replace("</robot>", above.format(first) + "</robot>"), tmp_path)
+    assert robot.joint_names == written(ARM, tmp_path / "bare").joint_names and not robot.floating
+    assert any(
+        "1 joint held still (what its wheels or legs do): drive" in str(one)
+        for one in robot.description.assumed
+    )
 
 
 @pytest.mark.parametrize(("joint", "held"), [("wrist_rotate", []), ("gripper", ["gripper"])])

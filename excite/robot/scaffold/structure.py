@@ -23,7 +23,7 @@ def assumed_structure(
     ranged: tuple[str, ...] = (),
 ) -> list[Assumed]:
     """Joints held or kept in a range, inertia, geometry and ground (or soles' friction) as they were assumed."""
-    found = _held_still(held)
+    found = held_still(held)
     if ranged:
         found.append(
             Assumed(
@@ -87,7 +87,7 @@ def assumed_structure(
     return found
 
 
-def _held_still(held: dict[str, Held]) -> list[Assumed]:
+def held_still(held: dict[str, Held]) -> list[Assumed]:
     """Joints that do not move, those of one reason together."""
     found = []
     for why in sorted({one.why for one in held.values()}):
