@@ -692,3 +692,15 @@ def test_geometry_that_is_not_there_is_named_and_the_boxes_in_its_place_are_call
     (geometry,) = [one for one in robot.description.assumed if one.what == "geometry"]
     assert "gone.stl: no such file" in geometry.consequence
     assert robot.description.collision.source.startswith("boxes of the links' inertia")
+
+
+def test_moments_in_another_unit_are_named_by_the_size_of_the_link(tmp_path: Path) -> None:
+    """As a hand in kg·cm²: accelerations that its arm was allowed were ten thousand times too small."""
+    right = written(quadruped(), tmp_path)
+    assert not any("no body of a link's size" in one.what for one in right.description.assumed)
+    wide = re.sub(
+        r'\bi(..)="([\d.e-]+)"', lambda found: f'i{found[1]}="{1e4 * float(found[2])}"', quadruped()
+    )
+    wrong = written(wide, tmp_path / "cm")
+    (said,) = [one for one in wrong.description.assumed if "no body of a link's size" in one.what]
+    assert "front_left_shank (" in said.value
