@@ -79,9 +79,7 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
 def parse_urdf(path: Path) -> ElementTree.Element:
     """The ``robot`` element of a URDF file, without solids that are points and without a free root, with its world.
 
-    A planar root is fixed in it.
-
-    Continuous joints that state a range are revolute in it.
+    Continuous joints that state a range are revolute in it, a planar root is fixed.
 
     Raises:
         RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
