@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def without_log_file() -> Iterator[None]:
-    """No ``MUJOCO_LOG.TXT`` in the folder of whoever runs a simulation inside."""
+    """No ``MUJOCO_LOG.TXT`` in the folder of whoever compiles or runs a model inside, and no warning on stderr."""
     import mujoco
 
     before = mujoco.get_mju_user_warning()

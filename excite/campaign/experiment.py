@@ -144,7 +144,7 @@ def simulate(
     robot: RobotLike,
     motions: MotionsLike,
     *,
-    inject: Sequence[str] = (),
+    inject: str | Sequence[str] = (),
     nominal: bool = False,
     roles: Mapping[str, Role] | None = None,
     seed: int = 0,
@@ -158,7 +158,7 @@ def simulate(
         robot: the nominal robot, or what :func:`~excite.robot.bringing.load_robot` takes.
         motions: what to run, motions, files or folders; every fifth, in order, is logged as validation unless
             ``roles`` says otherwise.
-        inject: effects as ``EFFECT[:LOCATION[:VALUE]]``.
+        inject: effects as ``EFFECT[:LOCATION[:VALUE]]``, or one.
         nominal: give the virtual robot the model's own parameters.
         roles: by motion name, ``identification`` or ``validation``.
         seed: decides the virtual robot, and with ``batch`` the sensors' noise.
@@ -175,7 +175,8 @@ def simulate(
     """
     robot = as_robot(robot)
     motions = as_motions(motions, robot)
-    virtual = virtual_robot(robot, seed, nominal=nominal, inject=inject)
+    effects = [inject] if isinstance(inject, str) else inject
+    virtual = virtual_robot(robot, seed, nominal=nominal, inject=effects)
     noise = np.random.SeedSequence(seed, spawn_key=(_NOISE_STREAM, batch))
     chosen = dict(roles) if roles is not None else _every_fifth(motions)
     runs = run_experiment(virtual, motions, seed=noise, roles=chosen, jobs=jobs, progress=progress)

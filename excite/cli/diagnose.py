@@ -11,6 +11,7 @@ import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
+from excite.errors import RobotError
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
@@ -48,7 +49,13 @@ def command(
     if apply is not None and model is not None:
         from excite.campaign.applied.apply import apply_effects  # lazy: pinocchio
 
-        applied = apply_effects(result, model, apply)
+        try:
+            applied = apply_effects(result, model, apply)
+        except RobotError:
+            if out is not None:
+                # What was found is not lost with the robot that it does not make.
+                _save(result, document | stated_origin(robot or "", log, out), out)
+            raise
         summary += f"\n{applied.summary()}"
         document |= {"applied": applied.to_json(out or Path.cwd())}
     if out is not None:
@@ -63,7 +70,7 @@ def _then(robot: str | None, log: Path, apply: Path | None, document: dict[str, 
     if applied is not None and applied["left_out"] and len(applied["left_out"]) >= len(document["effects"]):
         # A second diagnosis would say the same.
         return ""
-    if apply is not None:
+    if apply is not None and document["verdict"] != "none":
         return command_line("diagnose", log, "--robot", apply / "robot.yaml", "--out", "second")
     if document["verdict"] in {"effect", "ambiguous"}:
         return command_line("diagnose", log, "--apply", "better", "--out", "first")

@@ -42,7 +42,7 @@ _UNSEEN = "the doctor could not look at it"
 
 
 def convert(
-    sources: Sequence[str | Path],
+    sources: str | Path | Sequence[str | Path],
     robot: str | Path,
     out: str | Path,
     mapping: Map | str | Path | None = None,
@@ -54,7 +54,7 @@ def convert(
     ``log.yaml`` with its reason, and the map that repeats the conversion without guessing as ``map.yaml`` beside it.
 
     Args:
-        sources: files or folders; a folder of no known format stands for the files in it.
+        sources: a file or folder, or several; a folder of no known format stands for the files in it.
         robot: bundled name, ``robot.yaml``, or URDF.
         out: the log folder, replaced if there is one.
         mapping: what the recording does not tell, or a ``map.yaml`` that says it.
@@ -69,7 +69,8 @@ def convert(
         LogError: a source is of no known format, damaged, or does not fit the robot.
     """
     stated = mapping if isinstance(mapping, Map) else (Map() if mapping is None else read_map(Path(mapping)))
-    return _converted(sources, robot, Path(out), stated, capture)
+    several = [sources] if isinstance(sources, str | Path) else sources
+    return _converted(several, robot, Path(out), stated, capture)
 
 
 def _converted(

@@ -33,9 +33,27 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
     if len(wrong) == 1:
         raise wrong[0]
     if wrong:
-        raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
+        raise _all_of(wrong)
     whole = [*_joined(found), *apart]
     return [with_drives_on(signed(merged_names(recording))) for recording in whole]
+
+
+def _all_of(wrong: Sequence[LogError]) -> LogError:
+    """One error of several; what is wrong with many files alike is said once."""
+    alike: dict[tuple[str, str | None, str | None], list[str]] = {}
+    for error in wrong:
+        alike.setdefault((error.what, error.field, error.remedy), []).append(str(error.source))
+    if len(alike) == 1:
+        ((what, field, remedy), sources) = next(iter(alike.items()))
+        return LogError(what, source=_few(sources), field=field, remedy=remedy)
+    said = [
+        LogError(what, source=_few(of), field=field, remedy=do) for (what, field, do), of in alike.items()
+    ]
+    return LogError("; ".join(map(str, said)))
+
+
+def _few(sources: Sequence[str]) -> str:
+    return sources[0] if len(sources) == 1 else f"{sources[0]} and {len(sources) - 1} more"
 
 
 def _joined(recordings: Sequence[Recording]) -> list[Recording]:

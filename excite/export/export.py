@@ -92,7 +92,7 @@ def export_motion(
 
 
 def export_motions(
-    paths: Iterable[Path],
+    paths: str | Path | Iterable[str | Path],
     format: str,
     *,
     out: Path,
@@ -105,7 +105,7 @@ def export_motions(
     """Write motions in the format of a controller, if the independent check finds all of them safe.
 
     Args:
-        paths: motion files, or folders of them.
+        paths: motion files, or folders of them; or one of these.
         format: name in the registry of formats, such as ``csv`` or ``ur-script``.
         out: folder that the files are written to.
         rate_hz: samples per second [Hz]; the controller's, or the motion's own, where left out.
@@ -118,7 +118,7 @@ def export_motions(
         The files, in the order of the motions.
     """
     written = export_with_verdicts(
-        paths,
+        [Path(path) for path in ([paths] if isinstance(paths, str | Path) else paths)],
         format,
         out=out,
         rate_hz=rate_hz,

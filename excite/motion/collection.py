@@ -14,7 +14,7 @@ from excite.reading.file import unreadable_file
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
-MotionsLike = str | Path | Iterable[Motion | str | Path]
+MotionsLike = Motion | str | Path | Iterable[Motion | str | Path]
 """Motions, or files and folders of them."""
 
 # What reports draw from, in folders of results: suffixes of motions, and none.
@@ -64,14 +64,14 @@ def as_motions(motions: MotionsLike, robot: Robot) -> Sequence[Motion]:
     """The motions themselves, and those in files and folders.
 
     Args:
-        motions: motions, files, folders, mixed as they come; or one file or folder.
+        motions: motions, files, folders, mixed as they come; or one of these.
         robot: whose they are.
 
     Raises:
         MotionError: a file is missing or malformed, or a motion of another robot.
     """
     found: list[Motion] = []
-    for item in [motions] if isinstance(motions, str | Path) else motions:
+    for item in [motions] if isinstance(motions, Motion | str | Path) else motions:
         found += [item] if isinstance(item, Motion) else load_motions([item], robot)
     return found
 

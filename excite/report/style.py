@@ -18,7 +18,7 @@ h1 { font-size: 1.9rem; line-height: 1.2; margin: 0; letter-spacing: -.01em; }
 h2 { font-size: 1.25rem; margin: 0 0 .3em; }
 h3 { font-size: 1rem; margin: 1.4em 0 .4em; }
 p { margin: .3em 0 .8em; max-width: 75ch; }
-p, li, h2, h3 { overflow-wrap: anywhere; }
+p, li, h1, h2, h3 { overflow-wrap: anywhere; }
 p.lead, header p, footer, p.made { color: var(--muted); }
 p.note { border-left: 3px solid var(--bad); padding-left: 10px; }
 p.made { font-size: .88rem; margin: .5em 0 0; }

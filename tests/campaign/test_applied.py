@@ -177,13 +177,28 @@ def test_a_diagnosis_that_says_nothing_of_a_robot_is_refused(tmp_path: Path) -> 
     assert not (tmp_path / "robot").exists()
 
 
+def test_a_load_whose_moments_no_body_has_gets_the_nearest_that_one_can_have(tmp_path: Path) -> None:
+    """A lump on a light wrist, of which a record tells mass and place far better than moments of inertia."""
+    load = pin.Inertia(0.5, np.array([0.0, 0.02, 0.05]), np.diag([0.0, 0.0, 0.004]))
+    changes = RobotChanges(bodies={"wrist_3_link": load.toDynamicParameters()})
+    found = replace(two_joints_diagnosed(), effects=(), changes=(changes,))
+    applied = apply_effects(found, load_robot("ur10"), tmp_path)
+    assert "wrist_3_link: no body has the moments of inertia found" in applied.summary()
+    robot = load_robot(applied.robot)
+    # Mass and its moment, which gravity tells, are as they were found.
+    more = (robot.nominal_parameters - load_robot("ur10").nominal_parameters)[50:54]
+    np.testing.assert_allclose(more, load.toDynamicParameters()[:4], atol=1e-9)
+
+
 def test_a_robot_that_cannot_be_is_not_left_behind(tmp_path: Path) -> None:
     """A load that its drives cannot hold up."""
     heavy = RobotChanges(
         bodies={"wrist_3_link": pin.Inertia(900.0, np.zeros(3), np.eye(3)).toDynamicParameters()}
     )
     found = replace(two_joints_diagnosed(), effects=(), changes=(heavy,))
-    with pytest.raises(RobotError):
+    with pytest.raises(
+        RobotError, match=r"^ur10: .*with what was found it is no robot .*; diagnose without --apply"
+    ):
         apply_effects(found, load_robot("ur10"), tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -50,3 +50,19 @@ def test_a_notebook_shows_the_page(planned: Path) -> None:
     assert isinstance(page, Path) and page == planned / "report.html"
     shown = page._repr_html_()
     assert shown.startswith('<iframe srcdoc="&lt;!doctype html&gt;') and shown.count('"') == 4
+
+
+def test_one_of_what_is_asked_for_is_taken_as_one(planned: Path) -> None:
+    """A motion ended in a TypeError, and a path was read letter by letter, the first of which is a whole disk."""
+    robot = excite.load_robot("ur10")
+    file = sorted((planned / "motions").iterdir())[0]
+    (motion,) = excite.load_motions(file, robot)
+    assert excite.check(robot, motion).to_json() == excite.check(robot, [motion]).to_json()
+    (written,) = excite.export_motions(str(file), "csv", out=planned.parent / "one")
+    assert written.is_file()
+    bias = "torque_bias:elbow_joint:1.0"
+    one, several = (
+        excite.simulate(robot, motions, inject=inject, nominal=True).log.trials[0].tau
+        for motions, inject in ((motion, bias), ([motion], [bias]))
+    )
+    assert (one == several).all()

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from excite.campaign.applied import apply
 from excite.cli.diagnose import _then
 from excite.cli.main import app
+from excite.errors import RobotError
 from excite.logs.files import save_log
 from tests.diagnosis.two_joints import moved, two_joint_log
 
@@ -71,6 +73,23 @@ def test_the_robot_with_the_effects_is_what_the_next_diagnosis_starts_from(tmp_p
     assert document["verdict"] == "none" and document["effects"] == [] and "applied" not in document
 
 
+def test_a_diagnosis_outlives_a_robot_that_it_does_not_make(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise RobotError("with what was found it is no robot", source="two")
+
+    monkeypatch.setattr(apply, "apply_effects", refuse)
+    log = three_trials(tmp_path, ["rigid_body", "viscous_friction", "coulomb_friction"])
+    out = tmp_path / "out"
+    done = CliRunner().invoke(
+        app, ["diagnose", str(log), "--out", str(out), "--apply", str(tmp_path / "new")]
+    )
+    assert isinstance(done.exception, RobotError)
+    assert (out / "report.html").is_file()
+    assert "applied" not in json.loads((out / "diagnosis.json").read_text())
+
+
 def test_a_second_diagnosis_that_would_say_the_same_is_not_proposed() -> None:
     effect = {"effect": "joint_spring"}
     found = {"verdict": "effect", "effects": [effect], "applied": {"left_out": ["joint spring at elbow: …"]}}
@@ -87,7 +106,11 @@ def test_bodies_that_were_fitted_are_said_not_to_be_the_files(named: str, tmp_pa
     found = CliRunner().invoke(app, ["diagnose", str(log / named), "--out", str(out)])
     assert found.exit_code == 0, found.exception
     assert "the model, its bodies fitted to the record, " in found.stdout.splitlines()[0]
-    assert f"then: excite identify {log / 'two.urdf'} {log / named} --out result" in found.stdout
+    then = f"then: excite identify {log / 'two.urdf'} {log / named} --out result"
+    assert then in found.stdout
+    again = ["diagnose", str(log / named), "--out", str(out), "--apply", str(tmp_path / "better")]
+    applied = CliRunner().invoke(app, again)
+    assert then in applied.stdout and "then: excite diagnose" not in applied.stdout
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Nothing beyond that needs to be corrected." in page
     # The page and the terminal name the same robot.

@@ -53,6 +53,41 @@ def python(code: str, *arguments: str, cwd: Path, **environment: str) -> subproc
     )
 
 
+_UNLOADABLE = """
+import sys
+import excite.cli.effects
+import excite
+def fail():
+    raise ImportError("hare cannot be loaded")
+excite.effect_summaries = fail
+from excite.cli.main import program
+program()
+"""
+
+
+def _installed(folder: Path, name: str, version: str, *requires: str) -> None:
+    """What pip leaves of a distribution."""
+    about = folder / f"{name}-{version}.dist-info"
+    about.mkdir()
+    lines = ["Metadata-Version: 2.1", f"Name: {name}", f"Version: {version}", *requires]
+    (about / "METADATA").write_text("\n".join(lines) + "\n")
+
+
+def test_a_package_that_cannot_be_loaded_beside_versions_that_do_not_go_together_is_4(tmp_path: Path) -> None:
+    asked = [f"Requires-Dist: {one}" for one in ("hare<3,>=2", "fox>=1", "owl>=1", "bear>=1; extra == 'big'")]
+    _installed(tmp_path, "excite", "0.1.0", *asked)
+    for name, version in (("hare", "1.5"), ("owl", "1.0")):
+        _installed(tmp_path, name, version)
+    where = os.pathsep.join([str(tmp_path), *sys.path])
+    done = python(_UNLOADABLE, "effects", "--json", cwd=tmp_path, PYTHONPATH=where)
+    assert done.returncode == 4
+    assert done.stderr.count("\n") == 1
+    error = json.loads(done.stdout)["error"]
+    assert "hare 1.5 (needs <3,>=2), fox is not installed" in error["message"]
+    assert "hare cannot be loaded" in error["message"]
+    assert error["remedy"] == "pip install 'hare<3,>=2' 'fox>=1'"
+
+
 def test_an_error_that_nobody_foresaw_is_5_and_says_where_its_details_are(tmp_path: Path) -> None:
     done = python(_BROKEN, "effects", "--json", cwd=tmp_path, TMPDIR=str(tmp_path))
     assert done.returncode == 5

@@ -352,3 +352,19 @@ def test_trials_with_a_folder_each_are_called_after_it(arm, tmp_path):
     (tmp_path / "none" / "below").mkdir(parents=True)
     with pytest.raises(LogError, match="holds no recordings"):
         excite.convert([tmp_path / "none"], arm, tmp_path / "other")
+
+
+def test_what_is_wrong_with_many_files_alike_is_said_once(arm, tmp_path):
+    for name in ("a.csv", "b.csv", "c.csv"):
+        (tmp_path / name).write_bytes(b"")
+    files = [str(tmp_path / name) for name in ("a.csv", "b.csv", "c.csv")]
+    with pytest.raises(LogError) as alone:
+        excite.convert(files[0], arm, tmp_path / "one")
+    with pytest.raises(LogError) as together:
+        excite.convert(files, arm, tmp_path / "all")
+    assert together.value.what == alone.value.what and together.value.remedy == alone.value.remedy
+    assert together.value.source == f"{files[0]} and 2 more"
+    with pytest.raises(LogError) as different:
+        excite.convert([*files, str(tmp_path / "gone.csv")], arm, tmp_path / "all")
+    said = str(different.value)
+    assert said.count(alone.value.what) == 1 and "gone.csv: no such file" in said

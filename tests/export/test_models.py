@@ -295,3 +295,42 @@ def test_a_robot_is_fixed_to_a_world_that_its_file_does_not_declare(ur10: Robot,
     written = write_urdf(robot, identification_of(robot, parameters), tmp_path / "identified.urdf")
     assert written.pinocchio_error <= 1e-9
     assert pin.buildModelFromUrdf(str(tmp_path / "identified.urdf")).nq == robot.n_joints
+
+
+@pytest.mark.parametrize(("name", "kind"), [("ur10", "planar"), ("g1", "floating")])
+def test_a_root_that_slides_or_floats_stays_in_the_file_and_is_read_back(
+    name: str, kind: str, tmp_path: Path
+) -> None:
+    source = load_robot(name)
+    text = source.urdf
+    base = re.search(rf'<link name="{source.base_link}"', text)
+    assert base is not None
+    above = f'<link name="floor"/><joint name="carry" type="{kind}"><parent link="floor"/><child link="{{}}"/></joint>'
+    root = next(
+        iter(set(re.findall(r'<link name="([^"]+)"', text)) - set(re.findall(r'<child link="([^"]+)"', text)))
+    )
+    (tmp_path / "carried.urdf").write_text(text.replace("</robot>", above.format(root) + "</robot>"))
+    model = source.description.model.model_copy(
+        update={"package": None, "path": str(tmp_path / "carried.urdf")}
+    )
+    robot = build_robot(source.description.model_copy(update={"model": model}), source.source)
+    written = write_urdf(robot, identification_of(robot, scattered(robot)), tmp_path / "identified.urdf")
+    assert written.pinocchio_error <= 1e-9
+    assert f'name="carry" type="{kind}"' in (tmp_path / "identified.urdf").read_text()
+
+
+def test_what_mujoco_remarks_on_a_urdf_stays_out_of_the_users_folder(
+    ur10: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """As of fingers that a maker holds still by limits without width."""
+    finger = (
+        '<link name="finger"/><joint name="grip" type="revolute"><parent link="wrist_3_link"/>'
+        '<child link="finger"/><axis xyz="0 0 1"/><limit lower="0" upper="0" effort="1" velocity="1"/></joint>'
+    )
+    file = tmp_path / "arm.urdf"
+    file.write_text(model_file(ur10).read_text().replace("</robot>", finger + "</robot>"))
+    robot = excite.load_robot(file)
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    write_urdf(robot, identification_of(robot, scattered(robot)), tmp_path / "a.urdf")
+    assert list(Path().iterdir()) == [] and capfd.readouterr().err == ""

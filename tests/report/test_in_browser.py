@@ -55,6 +55,14 @@ def test_nothing_is_said_asked_for_or_cut_off(width: int, dark: bool, page: Path
         assert browser.ask(cut_off) == 0
 
 
+def test_a_long_name_of_a_robot_breaks_on_a_telephone(page: Path, browser: Chromium) -> None:
+    """As makers' files have them: an underscore is no place where a line may break."""
+    browser.open(page, 400)
+    name = "arm_with_wrist_of_three_axes_and_gripper_of_50_mm"
+    browser.ask(f"document.querySelector('h1').textContent = '{name}'")
+    assert browser.ask("document.documentElement.scrollWidth") <= 400
+
+
 def test_the_robot_moves_as_pinocchio_says(page: Path, browser: Chromium) -> None:
     robot = load_robot("hrp2like")
     browser.open(page, 1000)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -687,6 +688,19 @@ def test_a_floating_joint_at_the_root_says_that_the_base_is_free(bare: bool, tmp
         written(text, tmp_path)
 
 
+def test_a_planar_joint_at_the_root_stands_for_wheels_that_stand_still(tmp_path: Path) -> None:
+    """As MoveIt wants it of bases on wheels; inside a robot it is refused as before."""
+    above = '<link name="floor"/><joint name="drive" type="planar"><parent link="floor"/><child link="{}"/></joint>'
+    root = ElementTree.fromstring(ARM)
+    first = next(link for link in root.iter("link")).get("name")
+    robot = written(ARM.replace("</robot>", above.format(first) + "</robot>"), tmp_path)
+    assert robot.joint_names == written(ARM, tmp_path / "bare").joint_names and not robot.floating
+    assert any(
+        "1 joint held still (what its wheels or legs do): drive" in str(one)
+        for one in robot.description.assumed
+    )
+
+
 @pytest.mark.parametrize(("joint", "held"), [("wrist_rotate", []), ("gripper", ["gripper"])])
 def test_a_wrist_that_turns_the_gripper_is_free(joint: str, held: list[str], tmp_path: Path) -> None:
     """The last joint of a ViperX turns a link that is called the gripper's."""
@@ -713,3 +727,26 @@ def test_a_key_frame_that_nobody_can_stand_in_is_not_where_legs_are_sought(tmp_p
     robot = written(spec.to_xml(), tmp_path, "mine.xml")
     assert robot.description.base == "floating"
     assert len(robot.feet) == 4
+
+
+def test_geometry_that_is_not_there_is_named_and_the_boxes_in_its_place_are_called_boxes(
+    tmp_path: Path,
+) -> None:
+    gone = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual></link>'
+    text = cart().replace("<collision>", "<none>").replace("</collision>", "</none>").replace("</link>", gone)
+    robot = written(text, tmp_path)
+    (geometry,) = [one for one in robot.description.assumed if one.what == "geometry"]
+    assert "gone.stl: no such file" in geometry.consequence
+    assert robot.description.collision.source.startswith("boxes of the links' inertia")
+
+
+def test_moments_in_another_unit_are_named_by_the_size_of_the_link(tmp_path: Path) -> None:
+    """As a hand in kg·cm²: accelerations that its arm was allowed were ten thousand times too small."""
+    right = written(quadruped(), tmp_path)
+    assert not any("no body of a link's size" in one.what for one in right.description.assumed)
+    wide = re.sub(
+        r'\bi(..)="([\d.e-]+)"', lambda found: f'i{found[1]}="{1e4 * float(found[2])}"', quadruped()
+    )
+    wrong = written(wide, tmp_path / "cm")
+    (said,) = [one for one in wrong.description.assumed if "no body of a link's size" in one.what]
+    assert "front_left_shank (" in said.value

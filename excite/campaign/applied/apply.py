@@ -82,16 +82,23 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
         )
     changes = diagnosis.changes[len(diagnosis.effects)]
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / MODEL, with_bodies(robot.urdf, changes.bodies))
+    model = with_bodies(robot.urdf, changes.bodies)
+    write_text(folder / MODEL, model.urdf)
     content = _description(robot, changes, folder)
     path = write_text(folder / ROBOT, _text(content))
     try:
         load_robot(path)
-    except RobotError:
+    except RobotError as error:
         for file in (path, folder / MODEL):
             file.unlink()
-        raise
-    return Applied(path, (*_written(changes, robot), *_doubts(diagnosis)), tuple(changes.beyond))
+        raise RobotError(
+            f"with what was found it is no robot ({error.what})",
+            source=robot.name,
+            field=error.field,
+            remedy="diagnose without --apply; augmented.xml has what a simulator can",
+        ) from error
+    said = (*_written(changes, robot), *map(_raised, model.raised), *_doubts(diagnosis))
+    return Applied(path, said, tuple(changes.beyond))
 
 
 def check_applicable(robot: Robot) -> None:
@@ -102,6 +109,10 @@ def check_applicable(robot: Robot) -> None:
             field="--apply",
             remedy="diagnose it without --apply; augmented.xml has what a simulator can",
         )
+
+
+def _raised(link: str) -> str:
+    return f"{link}: no body has the moments of inertia found; it got the nearest that one can have"
 
 
 def _text(content: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,8 +15,29 @@ _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 
 
-def with_bodies(urdf: str, bodies: Mapping[str, Array]) -> str:
-    """A URDF whose links have bodies more, ``(10,)`` about the link's frame each."""
+# Share of a body's second moments that rounding may leave below zero, as where all its mass lies in a plane.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A URDF with bodies more.
+
+    Attributes:
+        urdf: its text.
+        raised: links whose moments of inertia, as found, no body has; they got the nearest that one can have.
+    """
+
+    urdf: str
+    raised: tuple[str, ...]
+
+
+def with_bodies(urdf: str, bodies: Mapping[str, Array]) -> Loaded:
+    """A URDF whose links have bodies more, ``(10,)`` about the link's frame each.
+
+    Mass and its centre, which gravity tells far better than any moment of inertia, are as found.
+    """
+    raised: list[str] = []
     root = ElementTree.fromstring(urdf)
     for link in root.findall("link"):
         body = bodies.get(str(link.get("name")))
@@ -25,8 +47,25 @@ def with_bodies(urdf: str, bodies: Mapping[str, Array]) -> str:
         total = body if inertial is None else body + _stated(inertial)
         if inertial is not None:
             link.remove(inertial)
-        link.insert(0, _inertial(pin.Inertia.FromDynamicParameters(total)))
-    return ElementTree.tostring(root, encoding="unicode")
+        found = pin.Inertia.FromDynamicParameters(total)
+        there = _existing(found)
+        raised += [] if there is found else [str(link.get("name"))]
+        link.insert(0, _inertial(there))
+    return Loaded(ElementTree.tostring(root, encoding="unicode"), tuple(raised))
+
+
+def _existing(body: pin.Inertia) -> pin.Inertia:
+    """The body itself, or that of the nearest second moments ``½ tr(I) 1 − I`` about its centre that mass can have.
+
+    None of these is negative (Wensing, Kim and Slotine 2018, section III); of matrices without a negative eigenvalue
+    the nearest one, in the sum of squares, has those of this one raised to zero (Higham 1988).
+    """
+    inertia = np.asarray(body.inertia)
+    values, vectors = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
+    if values[0] >= -_ROUNDING * np.abs(values).max():
+        return body
+    second = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return pin.Inertia(body.mass, body.lever, np.trace(second) * np.eye(3) - second)
 
 
 def _stated(inertial: ElementTree.Element) -> Array:

@@ -102,7 +102,7 @@ def predictable(robot: Robot) -> bool:
     if robot.measures_contacts:
         return all(s.noise_force > 0.0 and s.noise_moment > 0.0 for s in robot.sensors)
     noise = sensors.noise_torque
-    stated = noise is not None and (noise.default is not None or set(robot.joint_names) <= set(noise.joints))
+    stated = noise is not None and (noise.default is not None or set(robot.driven_names) <= set(noise.joints))
     return sensors.joint_torque is not None and stated
 
 

@@ -139,13 +139,15 @@ def _planned_log(robot: Robot, motions: Sequence[Motion], settings: ProblemSetti
 def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
     n = int(motion.duration * rate_hz + 1e-9) + 1
     sampled = interpolate(motion, robot, motion.time[0] + np.arange(n) / rate_hz)
-    joints = sampled.joint_positions()
+    # As a log has them: what follows from the motors is not recorded.
+    motors = ~robot.passive
+    friction = _sharp_friction(robot, sampled.v)
     return Trial(
         name=motion.name,
         role="identification",
         time=sampled.time,
-        q=joints,
-        tau=None if robot.description.sensors.joint_torque is None else _sharp_friction(robot, sampled.v),
+        q=sampled.joint_positions()[:, motors],
+        tau=None if robot.description.sensors.joint_torque is None else friction[:, motors],
         base=sampled.q[:, :7] if robot.floating else None,
         imu=_planned_imu(robot, sampled),
         wrenches={sensor.name: np.zeros((n, 6)) for sensor in robot.sensors},

@@ -17,6 +17,7 @@ from typing import Any
 import excite
 from excite.atomic import completed
 from excite.cli.session.interruption import document_printed
+from excite.cli.session.requirements import Unmet, pip_install, unmet_requirements
 from excite.errors import ExciteError, NothingSafeError
 from excite.finding import Finding
 from excite.folders import unwritable
@@ -121,8 +122,14 @@ def of_usage(error: Any) -> Failure:
 
 
 def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
-    """An error of our own: the details go to a file, the line says where."""
+    """An error of our own: the details go to a file, the line says where.
+
+    Not our own is one of loading a package while installed ones are not those that excite asks for.
+    """
     name = one_line(f"{type(error).__name__}: {error}")[:200]
+    unmet = unmet_requirements()
+    if unmet and isinstance(error, ImportError):
+        return _of_packages(name, unmet)
     details = _write_details(error, arguments)
     where = f"details in {details}" if details else "its details could not be written"
     done = _complete()
@@ -133,6 +140,13 @@ def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
         remedy="report it with that file",
         line=f"an error that nobody foresaw ({name}); {done}; {where}: report it with that file",
     )
+
+
+def _of_packages(name: str, unmet: list[Unmet]) -> Failure:
+    """A package that cannot be loaded, beside what is not installed as excite asks for it."""
+    odd, remedy = ", ".join(one.text for one in unmet), pip_install(unmet)
+    what = f"installed packages: versions do not go together: {odd} ({name})"
+    return Failure(EXIT_BAD_INPUT, what, remedy=remedy, line=f"{what}; {remedy}")
 
 
 def one_line(text: str) -> str:
@@ -156,6 +170,8 @@ def _write_details(error: BaseException, arguments: Sequence[str]) -> Path | Non
     lines = [
         f"excite {excite.__version__}, Python {platform.python_version()}, {platform.platform()}",
         "arguments: " + " ".join(map(repr, arguments)),
+        "packages that are not as excite asks for them: "
+        + (", ".join(one.text for one in unmet_requirements()) or "none"),
         "complete by then:",
         *(f"  {path}" for path in completed()),
         "",

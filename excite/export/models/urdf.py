@@ -99,12 +99,14 @@ def edited_urdf(robot: Robot, identification: Found, *, drives: bool, force: boo
     """The robot's URDF as its author left it, edited; arguments and errors as of :func:`write_urdf`."""
     changed = changed_segments(robot, identification, force=force)
     file = model_file(robot)
-    parse_urdf(file)
+    # Without the bare link from which a free base floats.
+    loaded = {link.get("name") for link in parse_urdf(file).findall("link")}
     content = read_bytes(file, limit=MAX_XML_BYTES, error=RobotError)
     text = XmlText(content, file)
     if declare_world(parse_xml(content, file, RobotError)):
         text.insert_first(text.root, f'<link name="{WORLD}"/>')
     links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
+    links = {name: link for name, link in links.items() if name in loaded}
     members = _members(robot, links, file)
     _unchanged_since_loading(robot, members, file)
     notes = complete_limits(text, robot)

@@ -11,11 +11,13 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
+from excite.divergence import without_log_file
 from excite.errors import InputError
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
 from excite.reading.xml_document import elements_of
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Robot
+from excite.robot.urdf.free_root import drop_free_root, hold_planar_root
 from excite.robot.urdf.model import urdf_model
 
 if TYPE_CHECKING:
@@ -108,9 +110,17 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
     return np.array(torque)
 
 
+def _rooted(text: bytes) -> ElementTree.Element:
+    """The ``robot`` element of a URDF text, what carries the robot as it is loaded."""
+    root: ElementTree.Element = elements_of(text)
+    drop_free_root(root)
+    hold_planar_root(root)
+    return root
+
+
 def _links_apart(text: bytes) -> ElementTree.Element:
     """The robot with links that no joint is called like: pinocchio reduces no model in which names stand twice."""
-    root: ElementTree.Element = elements_of(text)
+    root = _rooted(text)
     for element in root.iter():
         if element.tag == "link" and element.get("name"):
             element.set("name", f"{element.get('name')} (link)")
@@ -180,7 +190,7 @@ def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
     """
     import mujoco
 
-    root = elements_of(text)
+    root = _rooted(text)
     for link in root.findall("link"):
         for kind in ("visual", "collision"):
             for element in link.findall(kind):
@@ -197,7 +207,8 @@ def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
         ElementTree.SubElement(joint, "parent", link="world")
         ElementTree.SubElement(joint, "child", link=robot.base_link)
     try:
-        return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+        with without_log_file():
+            return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
     except ValueError as error:
         raise InputError(
             f"MuJoCo refuses it ({' '.join(str(error).split())})",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -46,10 +46,14 @@ def noise_sources(robot: Robot, problem: IdentificationProblem, motion: Motion) 
     positions = _position_source(robot, problem, motion)
     if robot.measures_contacts:
         return _wrench_source(robot, motion), positions
-    torques = _torque_source(robot, motion)
+    sources: tuple[NoiseSource, ...] = (_torque_source(robot, motion), positions)
     if robot.floating and robot.description.sensors.imu is not None:
-        return torques, *_imu_sources(robot, positions)
-    return torques, positions
+        sources = (sources[0], *_imu_sources(robot, positions))
+    if not robot.passive.any():
+        return sources
+    # Rows are the motors' alone.
+    motors = ~robot.passive
+    return tuple(replace(one, gains=tuple(gain[:, motors] for gain in one.gains)) for one in sources)
 
 
 def _torque_source(robot: Robot, motion: Motion) -> NoiseSource:

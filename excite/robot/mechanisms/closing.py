@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -10,11 +11,9 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import MotionError
-from excite.robot.mechanisms.closures import Closure
+from excite.robot.mechanisms.closures import SINGULAR, Closure
+from excite.robot.mechanisms.ratios import ConstantRatios
 
-# Singular values of the passive joints' part of K below this share of the largest are rounding: equations that say
-# the same, as a plane's do. A mechanism that is so near a singular position amplifies any error a million times.
-SINGULAR = 1e-6
 # Gaps are closed to this [m or rad]: far below what geometry is known to, far above rounding.
 _CLOSED = 1e-10
 # Newton's method takes 3 to 6 steps where a mechanism is within reach, and never ends where it is not.
@@ -46,6 +45,11 @@ class ClosedTree:
         """Indices into ``v`` of all others: motors, and a free base."""
         return np.setdiff1d(np.arange(self.model.nv), self.passive)
 
+    @cached_property
+    def ratios(self) -> ConstantRatios | None:
+        """All closures as constant ratios, which need no search; None where one is more than that."""
+        return ConstantRatios.of(self.model, self.closures, self.passive, self.driven)
+
     @property
     def meeting(self) -> set[frozenset[int]]:
         """Pairs of model joints whose links meet where a loop closes."""
@@ -63,6 +67,8 @@ class ClosedTree:
         Raises:
             MotionError: a loop cannot be closed.
         """
+        if self.ratios is not None:
+            return self.ratios.closed(q)
         data, out = self.model.createData(), np.array(q, dtype=float)
         columns, before = self._coordinates, self.rest
         for i in range(len(out)):
@@ -71,6 +77,8 @@ class ClosedTree:
 
     def gaps(self, q: Array) -> Array:
         """How far the worst closure is open, ``(n,)`` [m or rad]."""
+        if self.ratios is not None:
+            return self.ratios.gaps(q)
         data, out = self.model.createData(), np.zeros(len(q))
         for i in range(len(q)):
             pin.forwardKinematics(self.model, data, q[i])

@@ -11,6 +11,10 @@ from numpy.polynomial import polynomial
 
 from excite.arrays import Array
 
+# Singular values of the passive joints' part of K below this share of the largest are rounding: equations that say
+# the same, as a plane's do. A mechanism that is so near a singular position amplifies any error a million times.
+SINGULAR = 1e-6
+
 
 class Closure(ABC):
     """Equations ``gap(q) = 0``.
@@ -161,6 +165,11 @@ class Coupling(Closure):
     def size(self) -> int:
         """One."""
         return 1
+
+    @property
+    def constant(self) -> bool:
+        """Whether all its polynomials are factors."""
+        return not any(any(factors[1:]) for factors in self.factors)
 
     def gap(self, q: Array, data: pin.Data) -> Array:
         """The sum less its offset."""

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.errors import MotionError
-from excite.robot.mechanisms.closing import SINGULAR, ClosedTree
+from excite.robot.mechanisms.closing import ClosedTree
+from excite.robot.mechanisms.closures import SINGULAR
 
 # A random configuration out of reach is tried again at this share of its way from rest.
 _PULLED = 0.6
@@ -38,6 +39,10 @@ class Mechanism(ClosedTree):
         """
         data, still, driven = self.model.createData(), np.zeros(self.model.nv), self.driven
         q, v, a = (np.array(values, dtype=float) for values in (q, v, a))
+        if self.ratios is not None:
+            v[:, self.passive] = v[:, driven] @ self.ratios.velocities.T
+            a[:, self.passive] = a[:, driven] @ self.ratios.velocities.T
+            return Moved(self.ratios.closed(q), v, a)
         columns, before = self._coordinates, self.rest
         for i in range(len(q)):
             before = q[i] = self._reached(data, before, q[i], columns, i)
@@ -59,6 +64,9 @@ class Mechanism(ClosedTree):
         """Accelerations ``(n, nv)`` of which the passive ones follow from the others, ``v`` from :meth:`velocities`."""
         data, still = self.model.createData(), np.zeros(self.model.nv)
         out, driven = np.array(a, dtype=float), self.driven
+        if self.ratios is not None:
+            out[:, self.passive] = out[:, driven] @ self.ratios.velocities.T
+            return out
         for i in range(len(q)):
             pin.forwardKinematics(self.model, data, q[i], v[i], still)
             drift = self._drift(q[i], v[i], data)
@@ -79,6 +87,9 @@ class Mechanism(ClosedTree):
         data, driven = self.model.createData(), self.driven
         maps = np.zeros((len(q), self.model.nv, len(driven)))
         maps[:, driven, np.arange(len(driven))] = 1.0
+        if self.ratios is not None:
+            maps[:, self.passive] = self.ratios.velocities
+            return maps
         for i in range(len(q)):
             pin.computeJointJacobians(self.model, data, q[i])
             jacobian = self._jacobian(q[i], data)

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.robot.mechanisms.closing import SINGULAR
+from excite.robot.mechanisms.closures import SINGULAR
 from excite.robot.mjcf.trees import loop_joints
 from excite.robot.mjcf.urdf import Mimic
 

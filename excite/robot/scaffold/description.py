@@ -146,13 +146,14 @@ def _armature(rotors: Mapping[str, float]) -> dict[str, Any]:
 
 def _collision(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:
     """The block ``collision``; ``ground`` is the table's height [m], None for a robot that stands on it."""
+    shapes = "boxes of the links' inertia" if model.authored else "convex hulls of the model's geometry"
     return {
         "geometry": model.geometry.kind or "authored",
         **({"shapes": model.authored} if model.authored else {}),
         "margin": model.robot.description.collision.margin,
         **({} if ground is None else {"table_height": round(ground, 4)}),
         "ignored_pairs": [list(p) for p in _ignored(rest, model.figure, ground)],
-        "source": "convex hulls of the model's geometry; pairs computed by excite.robot.shapes.ignored_pairs",
+        "source": f"{shapes}; pairs computed by excite.robot.shapes.ignored_pairs",
     }
 
 

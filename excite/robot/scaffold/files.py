@@ -15,11 +15,13 @@ from excite.reading.xml_document import read_xml
 from excite.robot.description import Assumed
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
 from excite.robot.scaffold.description import scaffold_description
+from excite.robot.scaffold.held import Held
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
+from excite.robot.scaffold.structure import held_still
 from excite.robot.scaffold.weighed import states_mass, weighed
 from excite.robot.srdf import read_srdf
-from excite.robot.urdf.free_root import free_root
+from excite.robot.urdf.free_root import free_root, planar_root
 from excite.robot.urdf.reading import MAX_NESTING
 from excite.robot.xacro_file import expanded, is_xacro
 from excite.temporary_folder import TemporaryFolder
@@ -83,7 +85,7 @@ def write_scaffold(
         return ScaffoldFiles(target, urdf, _assumed(text), conversion.notes)
     found, said = _expanded(file, source), Said(ignored=ignored)
     if found.text is None:
-        said = replace(said, floating=found.floating)
+        said = replace(said, floating=found.floating, assumed=found.assumed)
         text = scaffold_description(
             file, None if absolute else folder, seed=seed, said=said, absolute=absolute
         )
@@ -122,13 +124,20 @@ def _expanded(file: Path, source: Source) -> _Made:
     plain = not is_xacro(file) and not source.package_path
     root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain else None
     if root is not None and (states_mass(root) or root.tag != "robot"):
-        return _Made(None, _floating(root))
+        return _Made(None, _floating(root), _wheeled(root))
     text = expanded(file, source.arguments, source.package_path)
     root = ElementTree.fromstring(text)
     found = weighed(root, file)
     if found is not None:
-        return _Made(found.text, _floating(root), (found.assumed,))
-    return _Made(None if plain else text, _floating(root))
+        return _Made(found.text, _floating(root), (found.assumed, *_wheeled(root)))
+    return _Made(None if plain else text, _floating(root), _wheeled(root))
+
+
+def _wheeled(root: ElementTree.Element) -> tuple[Assumed, ...]:
+    """A base that slides and turns on a plane is held still."""
+    joint = planar_root(root)
+    held = {} if joint is None else {str(joint.get("name")): Held(0.0, "what its wheels or legs do")}
+    return tuple(held_still(held))
 
 
 def _floating(root: ElementTree.Element) -> bool | None:

@@ -57,7 +57,9 @@ class StandIn:
             try:
                 shapes = collision_shapes(robot)
             except RobotError as error:
-                reasons.append(f"{kind}: {error.what}")
+                file = self.path.name if error.source is None else Path(str(error.source)).name
+                of_mesh = "" if file == self.path.name else f"{file}: "
+                reasons.append(f"{kind}: {of_mesh}{error.what}")
                 continue
             if not any(shape.joint for shape in shapes):
                 # Nothing would be checked: no shape moves.

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pinocchio as pin
+
 from excite.finding import first_names
 from excite.robot.description import Assumed
 from excite.robot.scaffold.held import Held
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.rest import Rest
 from excite.robot.shapes.ground import links_below
+from excite.robot.shapes.shape import shape_points
 
 FRICTION = 0.5
 """Friction of soles that nobody stated: rubber on a dusty floor has 0.5 … 0.8."""
@@ -23,7 +27,7 @@ def assumed_structure(
     ranged: tuple[str, ...] = (),
 ) -> list[Assumed]:
     """Joints held or kept in a range, inertia, geometry and ground (or soles' friction) as they were assumed."""
-    found = _held_still(held)
+    found = held_still(held)
     if ranged:
         found.append(
             Assumed(
@@ -48,6 +52,19 @@ def assumed_structure(
                 consequence=(
                     "no longer than their joints say; collisions are checked roughly: the model's geometry cannot be "
                     f"used ({geometry[:150]})"
+                ),
+            )
+        )
+    elif spread := _spread(figure):
+        found.append(
+            Assumed(
+                what="moments of inertia that no body of a link's size has",
+                value=first_names(
+                    [f"{link} ({gyration:.3g} m, {reach:.3g} m)" for link, gyration, reach in spread]
+                ),
+                consequence=(
+                    "radius of gyration, and how far its shapes reach from its centre of mass: with moments in another "
+                    "unit, torques and acceleration limits are far off; correct the model"
                 ),
             )
         )
@@ -87,7 +104,29 @@ def assumed_structure(
     return found
 
 
-def _held_still(held: dict[str, Held]) -> list[Assumed]:
+def _spread(figure: Figure) -> list[tuple[str, float, float]]:
+    """Links whose radius of gyration is larger than the farthest of their shapes is from their centre of mass [m].
+
+    Wherever within its shapes a body's mass lies, no moment is more than the mass times that distance squared. Of 405
+    links of 33 published models 393 keep that, 380 with less than 0.8 of the distance; eight break it by up to 2.4, and
+    the four of a pair of hands that stands in kg·cm² by 23 to 37.
+    """
+    found = []
+    for segment, ten in zip(
+        figure.robot.segments, figure.robot.nominal_parameters.reshape(-1, 10), strict=True
+    ):
+        corners = [shape_points(shape) for shape in figure.shapes if shape.joint == segment.joint]
+        body = pin.Inertia.FromDynamicParameters(ten)
+        if not corners or body.mass <= 0.0:
+            continue
+        reach = float(np.linalg.norm(np.vstack(corners) - body.lever, axis=1).max())
+        gyration = float(np.sqrt(max(np.linalg.eigvalsh(body.inertia)[-1], 0.0) / body.mass))
+        if gyration > reach:
+            found.append((segment.link, gyration, reach))
+    return sorted(found, key=lambda one: one[1] / one[2], reverse=True)
+
+
+def held_still(held: dict[str, Held]) -> list[Assumed]:
     """Joints that do not move, those of one reason together."""
     found = []
     for why in sorted({one.why for one in held.values()}):

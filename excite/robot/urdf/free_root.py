@@ -1,4 +1,4 @@
-"""What a URDF's root says of the base: free by a joint of type ``floating``, or fixed to a world of its own."""
+"""What a URDF's root says of the base: free, or on wheels, by its joint's type, or fixed to a world of its own."""
 
 from __future__ import annotations
 
@@ -15,16 +15,34 @@ def free_root(root: ElementTree.Element) -> tuple[ElementTree.Element, ElementTr
     Args:
         root: the ``robot`` element.
     """
+    return _carrying(root, "floating")
+
+
+def planar_root(root: ElementTree.Element) -> ElementTree.Element | None:
+    """The planar joint on which the whole robot slides and turns, from a bare link; None where there is none."""
+    found = _carrying(root, "planar")
+    return None if found is None else found[0]
+
+
+def hold_planar_root(root: ElementTree.Element) -> None:
+    """Fix such a joint: it stands for wheels, which are held still as others are."""
+    joint = planar_root(root)
+    if joint is not None:
+        joint.set("type", "fixed")
+
+
+def _carrying(root: ElementTree.Element, kind: str) -> tuple[ElementTree.Element, ElementTree.Element] | None:
+    """The joint of a type that carries the whole robot, and the bare link that it hangs on."""
     joints = root.findall("joint")
     for joint in joints:
-        if joint.get("type") != "floating":
+        if joint.get("type") != kind:
             continue
         above = link_at(joint, "parent")
         ends = [(link_at(other, "parent"), link_at(other, "child")) for other in joints if other is not joint]
         links = [link for link in root.findall("link") if link.get("name") == above]
         if any(above in pair for pair in ends) or len(links) != 1:
             continue
-        if all(links[0].find(kind) is None for kind in ("inertial", "visual", "collision")):
+        if all(links[0].find(part) is None for part in ("inertial", "visual", "collision")):
             return joint, links[0]
     return None
 

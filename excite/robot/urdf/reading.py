@@ -19,7 +19,7 @@ import pinocchio as pin
 from excite.errors import RobotError
 from excite.reading.xml_document import read_xml
 from excite.robot.joint_values import check_range
-from excite.robot.urdf.free_root import declare_world, drop_free_root
+from excite.robot.urdf.free_root import declare_world, drop_free_root, hold_planar_root
 from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import check_inertials
 from excite.robot.urdf.numbers import numbers
@@ -79,7 +79,7 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
 def parse_urdf(path: Path) -> ElementTree.Element:
     """The ``robot`` element of a URDF file, without solids that are points and without a free root, with its world.
 
-    Continuous joints that state a range are revolute in it.
+    Continuous joints that state a range are revolute in it, a planar root is fixed.
 
     Raises:
         RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
@@ -104,6 +104,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     drop_points(root)
     declare_world(root)
     drop_free_root(root)
+    hold_planar_root(root)
     keep_stated_ranges(root, path)
     return root
 
