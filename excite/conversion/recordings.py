@@ -16,6 +16,8 @@ from excite.errors import LogError
 
 # How far below a folder that is named recordings may have folders of their own: a session's, a trial's.
 _DEPTH = 2
+# Files of one fault that an error names; of more only the first.
+_NAMED = 2
 
 
 def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
@@ -53,7 +55,9 @@ def _all_of(wrong: Sequence[LogError]) -> LogError:
 
 
 def _few(sources: Sequence[str]) -> str:
-    return sources[0] if len(sources) == 1 else f"{sources[0]} and {len(sources) - 1} more"
+    if len(sources) > _NAMED:
+        return f"{sources[0]} and {len(sources) - 1} more"
+    return ", ".join(sources)
 
 
 def _joined(recordings: Sequence[Recording]) -> list[Recording]:

@@ -32,7 +32,7 @@ from excite.diagnosis.effects.note import Beyond, JointStep, Note
 from excite.diagnosis.effects.readings.encoder_offset import EncoderOffset
 from excite.diagnosis.effects.readings.time_delay import TimeDelay
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.equations.baseline import Derived
+from excite.diagnosis.equations.baseline import Baseline, Derived
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.servo.encoders import LoggedOffset
 from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
@@ -142,6 +142,18 @@ def test_what_follows_the_motion_alone_is_the_same_whatever_else_was_found(name:
     assert alike or not made.effect.by_motion
 
 
+def fitted_beside(base: Baseline, found: Found) -> Baseline:
+    """The baseline as a fit beside an effect leaves it: a joint's drive is in units of the channel that reads it."""
+    form, j = found.form(base.samples.joints), found.location
+    if form.reads == 1.0:
+        return base
+    own = [
+        form.reads * values if joint == j else values
+        for joint, values in zip(base.samples.joints, base.fit.own, strict=True)
+    ]
+    return replace(base, fit=replace(base.fit, held=tuple(own)))
+
+
 @pytest.mark.parametrize("name", FORMS)
 def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> None:
     """Driven by the torques that the record needs with it, the model, written and loaded again, moves as recorded.
@@ -150,7 +162,7 @@ def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> N
     """
     made = case(FORMS[name])
     base, found = made.context.baseline, made.found
-    model = augmented_model(base, [found])
+    model = augmented_model(fitted_beside(base, found), [found])
     plain = baseline_model(base).xml
     if found.formless is not None:
         assert found.form(base.samples.joints).absent in Beyond
