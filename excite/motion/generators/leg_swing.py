@@ -143,7 +143,7 @@ class _Ground:
 
     Attributes:
         shift: from the centre of mass to where the stance foot holds it best, ``(2,)`` [m].
-        half_width: of the stance sole along y, the narrower side of its middle [m].
+        half_width: of the stance sole along y, the narrower side of that point [m].
         outward: sign of y from the stance foot to the free one.
         height: of the pelvis [m].
         sole: middle of the free sole, ``(3,)`` [m].

@@ -15,8 +15,6 @@ from excite.robot.robot import Robot
 # point moves. Of six leg swings each of an AzureLoong and an EngineAI SA01 all are safe with 0.5, none with 0.8 or over
 # the middle of the sole; G1, HRP-2 and Talos stand over that with less.
 EASY = 0.5
-# An axis as steep as this, its cosine to the horizontal, turns the sole and carries none of the load.
-_STEEP = 0.1
 
 
 def eased(robot: Robot, placements: Sequence[pin.SE3], end: int, corners: Array, load: float) -> Array:
@@ -42,7 +40,7 @@ def eased(robot: Robot, placements: Sequence[pin.SE3], end: int, corners: Array,
         axis = place.rotation @ robot.model.joints[joint].createData().S[3:].ravel()
         lever = np.array([-axis[1], axis[0]])
         level = float(np.linalg.norm(lever))
-        if level < _STEEP:
+        if level == 0.0:  # it turns the sole and carries none of the load
             continue
         along = lever / level
         torque = float(robot.limits.torque[robot.joint_index(robot.model.names[joint])])
