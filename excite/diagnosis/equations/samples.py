@@ -91,13 +91,16 @@ class ArmSamples:
                 joint may stick (:attr:`slipping`); None for signals as they are.
         """
         values = signals if isinstance(signals, np.ndarray) else np.concatenate(signals)
-        if joints is not None:
-            values = values * self.slipping[:, list(joints)].reshape(len(values), *values.shape[1:])
+        weighted = None if joints is None else np.array(joints, dtype=np.int64)
         if self.bands.rows_hz >= 0.5 * self.rate_hz:
+            if weighted is not None:
+                values = values * self.slipping[:, weighted].reshape(values.shape)
             parts = zip(self.split(values), self.trials, strict=True)
             return np.concatenate([part[trial.rows] for part, trial in parts])
         sections = butterworth_sections(_ORDER, self.rate_hz, self.bands.rows_hz)
-        smooth = both_ways(values.reshape(len(values), -1), *self._layout, *sections)
+        signals = values.reshape(len(values), -1)
+        weights = None if weighted is None else self._weights
+        smooth = both_ways(signals, *self._layout, *sections, weights, weighted)
         return smooth.reshape(len(smooth), *values.shape[1:])
 
     @cached_property
@@ -170,6 +173,11 @@ class ArmSamples:
                 v = self.of_motor("v", k)
                 made[:, joint] &= surely_slips(v, self.starts, self.standstill[k], self.rate_hz, cutoff)
         return made
+
+    @cached_property
+    def _weights(self) -> Array:
+        # Joint by joint, as the filter lays signals out.
+        return np.ascontiguousarray(self.slipping.T)
 
     def unweighed(self, residual: Array) -> Array:
         """Residuals ``(n_joints, n_rows)`` without what rows weigh more for those that :attr:`slipping` leaves out."""

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from excite.arrays import Array
 from excite.doctor.likely_bodies import FLOOR, half_log
@@ -100,7 +100,7 @@ def left_by_any_bodies(samples: TorqueSamples, reading: Reading) -> Array:
             right[place] += weight * side
         unit = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
         root = np.linalg.cholesky(matrix / np.outer(unit, unit) + _TRACE * np.eye(size))
-        x = nnls(root.T, np.linalg.solve(root, right / unit), maxiter=20 * size)[0] / unit
+        x = scipy.optimize.nnls(root.T, np.linalg.solve(root, right / unit), maxiter=20 * size)[0] / unit
         parts = [x[place] for place in places]
         shares = np.array(
             [powers[j] - 2.0 * part @ rights[j] + part @ grams[j] @ part for j, part in enumerate(parts)]

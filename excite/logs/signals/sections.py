@@ -54,6 +54,8 @@ def both_ways(
     row_ends: NDArray[np.int64],
     sections: Array,
     states: Array,
+    weights: Array | None = None,
+    weighted: NDArray[np.int64] | None = None,
 ) -> Array:
     """Signals of several trials forwards and backwards through sections, at the rows that are kept.
 
@@ -67,10 +69,14 @@ def both_ways(
         row_ends: ``(n_trials,)`` where each trial ends in ``rows``.
         sections: of :func:`butterworth_sections`, and their ``states``.
         states: after a constant 1.
+        weights: ``(n_weights, n)`` what signals are multiplied by before, and ``weighted``, ``(n_signals,)``, by which
+            of them each is; None where they go through as they are.
 
     Returns:
         ``(n_rows, n_signals)``, each signal in one piece.
     """
+    if weights is None or weighted is None:
+        weights, weighted = np.empty((0, 0)), np.empty(0, dtype=np.int64)
     longest = int(np.diff(ends, prepend=0).max())
     columns = max(1, min(values.shape[1], SIDE_BY_SIDE))
     trials = min(len(ends), max(1, SIDE_BY_SIDE // columns))
@@ -79,13 +85,13 @@ def both_ways(
     # Of signals in one piece each a few are laid out at a time: a line of the cache holds eight numbers.
     pieces = values.flags.f_contiguous
     values, at_once = (values, 8) if pieces else (np.ascontiguousarray(values), columns)
-    _filter(values, ends, rows, row_ends, sections, states, columns, at_once, room, out)
+    _filter(values, weights, weighted, ends, rows, row_ends, sections, states, columns, at_once, room, out)
     return out.T
 
 
 @LazyKernel
 def _filter(
-    values, ends, rows, row_ends, sections, states, columns, at_once, room, out
+    values, weights, weighted, ends, rows, row_ends, sections, states, columns, at_once, room, out
 ):  # pragma: no cover - compiled
     """:func:`both_ways`, so many columns of so many trials at a time as there is ``room`` for.
 
@@ -99,7 +105,8 @@ def _filter(
             last = min(trial + at_a_time, n_trials)
             for k in range(trial, last):
                 start = ends[k - 1] if k else 0
-                _lay(values, start, ends[k] - start, column, at_once, room, (k - trial) * columns, width)
+                n, place = ends[k] - start, (k - trial) * columns
+                _lay(values, weights, weighted, start, n, column, at_once, room, place, width)
             _pass(room, sections, states, 0, 1)
             _pass(room, sections, states, longest - 1, -1)
             for k in range(trial, last):
@@ -109,15 +116,24 @@ def _filter(
 
 
 @LazyKernel
-def _lay(values, start, n, column, at_once, room, place, width):  # pragma: no cover - compiled
-    """Lay a trial's signals out in ``room`` from column ``place`` on, held at its end."""
+def _lay(
+    values, weights, weighted, start, n, column, at_once, room, place, width
+):  # pragma: no cover - compiled
+    """Lay a trial's signals out in ``room`` from column ``place`` on, times their weights, held at its end."""
     for group in range(0, width, at_once):
-        for i in range(n):
-            for c in range(group, min(group + at_once, width)):
-                room[i, place + c] = values[start + i, column + c]
+        until = min(group + at_once, width)
+        if len(weights):
+            for i in range(n):
+                for c in range(group, until):
+                    weight = weights[weighted[column + c], start + i]
+                    room[i, place + c] = values[start + i, column + c] * weight
+        else:
+            for i in range(n):
+                for c in range(group, until):
+                    room[i, place + c] = values[start + i, column + c]
     for i in range(n, len(room)):
         for c in range(width):
-            room[i, place + c] = values[start + n - 1, column + c]
+            room[i, place + c] = room[n - 1, place + c]
 
 
 @LazyKernel
