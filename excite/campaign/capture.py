@@ -59,7 +59,7 @@ def capture(
         InputError: the plan is of another robot, or a motion of it is missing.
     """
     robot = as_robot(robot)
-    folder = Path(plan) if Path(plan).is_dir() else Path(plan).parent
+    folder = Path(plan).parent if Path(plan).name == "plan.json" else Path(plan)
     document = read_document(folder / "plan.json", Plan)
     if document.robot != robot.name:
         raise InputError(
