@@ -184,12 +184,14 @@ def test_with_json_an_interruption_is_one_document(work: str, tmp_path: Path) ->
 
 def test_an_interrupted_command_names_what_it_has_written(tmp_path: Path) -> None:
     done = """from pathlib import Path
-    from excite.atomic import write_text
+    from excite.atomic import atomic_folder, write_text
     from excite.temporary_folder import TemporaryFolder
     folder = TemporaryFolder()
     write_text(folder.path / "passing.txt", "")
     write_text(Path("augmented.xml"), "")
-    raise KeyboardInterrupt"""
+    with atomic_folder(Path("person")) as half:
+        write_text(half / "robot.yaml", "")
+        raise KeyboardInterrupt"""
     run = python(_BUSY.replace("HOW", done), "effects", cwd=tmp_path)
     assert run.returncode == 130
     assert run.stderr == "at work\nexcite: interrupted; complete by then: augmented.xml\n"

@@ -12,7 +12,7 @@ _NAMED_FILES = 3
 
 def kept_files() -> tuple[Path, ...]:
     """Files and folders that this process has completed and that stay, in order."""
-    return tuple(path for path in completed() if not in_temporary_folder(path))
+    return tuple(path for path in completed() if path.exists() and not in_temporary_folder(path))
 
 
 def left_behind() -> str:
