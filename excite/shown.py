@@ -17,6 +17,34 @@ _ROWS = 40
 Row = Mapping[str, Any]
 
 
+def count(n: int, what: str) -> str:
+    """So many of something.
+
+    >>> count(1, "motion"), count(0, "motion")
+    ('1 motion', '0 motions')
+    """
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def percent(value: float) -> str:
+    """A percentage as a person writes it: two digits, and all of what is above a hundred.
+
+    >>> percent(0.4712), percent(99.7), percent(2400.0)
+    ('0.47 %', '100 %', '2400 %')
+    """
+    # 99.5 and more are not two digits any longer once they are rounded.
+    return f"{value:.2g} %" if abs(value) < 99.5 else f"{value:.0f} %"
+
+
+def span(low: str, high: str, between: str = " … ") -> str:
+    """From one number to another as both are written, or the one that they both come to.
+
+    >>> span("3", "5"), span("5", "5"), span("0 %", "5 %", " to ")
+    ('3 … 5', '5', '0 % to 5 %')
+    """
+    return low if low == high else f"{low}{between}{high}"
+
+
 class Shown(ABC):
     """A result with a summary, which is what is seen of it.
 

@@ -40,6 +40,11 @@ class TemporaryFolder:
         weakref.finalize(self, _remove, self.path, lock, os.getpid())
 
 
+def in_temporary_folder(path: Path) -> bool:
+    """Whether a file goes away with a :class:`TemporaryFolder`."""
+    return any(part.startswith(_prefix()) for part in path.parts)
+
+
 def _remove(path: Path, lock: int, owner: int) -> None:
     # A fork of the owner does not own the folder.
     if os.getpid() == owner:

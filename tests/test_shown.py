@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import builtins
+import doctest
 import html.parser
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import excite
+from excite import shown
 from excite.campaign.result import Campaign, Iteration
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, UnnamedShare
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
 from excite.diagnosis.answer.result import Diagnosis
 from excite.errors import ExciteError
+from excite.identification.judgement import poor
 from excite.logs.log import Trial
 from excite.shown import Shown, Tabled
 from tests.export.identified import identification_of
@@ -159,7 +163,7 @@ def test_logs_motions_and_budgets_are_short_too(results: dict[str, Tabled], tmp_
     assert repr(motion).startswith("Motion('") and len(repr(motion)) < 120 and "6 joints" in repr(motion)
     run = excite.simulate(robot, [motion], nominal=True)
     assert repr(run).startswith("<Experiment>\n") and len(repr(run)) < 2000
-    assert repr(run.log).startswith("Log(") and "1 trials" in repr(run.log) and len(repr(run.log)) < 120
+    assert repr(run.log).startswith("Log(") and "1 trial, " in repr(run.log) and len(repr(run.log)) < 120
     assert repr(run.log.trials[0]).startswith("Trial(") and len(repr(run.log.trials[0])) < 120
 
 
@@ -170,3 +174,16 @@ def test_shares_of_a_budget_are_rows_that_add_up() -> None:
     rows = budget_rows(Budget({"elbow_joint": channel}, (), ()))
     assert [row["follows"] for row in rows] == ["velocity", "the rest"]
     assert sum(row["share"] for row in rows) == pytest.approx(1.0)
+
+
+def test_numbers_are_written_as_a_person_writes_them() -> None:
+    for module in (shown, poor):
+        found = doctest.testmod(module)
+        assert found.attempted and not found.failed
+
+
+def test_one_of_something_is_not_several(results: dict[str, Tabled]) -> None:
+    campaign = results["campaign"]
+    assert isinstance(campaign, Campaign)
+    one = replace(campaign, iterations=(Iteration(1, 20.0, {"m(forearm)": 20.0}, ()),))
+    assert "iteration 1: 1 motion, 20 s in all" in one.summary()

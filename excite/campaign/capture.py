@@ -17,6 +17,7 @@ from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
+from excite.shown import count
 
 # Grease and seals settle within minutes of motion; friction of cold drives is up to twice that of warm ones
 # (Bittencourt and Gunnarsson 2012), and no identification shall mix both [s].
@@ -58,7 +59,7 @@ def capture(
         InputError: the plan is of another robot, or a motion of it is missing.
     """
     robot = as_robot(robot)
-    folder = Path(plan) if Path(plan).is_dir() else Path(plan).parent
+    folder = Path(plan).parent if Path(plan).name == "plan.json" else Path(plan)
     document = read_document(folder / "plan.json", Plan)
     if document.robot != robot.name:
         raise InputError(
@@ -135,7 +136,7 @@ def sheet_text(sheet: Capture, robot: Robot, named: str, file: str = "capture.md
     lines = [
         f"# Recording {sheet.robot}",
         "",
-        f"{len(sheet.logged)} motions, {total / 60.0:.0f} minutes of recording with warm-up. "
+        f"{count(len(sheet.logged), 'motion')}, {total / 60.0:.0f} minutes of recording with warm-up. "
         "Name each recording as its run is called.",
         "",
         "## Before",
@@ -177,7 +178,7 @@ def _what(run: Run) -> str:
 
 
 def _topics(sheet: Capture, robot: Robot) -> list[str]:
-    joints = f"{len(sheet.joints)} joints"
+    joints = count(len(sheet.joints), "joint")
     lines = [
         f"- {joints}: measured position, measured torque or current, commanded position; all at "
         f"{sheet.rate_hz:g} Hz or faster,",

@@ -17,7 +17,7 @@ from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.page import report
 from excite.robot.loading import load_robot
-from excite.shown import Shown
+from excite.shown import Shown, count
 
 ROBOT = "g1"
 _SETTINGS = CampaignSettings(n_candidates=116, target_rsd=15.0, max_iterations=2)
@@ -47,7 +47,7 @@ class Demo(Shown):
         return "\n".join(
             [
                 self.campaign.summary(),
-                f"{len(self.check.verdicts)} motions checked: {safe}",
+                f"{count(len(self.check.verdicts), 'motion')} checked: {safe}",
                 f"report: {self.page}",
             ]
         )

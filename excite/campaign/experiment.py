@@ -21,7 +21,7 @@ from excite.progress import Progress, silent
 from excite.reading.number import check_seed
 from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
-from excite.shown import Shown
+from excite.shown import Shown, count
 from excite.simulation.effects.registry import inject as inject_effects
 from excite.simulation.replay import Replay
 from excite.simulation.simulate import run_experiment
@@ -97,7 +97,7 @@ class Experiment(Shown):
         end = f"fell in {', '.join(self.fallen)}" if self.fell else "stayed on its feet"
         if not self.robot.floating:
             end = "done"
-        return f"{self.robot.name}: {len(self.log.trials)} motions, {seconds:.0f} s, {end}"
+        return f"{self.robot.name}: {count(len(self.log.trials), 'motion')}, {seconds:.0f} s, {end}"
 
     def without_falls(self) -> Experiment:
         """The same experiment without the trials in which the robot fell.

@@ -26,7 +26,7 @@ from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
-from excite.shown import Row, Tabled
+from excite.shown import Row, Tabled, count
 
 SCHEMA = "excite.plan/1"
 
@@ -161,10 +161,11 @@ class Plan(Tabled):
 
     def summary(self) -> str:
         """A few lines for a person."""
-        refused = ", ".join(f"{count} {reason}" for reason, count in sorted(self.rejected.items())) or "none"
+        refused = ", ".join(f"{n} {reason}" for reason, n in sorted(self.rejected.items())) or "none"
+        judged = f"{len(self.pool.entries)} of {count(self.generated, 'candidate')} accepted"
         lines = [
-            f"{self.robot.name}: {len(self.pool.entries)} of {self.generated} candidates accepted (refused: {refused})",
-            f"{len(self.selection.indices)} motions chosen, {self.duration_s:.0f} s in total",
+            f"{self.robot.name}: {judged} (refused: {refused})",
+            f"{count(len(self.selection.indices), 'motion')} chosen, {self.duration_s:.0f} s in total",
         ]
         if len(self.selection.indices) < len(self.pool.entries):
             lines += [f"chosen:   {self.conditioning.summary()}", f"unchosen: {self.unchosen.summary()}"]

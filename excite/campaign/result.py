@@ -11,7 +11,7 @@ from excite.campaign.expected.forecast import Forecast
 from excite.campaign.targets import Miss
 from excite.excitation.conditioning import Conditioning
 from excite.identification.result import Identification
-from excite.shown import Row, Tabled
+from excite.shown import Row, Tabled, count
 
 SCHEMA = "excite.campaign/1"
 
@@ -127,7 +127,7 @@ class Campaign(Tabled):
                 lines.append(f"plan {number}, {item.forecast.summary()}")
             below = sum(rsd <= self.target_rsd for rsd in item.rsd_percent.values())
             lines.append(
-                f"iteration {number}: {item.n_motions} motions, {item.seconds:.0f} s in all, "
+                f"iteration {number}: {count(item.n_motions, 'motion')}, {item.seconds:.0f} s in all, "
                 f"{below} of {len(item.rsd_percent)} essential parameters within {self.target_rsd:g} %"
             )
         if any(
@@ -147,7 +147,7 @@ class Campaign(Tabled):
         elif self.targets_met:
             lines.append("all targets met")
         else:
-            lines.append(f"{len(self.missed)} targets not met:")
+            lines.append(f"{count(len(self.missed), 'target')} not met:")
             lines += [f"  {miss}" for miss in self.missed]
             if not any(miss.reason.helped_by_motion for miss in self.missed):
                 lines.append("more motion would meet none of them")

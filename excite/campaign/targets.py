@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from excite.excitation.weakness import UnexcitedParameter
-from excite.identification.judgement.poor import PATIENCE
+from excite.identification.judgement.poor import PATIENCE, said_rsd
 from excite.identification.parameter_statistics import BaseParameter
 from excite.robot.robot import Robot
 
@@ -60,8 +60,8 @@ class Miss:
     joints: tuple[str, ...]
 
     def __str__(self) -> str:
-        rsd = "unknown" if self.rsd_percent is None else f"{self.rsd_percent:.0f} %"
-        return f"{self.parameter} ({rsd}): {self.reason.value}"
+        rsd = "" if self.rsd_percent is None else f" ({said_rsd(self.rsd_percent)})"
+        return f"{self.parameter}{rsd}: {self.reason.value}"
 
 
 def misses(

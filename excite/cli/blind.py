@@ -22,6 +22,7 @@ from excite.json_document import write_json
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, at_once
 from excite.progress import Progress
+from excite.shown import count
 from excite.temporary_folder import TemporaryFolder
 
 NAME = "blind"
@@ -87,9 +88,8 @@ def make(
             progress=progress,
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
-    count = f"{cases} case{'s' if cases > 1 else ''}"
     then = command_line("blind", "score", folder)
-    emit(f"{count} in {folder}, answers in {answers}", document, as_json=as_json, then=then)
+    emit(f"{count(cases, 'case')} in {folder}, answers in {answers}", document, as_json=as_json, then=then)
 
 
 @app.command("enter", cls=HelpfulCommand)

@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.origin import stated_origin
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit, progress_bars
 from excite.errors import RobotError
 from excite.json_document import write_json
 
@@ -44,7 +44,8 @@ def command(
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
     nominal = None if robot is None else excite.robot_for_log(robot, log)
     model = None if apply is None else _checked(nominal, log)
-    result = excite.diagnose(log, nominal, seed=seed, out=out or apply, budget=budget)
+    with progress_bars() as progress:
+        result = excite.diagnose(log, nominal, seed=seed, out=out or apply, budget=budget, progress=progress)
     summary, document = result.summary(), result.to_json()
     if apply is not None and model is not None:
         from excite.campaign.applied.apply import apply_effects  # lazy: pinocchio

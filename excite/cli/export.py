@@ -71,7 +71,7 @@ def command(
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
     from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
-    from excite.export.whose import robot_beside  # lazy: pinocchio
+    from excite.export.whose import robot_beside  # lazy: pydantic
     from excite.motion.collection import motion_paths  # lazy: pinocchio
 
     try:

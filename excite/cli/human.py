@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from excite.identification.estimators.settings import EstimatorSettings
 
 NAME = "human"
+_DOCUMENT = "human.json"
 
 
 def command(
@@ -108,13 +109,18 @@ def command(
     )
     subject = excite.Subject(mass, height, sex)
     _check_whole(trials, loaded, identify, out)
+    written_before = _written(out)
     with progress_bars() as progress:
         person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)
+    from excite.logs.files import keep_others  # lazy: pinocchio
+
     # All of it or nothing: a folder without what was asked for would be taken for the whole.
     with atomic_folder(out) as folder:
         excite.write_person(person, folder)
         document, summary = _evaluated(person, folder, loaded, identify, estimator)
-        write_json(document, folder / "human.json")
+        document["files"] = sorted([_DOCUMENT, *(item.name for item in folder.iterdir())])
+        write_json(document, folder / _DOCUMENT)
+        keep_others(out, folder, written_before)
     # Of a log with trials that were done with a weight, the body is not to be identified as if there were none.
     plain = identify is None and not loaded
     then = command_line("identify", out / "robot.yaml", out, "--out", "segments") if plain else ""
@@ -141,6 +147,19 @@ def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Pat
     if identify is not None:
         find_estimator(identify)
     check_replaceable(out)
+
+
+def _written(out: Path) -> list[str]:
+    """Names of the files that an earlier run wrote into the folder, which this one replaces."""
+    if not (out / _DOCUMENT).is_file():
+        return []
+    from excite.documents.document import read_document  # lazy: pydantic
+    from excite.documents.human import Human  # lazy: pydantic
+
+    try:
+        return read_document(out / _DOCUMENT, Human).files
+    except InputError:  # what it named cannot be told: all is kept
+        return []
 
 
 def _evaluated(

@@ -15,7 +15,7 @@ from excite.cli.session.completion import one_of
 from excite.cli.session.failure import of_error
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.session.origin import stated_origin
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit, progress_bars
 from excite.cli.session.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
@@ -114,7 +114,10 @@ def command(
         settings = replace(settings, torque_delay_s=lag.lag_s)
     estimator = segment_settings(method, asymmetric, mass_range, total_mass=total_mass, bounds=stated)
     try:
-        result = excite.identify(loaded, log, method, settings=estimator, problem_settings=settings)
+        with progress_bars() as progress:
+            result = excite.identify(
+                loaded, log, method, settings=estimator, problem_settings=settings, progress=progress
+            )
     except excite.NoSolutionError as error:
         if not isinstance(error.best, excite.Identification):
             raise

@@ -31,12 +31,9 @@ def command(
         ranking = excite.rank(loaded, excite.load_motions(motions, loaded), progress=progress)
     if out is not None:
         write_json(ranking.to_json(), out / "rank.json")
-    from excite.export.whose import say_their_robot  # lazy: pinocchio
-
-    named = () if say_their_robot(motions) else ("--robot", robot)
     emit(
         ranking.summary(),
         ranking.to_json(),
         as_json=as_json,
-        then=command_line("export", *motions, *named, "--format", "csv", "--out", "commands"),
+        then=command_line("export", *motions, "--robot", robot, "--format", "csv", "--out", "commands"),
     )

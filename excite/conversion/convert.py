@@ -36,13 +36,14 @@ from excite.logs.files import check_replaceable, header_text, load_log, save_log
 from excite.logs.header_blocks import Guess
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
+from excite.reading.paths import PathsLike, as_paths
 from excite.temporary_folder import TemporaryFolder
 
 _UNSEEN = "the doctor could not look at it"
 
 
 def convert(
-    sources: str | Path | Sequence[str | Path],
+    sources: PathsLike,
     robot: str | Path,
     out: str | Path,
     mapping: Map | str | Path | None = None,
@@ -69,8 +70,7 @@ def convert(
         LogError: a source is of no known format, damaged, or does not fit the robot.
     """
     stated = mapping if isinstance(mapping, Map) else (Map() if mapping is None else read_map(Path(mapping)))
-    several = [sources] if isinstance(sources, str | Path) else sources
-    return _converted(several, robot, Path(out), stated, capture)
+    return _converted(as_paths(sources), robot, Path(out), stated, capture)
 
 
 def _converted(

@@ -9,7 +9,7 @@ from typing import Any
 
 from excite.doctor.examine import Chart
 from excite.logs.log import Log
-from excite.shown import Row, Tabled
+from excite.shown import Row, Tabled, count
 
 SCHEMA = "excite.convert/1"
 # Columns without a use that are named in a summary.
@@ -56,8 +56,8 @@ class Conversion(Tabled):
         """What was made of the recording, a line each."""
         trials = self.log.trials
         seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in trials)
-        many = f"{len(trials)} trial" + "s" * (len(trials) != 1)
-        lines = [f"{many} of {len(self.log.header.joints)} joints, {seconds:.0f} s"]
+        joints = count(len(self.log.header.joints), "joint")
+        lines = [f"{count(len(trials), 'trial')} of {joints}, {seconds:.0f} s"]
         lines += [f"note: {note}" for note in self.notes]
         if self.unused:
             shown = ", ".join(self.unused[:_SHOWN]) + (" …" if len(self.unused) > _SHOWN else "")

@@ -20,6 +20,7 @@ from excite.finding import listed
 from excite.logs.files import load_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot, robot_in_log
+from excite.progress import Progress, silent, told_to
 from excite.reading.number import check_seed
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import DRIVE_TERMS
@@ -36,6 +37,7 @@ def diagnose(
     seed: int = 0,
     out: str | Path | None = None,
     budget: bool = True,
+    progress: Progress = silent,
 ) -> Diagnosis:
     """Find where a robot differs from its nominal model, which effect causes it, and how far it shrinks.
 
@@ -46,6 +48,7 @@ def diagnose(
         out: folder for the augmented simulator and motions; none are written without it.
         budget: whether the answer holds where each joint's gap goes: shares of all effects together, what has no
             name, what does not repeat. The verdict is read from it either way.
+        progress: told at each step.
 
     Returns:
         The diagnosis (``excite.diagnosis/1``).
@@ -69,17 +72,23 @@ def diagnose(
         raise LogError(
             "has no identification trial", field="trials", remedy="give one the role identification"
         )
-    chart = examine(robot, loaded)
+    with told_to(progress):
+        found = _examined(robot, loaded, rng, None if out is None else Path(out))
+    return found if budget else replace(found, budget=None)
+
+
+def _examined(robot: Robot, log: Log, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
+    """The diagnosis of a log that the doctor looks through first, with what limits it."""
+    chart = examine(robot, log)
     chart.check_usable()
     trials = chart.log.trials if chart.log.header.free_base else long_trials(robot, chart.log)
     short = [trial.name for trial in chart.log.trials if trial.name not in {kept.name for kept in trials}]
     chart = replace(chart, log=replace(chart.log, trials=trials))
-    found = _diagnosed(robot, chart, rng, None if out is None else Path(out))
+    found = _diagnosed(robot, chart, rng, folder)
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
     left_out = (f"left out, as their motion is over too soon: {listed(short)}",) if short else ()
     doubts = (said(chart.doubts),) if chart.doubts else ()
     warnings = (*limits, *left_out, *doubts, *found.warnings)
-    found = found if budget else replace(found, budget=None)
     faults = (*chart.findings, *found.faults)
     return replace(found, faults=faults, warnings=warnings, modelled=baseline_of(chart))
 

@@ -12,6 +12,7 @@ from excite.doctor.registry import CHECKS
 from excite.errors import IllLogError
 from excite.finding import Finding, merged, worst_first
 from excite.logs.log import Log
+from excite.progress import step
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from excite.shown import Row, Tabled
@@ -98,6 +99,7 @@ class Chart(Tabled):
 
 
 @one_blas_thread
+@step("look the log through")
 def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> Chart:
     """Look a log through with every check, one after the other, each on what those before have repaired.
 

@@ -6,7 +6,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from excite.documents.document import MOST_CHANNELS, Block, Document, Maybe, MaybePositive, Name, Positive
+from excite.documents.document import (
+    MOST_CHANNELS,
+    Block,
+    Document,
+    Maybe,
+    MaybePositive,
+    Name,
+    Names,
+    Positive,
+)
 
 
 class TableMass(Block):
@@ -34,6 +43,10 @@ class Human(Document):
     """What ``excite human`` found of a person."""
 
     schema_: Literal["excite.human/1"] = Field(alias="schema", description="version of this document")
+    files: Names = Field(
+        default=[],
+        description="names of all files that were written, which the next run into the folder replaces",
+    )
     table: Name = Field(description="table of the nominal masses")
     segments: Annotated[list[TableMass], Field(max_length=MOST_CHANNELS)] = Field(
         description="masses by the tables"

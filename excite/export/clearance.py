@@ -17,6 +17,7 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.sampling import MIN_RATE_HZ, coordinate_names
 from excite.safety.verdict import Verdict
+from excite.shown import percent
 
 # How far a motion at another rate may be from what it was: shares of each joint's range, velocity limit and
 # acceleration limit. The ready motions of seven robots and planned ones of a UR10 lose at most 1e-5, 0.2 % and 2.7 % at
@@ -162,7 +163,7 @@ def _check_loss(robot: Robot, motion: Motion, written: Motion, rate_hz: float) -
         if lost[quantity][column] > limit:
             raise InputError(
                 f"at {rate_hz:g} Hz the {quantity} of {names[column]} is off by up to"
-                f" {100.0 * lost[quantity][column]:.2g} % of its {_WHOLE[quantity]}, more than {100.0 * limit:g} %",
+                f" {percent(100.0 * lost[quantity][column])} of its {_WHOLE[quantity]}, more than {100.0 * limit:g} %",
                 source=motion.name,
                 field="rate_hz",
                 remedy=f"give a higher rate; its own is {(motion.n_samples - 1) / motion.duration:.4g} Hz",

@@ -19,6 +19,7 @@ from excite.json_document import write_json
 from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
+from excite.reading.paths import PathsLike, as_paths
 from excite.robot.bringing import load_robot
 from excite.robot.robot import Robot
 from excite.safety.verdict import Margins, Verdict, Violation
@@ -92,7 +93,7 @@ def export_motion(
 
 
 def export_motions(
-    paths: str | Path | Iterable[str | Path],
+    paths: PathsLike,
     format: str,
     *,
     out: Path,
@@ -118,7 +119,7 @@ def export_motions(
         The files, in the order of the motions.
     """
     written = export_with_verdicts(
-        [Path(path) for path in ([paths] if isinstance(paths, str | Path) else paths)],
+        as_paths(paths),
         format,
         out=out,
         rate_hz=rate_hz,

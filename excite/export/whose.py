@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
-from excite.motion.collection import motion_paths
-from excite.motion.files import motion_robot
 from excite.robot.catalogue import bundled_robots
 from excite.robot.description import read_description
 
@@ -25,13 +22,3 @@ def robot_beside(file: Path, name: str) -> str:
         if kept.is_file() and read_description(kept).name == name:
             return str(kept)
     return name
-
-
-def say_their_robot(motions: Sequence[str | Path]) -> bool:
-    """Whether each motion's file tells what to load its robot by, so that nobody has to name it.
-
-    Args:
-        motions: files and folders of them.
-    """
-    names = (robot_beside(file, motion_robot(file)) for file in motion_paths(motions))
-    return all(name in bundled_robots() or (name and Path(name).is_file()) for name in names)

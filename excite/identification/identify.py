@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
-from excite.doctor.examine import examine
+from excite.doctor.examine import Chart, examine
 from excite.errors import NoSolutionError, RobotError
 from excite.finding import Finding
 from excite.identification.adaptation import (
@@ -41,6 +41,7 @@ from excite.identification.solution import solution_of
 from excite.logs.bare_urdf import nominal_faults
 from excite.logs.files import load_log
 from excite.logs.log import Log
+from excite.progress import Progress, silent, step, told_to
 from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.com_box import com_boxes
@@ -64,6 +65,7 @@ def identify(
     *,
     settings: EstimatorSettings | None = None,
     problem_settings: ProblemSettings | None = None,
+    progress: Progress = silent,
 ) -> Identification:
     """Identify a robot's parameters from a log and judge them on its validation trials.
 
@@ -81,6 +83,7 @@ def identify(
         settings: settings of the estimator, from
             :func:`~excite.identification.estimators.method_settings.estimator_settings`; defaults if None.
         problem_settings: filters, decimation, friction terms; defaults if None.
+        progress: told at each step.
 
     Returns:
         Parameters about the joints' frames [SI], how well they are known, and what they are worth.
@@ -98,8 +101,20 @@ def identify(
         log = load_log(log, robot)
     estimator = find_estimator(method)
     own = own_settings(estimator, settings)
-    chart = examine(robot, log, problem_settings)
-    chart.check_usable()
+    with told_to(progress):
+        chart = examine(robot, log, problem_settings)
+        chart.check_usable()
+        return _identified(robot, chart, estimator, own, problem_settings)
+
+
+def _identified(
+    robot: Robot,
+    chart: Chart,
+    estimator: Estimator[Any],
+    own: EstimatorSettings,
+    problem_settings: ProblemSettings | None,
+) -> Identification:
+    """The identification from a log that the doctor has repaired."""
     log = chart.log
     with equations_of(log):
         addable: tuple[str, ...] = ()
@@ -115,6 +130,7 @@ def identify(
 
 
 @one_blas_thread
+@step("estimate and judge")
 def identify_problem(
     problem: IdentificationProblem,
     validation: IdentificationProblem | None,

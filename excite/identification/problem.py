@@ -13,6 +13,7 @@ from excite.identification.preparation import prepare_trial
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import noise_bandwidth
+from excite.progress import step
 from excite.robot.robot import Robot
 from excite.rows.base_rows import BaseRows
 from excite.rows.filtered_rows import decimation
@@ -123,6 +124,7 @@ _FEWEST_ROWS = 10
 
 
 @one_blas_thread
+@step("filter and stack rows")
 def build_problem(
     robot: Robot,
     log: Log,

@@ -19,7 +19,7 @@ from excite.identification.judgement.validation import ChannelFit
 from excite.identification.parameter_statistics import BaseParameter, ParameterStatistics
 from excite.identification.result_text import fit_table, mass_change
 from excite.identification.solution import Solution
-from excite.shown import Row, Tabled
+from excite.shown import Row, Tabled, count
 
 SCHEMA = "excite.identification/1"
 
@@ -163,7 +163,7 @@ class Identification(Tabled):
         """The result in words and a table, for a terminal."""
         rank, mass = self.statistics.structural_rank, self.total_mass
         lines = [
-            f"{self.robot}, method {self.method}: {len(self.base)} base parameters"
+            f"{self.robot}, method {self.method}: {count(len(self.base), 'base parameter')}"
             + (f" of {rank}" if rank is not None else "")
             + f" from {self.solution.n_samples} samples",
             f"total mass {mass.identified:.3f} kg (nominal {mass.nominal:.3f} kg)",

@@ -105,7 +105,7 @@ def save_log(log: Log, folder: str | Path) -> Path:
             columns = trial_columns(trial, header)
             check_columns(columns, header, folder / entry.file)
             write_trial(columns, temporary / entry.file)
-        _keep_others(folder, temporary)
+        keep_others(folder, temporary)
     return folder
 
 
@@ -132,8 +132,14 @@ def check_replaceable(folder: Path) -> None:
             )
 
 
-def _keep_others(folder: Path, temporary: Path) -> None:
-    """Take over what lies in a folder beside the log that is replaced, as notes and maps."""
+def keep_others(folder: Path, temporary: Path, written: Iterable[str] = ()) -> None:
+    """Take over what lies in a folder beside the log that is replaced, as notes and maps.
+
+    Args:
+        folder: of the log that is replaced; nothing is kept where there is none.
+        temporary: what replaces it.
+        written: names of other files that were written with the old log, and go with it.
+    """
     if not folder.is_dir():
         return
     try:
@@ -143,7 +149,7 @@ def _keep_others(folder: Path, temporary: Path) -> None:
         old = set()
     for item in sorted(folder.iterdir()):
         there = temporary / item.name
-        if item.name in old or there.exists() or item.name.startswith(HIDDEN):
+        if item.name in {*old, *written} or there.exists() or item.name.startswith(HIDDEN):
             continue
         if item.is_dir() and not item.is_symlink():
             shutil.copytree(item, there, symlinks=True, copy_function=_linked)

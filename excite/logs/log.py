@@ -23,6 +23,7 @@ from excite.logs.header_values import (
     Rate,
     Text,
 )
+from excite.shown import count
 
 
 class LogHeader(HeaderBlock):
@@ -175,7 +176,8 @@ class Trial:
     cleaning: Cleaning = field(default_factory=Cleaning)
 
     def __repr__(self) -> str:
-        return f"Trial({self.name!r}, {self.role}, {self.n_samples} samples, {self.q.shape[-1]} joints)"
+        joints = count(self.q.shape[-1], "joint")
+        return f"Trial({self.name!r}, {self.role}, {self.n_samples} samples, {joints})"
 
     @property
     def n_samples(self) -> int:
@@ -231,10 +233,8 @@ class Log:
 
     def __repr__(self) -> str:
         seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in self.trials if trial.n_samples)
-        return (
-            f"Log({self.header.robot!r}, {self.header.base} base, {len(self.header.joints)} joints, "
-            f"{len(self.trials)} trials, {seconds:.0f} s)"
-        )
+        joints, trials = count(len(self.header.joints), "joint"), count(len(self.trials), "trial")
+        return f"Log({self.header.robot!r}, {self.header.base} base, {joints}, {trials}, {seconds:.0f} s)"
 
     def role(self, role: str) -> tuple[Trial, ...]:
         """The trials of one role."""

@@ -11,6 +11,7 @@ from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.motion.readers.registry import is_motion
 from excite.reading.file import unreadable_file
+from excite.reading.paths import PathsLike, as_paths
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
@@ -76,7 +77,7 @@ def as_motions(motions: MotionsLike, robot: Robot) -> Sequence[Motion]:
     return found
 
 
-def load_motions(paths: str | Path | Iterable[str | Path], robot: Robot | None = None) -> list[Motion]:
+def load_motions(paths: PathsLike, robot: Robot | None = None) -> list[Motion]:
     """Read motions from files and folders, or a ready set from the motion library.
 
     >>> motions = load_motions("ur10")
@@ -102,5 +103,4 @@ def load_motions(paths: str | Path | Iterable[str | Path], robot: Robot | None =
             )
         folder = library_folder(paths)
         return load_motions([folder], load_robot(paths))
-    several = [paths] if isinstance(paths, str | Path) else paths
-    return [load_motion(path, robot) for path in motion_paths(several)]
+    return [load_motion(path, robot) for path in motion_paths(as_paths(paths))]

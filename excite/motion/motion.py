@@ -15,6 +15,7 @@ from excite.arrays import Array
 from excite.errors import MotionError
 from excite.motion import quintics
 from excite.robot.robot import Robot
+from excite.shown import count
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Motion:
 
     def __repr__(self) -> str:
         return (
-            f"Motion({self.name!r}, {self.robot}, {len(self.joint_names)} joints, {self.n_samples} samples, "
+            f"Motion({self.name!r}, {self.robot}, {count(len(self.joint_names), 'joint')}, {self.n_samples} samples, "
             f"{self.duration:.1f} s)"
         )
 

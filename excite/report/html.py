@@ -5,9 +5,24 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
 
-Cell = str | float | int | bool | None
+
+@dataclass(frozen=True)
+class Said:
+    """A number in a table that is written in words of its own, and sorted as the number that it is.
+
+    Attributes:
+        value: None where it is not known.
+        text: what is read.
+    """
+
+    value: float | None
+    text: str
+
+
+Cell = str | float | int | bool | Said | None
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -63,8 +78,9 @@ def _cell(value: Cell) -> str:
         return f"<td>{escape(value)}</td>"
     if isinstance(value, int):
         return f'<td class="number" data-v="{value}">{str(value).replace("-", "−")}</td>'
+    said, value = (value.text, value.value) if isinstance(value, Said) else (number(value), value)
     exact = "" if value is None or not math.isfinite(value) else f' data-v="{value:.9g}"'
-    return f'<td class="number"{exact}>{number(value)}</td>'
+    return f'<td class="number"{exact}>{escape(said)}</td>'
 
 
 def folded(summary: str, content: str) -> str:

@@ -15,6 +15,7 @@ from excite.errors import UnknownNameError
 from excite.robot.description import FREE_BASES, RobotDescription
 from excite.robot.mechanisms.building import limb_columns
 from excite.robot.mechanisms.mechanism import Mechanism
+from excite.shown import count
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,6 +245,5 @@ class Robot:
         return slice(10 * segment, 10 * segment + 10)
 
     def __repr__(self) -> str:
-        return (
-            f"Robot({self.name!r}, {self.description.base} base, {self.n_joints} joints, {self.mass:.1f} kg)"
-        )
+        joints = count(self.n_joints, "joint")
+        return f"Robot({self.name!r}, {self.description.base} base, {joints}, {self.mass:.1f} kg)"

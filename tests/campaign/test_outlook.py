@@ -100,6 +100,10 @@ def test_large_deviations_are_percentages_a_person_writes(small_plan: Plan) -> N
     vague = replace(first, name="vague", excited=True, rsd_percent=223.4, essential=True)
     said = replace(small_plan.outlook, parameters=(*small_plan.outlook.parameters, vague)).summary()
     assert "largest 223 % (vague)" in said
+    # Ten times the motion would not tell it from zero: how far it is off is no figure for a person.
+    unseen = replace(vague, rsd_percent=4880455121.0)
+    said = replace(small_plan.outlook, parameters=(*small_plan.outlook.parameters, unseen)).summary()
+    assert "largest not shown by these motions (vague)" in said
 
 
 def test_a_forecast_tells_more_motion_from_too_much_motion() -> None:

@@ -34,6 +34,8 @@ def test_names_and_folders_say_the_same_as_what_was_loaded(planned: Path, log: P
     found = excite.identify("ur10", str(log), "wls").to_json()
     assert found == excite.identify(robot, excite.load_log(log, robot), "wls").to_json()
     assert excite.capture("ur10", planned).path.is_file()
+    with pytest.raises(InputError, match=r"^no_plan/plan\.json: no such file"):
+        excite.capture("ur10", "no_plan")
     waiting = excite.campaign(
         "ur10", planned.parent / "campaign", CampaignSettings(n_candidates=4, on_robot=True)
     )

@@ -178,8 +178,23 @@ def test_with_json_an_interruption_is_one_document(work: str, tmp_path: Path) ->
     assert run.stderr is not None and run.stderr.readline() == "at work\n"
     run.send_signal(signal.SIGINT)
     said, error = run.communicate(timeout=30)
-    assert run.returncode == 130 and error == "excite: interrupted; what is complete was left\n"
+    assert run.returncode == 130 and error == "excite: interrupted; nothing was written by then\n"
     assert json.loads(said)["error"]["code"] == 130
+
+
+def test_an_interrupted_command_names_what_it_has_written(tmp_path: Path) -> None:
+    done = """from pathlib import Path
+    from excite.atomic import atomic_folder, write_text
+    from excite.temporary_folder import TemporaryFolder
+    folder = TemporaryFolder()
+    write_text(folder.path / "passing.txt", "")
+    write_text(Path("augmented.xml"), "")
+    with atomic_folder(Path("person")) as half:
+        write_text(half / "robot.yaml", "")
+        raise KeyboardInterrupt"""
+    run = python(_BUSY.replace("HOW", done), "effects", cwd=tmp_path)
+    assert run.returncode == 130
+    assert run.stderr == "at work\nexcite: interrupted; complete by then: augmented.xml\n"
 
 
 def test_a_second_interrupt_ends_at_once(tmp_path: Path) -> None:

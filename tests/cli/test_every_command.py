@@ -25,7 +25,9 @@ from excite.export.registry import EXPORTERS
 from excite.export.simulators.registry import MODEL_FORMATS
 from excite.human.inertials import ANTHROPOMETRY
 from excite.identification.estimators.registry import ESTIMATORS
+from excite.motion import files
 from excite.motion.generators.registry import GENERATORS
+from excite.motion.readers.registry import read_motion
 from excite.simulation.effects.registry import INJECTED_EFFECTS
 
 
@@ -166,7 +168,7 @@ def test_the_next_command_is_one_that_exists(
         COMMANDS[name].make_context(name, arguments).close()
 
 
-def test_the_next_command_names_the_robot_of_a_table_that_does_not(
+def test_the_next_command_names_the_robot_whatever_a_file_says_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -175,10 +177,12 @@ def test_the_next_command_names_the_robot_of_a_table_that_does_not(
     names = [f"q.{joint}" for joint in excite.load_robot("ur10").joint_names]
     rows = np.column_stack([motion.time, motion.q])
     np.savetxt("mine.csv", rows, delimiter=",", header=",".join(["time", *names]), comments="")
-    said = {}
+    reads = []
+    monkeypatch.setattr(files, "read_motion", lambda *given: reads.append(given) or read_motion(*given))
     for name in ("known.parquet", "mine.csv"):
         assert _run(["rank", "ur10", name]) == 0
-        (said[name],) = re.findall(r"^then: excite (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
-    assert said["known.parquet"] == "export known.parquet --format csv --out commands"
-    assert said["mine.csv"] == "export mine.csv --robot ur10 --format csv --out commands"
-    assert _run(shlex.split(said["mine.csv"])) == 0
+        (then,) = re.findall(r"^then: excite (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
+        assert then == f"export {name} --robot ur10 --format csv --out commands"
+    # Each is read once.
+    assert len(reads) == 2
+    assert _run(shlex.split(then)) == 0

@@ -39,3 +39,10 @@ def test_commands_in_a_sentence_are_typed() -> None:
         html.paragraph("`excite diagnose` tells < more")
         == "<p><code>excite diagnose</code> tells &lt; more</p>"
     )
+
+
+def test_a_number_in_words_sorts_as_the_number_that_it_is() -> None:
+    text = html.table(("RSD",), [(html.Said(4e9, "not shown"),), (html.Said(None, "not shown"),), (3.0,)])
+    assert '<td class="number" data-v="4e+09">not shown</td>' in text
+    assert '<td class="number">not shown</td>' in text
+    assert '<th class="number">' in text

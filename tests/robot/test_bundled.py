@@ -181,6 +181,13 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         find_robot("hrp2")
 
 
+def test_a_folder_is_the_robot_that_is_described_in_it(tmp_path) -> None:
+    with pytest.raises(RobotError, match=r"is a folder without a robot\.yaml; name the URDF"):
+        find_robot(tmp_path)
+    (tmp_path / "robot.yaml").write_text("")
+    assert find_robot(tmp_path) == tmp_path / "robot.yaml"
+
+
 def test_bare_urdf_points_at_init_robot(tmp_path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text("<robot/>")

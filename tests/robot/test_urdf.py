@@ -234,6 +234,18 @@ def test_small_rounding_of_the_triangle_inequality_is_accepted(tmp_path: Path) -
     assert read_urdf(write(tmp_path, spoiled(INERTIA, sum_of_others)))
 
 
+def test_a_frame_with_a_mass_of_next_to_nothing_may_have_any_radius(tmp_path: Path) -> None:
+    """As tools and sensors are exported: 1e-15 kg and 1e-11 kg·m²."""
+    moments = 'ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"'
+    dummy = f'<inertial><mass value="1e-15"/><inertia {moments}/></inertial>'
+    model = spoiled('<link name="tool"/>', f'<link name="tool">{dummy.format("1e-11")}</link>')
+    assert pin.computeTotalMass(pin.buildModelFromXML(read_urdf(write(tmp_path, model)))) == pytest.approx(
+        3.0
+    )
+    with pytest.raises(RobotError, match="over a radius of"):
+        read_urdf(write(tmp_path, model.replace("1e-11", "1e-5")))
+
+
 def test_continuous_joint_gets_one_coordinate(tmp_path: Path) -> None:
     path = write(tmp_path, FAULTS["continuous joint"][0])
     model = pin.buildModelFromXML(read_urdf(path, Stated(limits={"elbow": (-6.0, 6.0)})))

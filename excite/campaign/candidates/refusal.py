@@ -17,6 +17,7 @@ from excite.robot.robot import Robot
 from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, refusals_table
 from excite.safety.remedy import TRIED, Remedy, find_remedy
+from excite.shown import count
 
 SCHEMA = "excite.refusals/1"
 REFUSALS_FILE = "refusals.json"
@@ -130,7 +131,7 @@ def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:
         first = refusals.refused[0]
         cause = f": {first.candidates} are refused by {first}"
     return NothingSafeError(
-        f"none of {refusals.generated} candidates is safe for {robot.name}{cause}",
+        f"none of {count(refusals.generated, 'candidate')} is safe for {robot.name}{cause}",
         best=refusals,
         remedy=refusals.change if refusals.refused else "ask for more candidates",
     )

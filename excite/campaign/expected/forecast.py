@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.identification.judgement.poor import PATIENCE
 from excite.reading.number import check_number
+from excite.shown import span
 
 # What is asked for unless somebody asks for something else: a value is known to a seventh of itself [percent].
 TARGET_RSD = 15.0
@@ -79,7 +80,7 @@ class Forecast:
         if len(within_reach):
             least, most = f"{within_reach.min():.0f} s", f"{within_reach.max():.0f} s"
             line += f"; {len(within_reach)} more would take motion like this for "
-            line += f"{least} in all" if least == most else f"{least} to {most} in all"
+            line += f"{span(least, most, ' to ')} in all"
         if len(later) > len(within_reach):
             line += f"; {len(later) - len(within_reach)} would take more than {PATIENCE:g} times as much"
         return line

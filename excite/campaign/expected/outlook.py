@@ -11,6 +11,7 @@ import numpy as np
 from excite.campaign.expected.prediction import predict
 from excite.excitation.excitability import determined, excitable
 from excite.excitation.precision import nominal_values
+from excite.identification.judgement.poor import said_rsd
 from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
@@ -80,8 +81,8 @@ class Outlook:
             middle = float(np.median(list(found.values())))
             worst = max(found, key=lambda name: found[name])
             lines.append(
-                f"predicted RSD of {len(found)} essential parameters: median {_percent(middle)}, "
-                f"largest {_percent(found[worst])} ({worst})"
+                f"predicted RSD of {len(found)} essential parameters: median {said_rsd(middle)}, "
+                f"largest {said_rsd(found[worst])} ({worst})"
             )
         never = [p.name for p in self.parameters if not p.excitable]
         missed = [p.name for p in self.parameters if p.excitable and not p.excited]
@@ -147,8 +148,3 @@ def outlook(robot: Robot, motions: Sequence[Motion]) -> Outlook:
 def _some(names: Sequence[str]) -> str:
     rest = len(names) - _NAMED
     return ", ".join(names[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
-
-
-def _percent(value: float) -> str:
-    """Two digits, and all of what is above a hundred."""
-    return f"{value:.2g} %" if value < 100.0 else f"{value:.0f} %"

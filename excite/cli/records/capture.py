@@ -11,6 +11,7 @@ import excite
 from excite.cli.session.campaigns import log_folder
 from excite.cli.session.options import JobsOption, JsonOption, RobotArgument, SeedOption
 from excite.cli.session.output import command_line, emit
+from excite.shown import count
 
 NAME = "capture"
 
@@ -27,7 +28,7 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
-    from excite.export.whose import robot_beside  # lazy: pinocchio
+    from excite.export.whose import robot_beside  # lazy: pydantic
 
     # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
     whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)
@@ -37,7 +38,7 @@ def command(
     document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
     minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
     emit(
-        f"wrote {sheet.path}: {len(sheet.capture.logged)} recordings, {minutes:.0f} minutes with warm-up",
+        f"wrote {sheet.path}: {count(len(sheet.capture.logged), 'recording')}, {minutes:.0f} minutes with warm-up",
         document,
         as_json=as_json,
         then=command_line(

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import excite
-from excite.atomic import completed
 from excite.cli.session.interruption import document_printed
+from excite.cli.session.left_behind import kept_files, left_behind
 from excite.cli.session.requirements import Unmet, pip_install, unmet_requirements
 from excite.errors import ExciteError, NothingSafeError
 from excite.finding import Finding
@@ -26,7 +26,6 @@ from excite.json_document import to_json
 EXIT_USAGE = 2
 EXIT_BAD_INPUT = 4
 EXIT_UNFORESEEN = 5
-_NAMED_FILES = 3
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,7 @@ def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
         return _of_packages(name, unmet)
     details = _write_details(error, arguments)
     where = f"details in {details}" if details else "its details could not be written"
-    done = _complete()
+    done = left_behind()
     return Failure(
         code=EXIT_UNFORESEEN,
         message=name,
@@ -156,16 +155,6 @@ def one_line(text: str) -> str:
     return text if len(text) <= 1000 else text[:997] + "…"
 
 
-def _complete() -> str:
-    files = completed()
-    if not files:
-        return "nothing was written by then"
-    named = ", ".join(str(path) for path in files[-_NAMED_FILES:])
-    return f"complete by then: {named}" + (
-        f" and {len(files) - _NAMED_FILES} more" if len(files) > _NAMED_FILES else ""
-    )
-
-
 def _write_details(error: BaseException, arguments: Sequence[str]) -> Path | None:
     lines = [
         f"excite {excite.__version__}, Python {platform.python_version()}, {platform.platform()}",
@@ -173,7 +162,7 @@ def _write_details(error: BaseException, arguments: Sequence[str]) -> Path | Non
         "packages that are not as excite asks for them: "
         + (", ".join(one.text for one in unmet_requirements()) or "none"),
         "complete by then:",
-        *(f"  {path}" for path in completed()),
+        *(f"  {path}" for path in kept_files()),
         "",
         "".join(traceback.format_exception(error)),
     ]

@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 from excite.atomic import discard_unfinished
+from excite.cli.session.left_behind import left_behind
 
 # Work is to be over 2 s after the request. What has not unwound by then (native code that Python cannot interrupt)
 # ends without unwinding; workers end with their parent.
@@ -27,7 +28,6 @@ _ARRIVED: list[int] = []
 _KEEPING = threading.Event()
 # Whether the one document of ``--json`` was printed; the run and the thread that ends it may both be about to.
 _ANSWERED, _ANSWERING = threading.Event(), threading.Lock()
-_NOTHING_KEPT = "what is complete was left"
 
 
 def handle_signals() -> None:
@@ -61,8 +61,9 @@ def say_interrupted(kept: str) -> None:
 
 
 def answer_interrupted(code: int) -> None:
-    """What a run ends with that kept nothing: its line, and with ``--json`` a document where none was printed yet."""
-    say_interrupted(_NOTHING_KEPT)
+    """What a run ends with that kept no best so far: its line, and with ``--json`` a document if there was none yet."""
+    kept = left_behind()
+    say_interrupted(kept)
     with _ANSWERING:
         if "--json" not in sys.argv or _ANSWERED.is_set():
             return
@@ -70,7 +71,7 @@ def answer_interrupted(code: int) -> None:
         nothing = dict.fromkeys(("file", "field", "remedy"))
         with suppress(OSError):
             text = json.dumps(
-                {"error": {"code": code, "message": f"interrupted; {_NOTHING_KEPT}", **nothing}}, indent=2
+                {"error": {"code": code, "message": f"interrupted; {kept}", **nothing}}, indent=2
             )
             print(text, flush=True)
 

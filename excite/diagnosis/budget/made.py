@@ -23,11 +23,13 @@ from excite.diagnosis.budget.unnamed import unnamed_of
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor
 from excite.diagnosis.equations.units import force_unit
+from excite.progress import step
 
 # Share of a channel from which an effect of another place is listed there.
 _LISTED = 0.01
 
 
+@step("share out the gap")
 def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
     """Share out the gap.
 

@@ -27,6 +27,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.sticking_joints import fit_where_slipping
 from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.progress import step
 
 # Passes after which the last terms stand: two whose places differ by rounding could go on.
 _PASSES = 3
@@ -49,6 +50,7 @@ class Found:
     likely: tuple[Term, ...] = ()
 
 
+@step("fit what is modelled")
 def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
     """What every model of a record begins with: what is modelled, and friction and constants whether or not."""
     return fit_where_slipping(samples, with_begun(modelled), floor)
@@ -106,6 +108,7 @@ def model_of_gap(
     return Found(last, full, predicted(full, last.model), likely)
 
 
+@step("weigh effects together")
 def _settled(
     full: Baseline, search: Search, kept: list[Term], near: list[Term], library: Library
 ) -> tuple[Search, Baseline]:

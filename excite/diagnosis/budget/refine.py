@@ -20,6 +20,7 @@ from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
 from excite.diagnosis.equations.baseline import Baseline
+from excite.progress import step
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.
 _FIRST, _LAST, _MOST = 1.5, 1.01, 40
@@ -127,6 +128,7 @@ def _rounded(theta: Theta) -> tuple[str, ...]:
     return tuple(f"{value:.9e}" for value in theta)
 
 
+@step("refine effects")
 def refined_terms(
     full: Baseline, search: Search, library: Library, *, resonances: bool
 ) -> tuple[list[Term], list[Term]]:

@@ -26,6 +26,7 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.gear_effect import GearEffect
 from excite.diagnosis.equations.own_columns import COULOMB
+from excite.progress import step
 
 _SWEEPS = 4
 # Front-runners of the screening that are fitted in full at a time, and how often the next ones are tried.
@@ -67,6 +68,7 @@ class Search:
         """Number of effects and places."""
         return max(self.tried, self.design.n_candidates)
 
+    @step("look for effects")
     def run(self) -> Model:
         """Sweep until nothing changes."""
         seen: set[frozenset[int]] = set()

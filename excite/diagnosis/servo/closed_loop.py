@@ -30,6 +30,7 @@ from excite.diagnosis.simulator.rollout_drives import Drive
 from excite.diagnosis.simulator.rollout_windows import Plan, spans
 from excite.errors import InputError
 from excite.logs.log import Trial
+from excite.progress import step
 
 _HORIZON_S = 2.0
 # What each further effect has to take of some joint's squared error.
@@ -69,6 +70,7 @@ class ClosedLoop:
     deviation: Array | None = None
     floor: Array | None = None
 
+    @step("roll out in the simulator")
     def __call__(self, attribution: Attribution, baseline: Baseline) -> Rollout:
         """Make the roll-outs, with no effect that rebuilt torques are not exact enough for."""
         samples = baseline.samples

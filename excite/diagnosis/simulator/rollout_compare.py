@@ -24,6 +24,7 @@ from excite.diagnosis.simulator.rollout_floor import replicated
 from excite.diagnosis.simulator.rollout_path import rollout_path
 from excite.diagnosis.simulator.rollout_windows import HORIZON_S, Piece, Plan, pieces, torque_plan
 from excite.errors import InputError
+from excite.progress import step
 
 # Simulated time on identification trials, where it is decided whether the effects help at all [s].
 _CHECKED_S = 8.0
@@ -48,6 +49,7 @@ class Comparison:
     errors: tuple[Array, Array] | None = None
 
 
+@step("roll out in the simulator")
 def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) -> Rollout:
     """Roll-outs before and after the accepted effects; the augmented model is written where there is a folder."""
     try:

@@ -20,6 +20,7 @@ from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import Finding, listed
 from excite.logs.log import Log
 from excite.robot.robot import Robot
+from excite.shown import percent
 
 
 class Channels(Check):
@@ -119,11 +120,11 @@ def _as_logged(reading: Reading, found: tuple[Misreading, ...]) -> Reading:
 def _of_another_machine(found: tuple[Misreading, ...], what: str, other: OtherMachine) -> Finding:
     """One model that is another machine's instead of several mistakes."""
     kinds = dict.fromkeys(item.correction.kind.replace("_", " ") for item in found)
-    before = min(100.0, 100.0 * found[0].before)
+    before, after = percent(min(100.0, 100.0 * found[0].before)), percent(100.0 * other.share)
     size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long"
     text = (
-        f"the model looks like another machine's: with bodies anywhere near what it says {before:.2g} % of the "
-        f"{what}' power is left, with other bodies on its joints{size}, {100.0 * other.share:.2g} %, and it would take "
+        f"the model looks like another machine's: with bodies anywhere near what it says {before} of the "
+        f"{what}' power is left, with other bodies on its joints{size}, {after}, and it would take "
         f"{len(found)} mistakes in the log at once ({listed(list(kinds))}) to explain as much"
     )
     return Finding(
@@ -139,8 +140,8 @@ def _of_another_machine(found: tuple[Misreading, ...], what: str, other: OtherMa
 
 def _finding(item: Misreading, what: str) -> Finding:
     correction = item.correction
-    before, after = (min(100.0, 100.0 * share) for share in (item.before, item.after))
-    text = f"{correction.text} (likely bodies leave {before:.2g} % of the {what}' power as it is, {after:.2g} % then)"
+    before, after = (percent(min(100.0, 100.0 * share)) for share in (item.before, item.after))
+    text = f"{correction.text} (likely bodies leave {before} of the {what}' power as it is, {after} then)"
     if correction.ask:
         remedy = correction.ask
     elif correction.certain:

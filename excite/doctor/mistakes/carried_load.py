@@ -11,6 +11,7 @@ from excite.doctor.likely_bodies import FLOOR, half_log
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
 from excite.regressor.kernels import joint_torque_regressor
+from excite.shown import percent
 
 # Half the logarithm of the torques' power that a load has to leave less of than the best scale of every joint does. Two
 # arms with loads of 0.3 to 2.7 times their own mass leave 1.5 to 3.1 less (all joints together), with torques that are
@@ -37,9 +38,7 @@ class Load(NamedTuple):
     def sentence(self) -> str:
         """What it is, in words."""
         size = f"a body of {self.mass:.3g} kg" if self.mass > 0.0 else "a body"
-        return (
-            f"{size} beyond {self.joint} that the model does not have leaves {100 * self.left:.2g} % of them"
-        )
+        return f"{size} beyond {self.joint} that the model does not have leaves {percent(100.0 * self.left)} of them"
 
 
 def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:

@@ -13,6 +13,7 @@ from excite.doctor.limit_shares import share_of_limits
 from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
+from excite.shown import span
 
 _SCALE_OFF = 1.6
 # A joint alone is told from the others where its factor is beyond what any gain of a sensor is.
@@ -110,7 +111,8 @@ def _of_their_own(
     for j, factor in enumerate(factors):
         scaled = scaled.with_torque([j], float(factor))
     least, most = float(np.exp(size.min())), float(np.exp(size.max()))
-    text = f"torques are {least:.3g} to {most:.3g} times what the nominal masses need, by joint: {cause}"
+    times = span(f"{least:.3g}", f"{most:.3g}", " to ")
+    text = f"torques are {times} times what the nominal masses need, by joint: {cause}"
 
     def as_logged(read: Reading) -> Reading:
         for j, factor in enumerate(factors):

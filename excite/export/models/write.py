@@ -15,6 +15,7 @@ from excite.export.models.urdf import write_urdf
 from excite.export.models.written import WrittenModel
 from excite.identification.result import Identification
 from excite.robot.robot import Robot
+from excite.shown import count
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class ModelFiles:
         lines = []
         for model in (self.urdf, self.mjcf):
             if model is not None:
-                lines.append(f"wrote {model.path.name}: {len(model.changed)} links changed")
+                lines.append(f"wrote {model.path.name}: {count(len(model.changed), 'link')} changed")
                 lines += [f"  {note}" for note in model.notes]
         lines.append(f"wrote {self.differences.name}")
         return "\n".join([*lines, *(f"not written: {reason}" for reason in self.refused)])

@@ -23,7 +23,7 @@ from excite.identification.result import Identification
 from excite.json_document import write_json
 from excite.logs.bare_urdf import is_bare
 from excite.robot.robot import Robot
-from excite.shown import Row, Tabled
+from excite.shown import Row, Tabled, count
 
 SCHEMA = "excite.model/1"
 CHANGES, LOST, DOCUMENT = "changes.csv", "lost.csv", "model.json"
@@ -65,7 +65,7 @@ class SimulatorModel(Tabled):
         """What was written, proved and lost, in one line."""
         lost = f", {len(self.lost)} lost" if self.lost else ""
         where = self.folder / self.files[0]
-        return f"{self.robot} as {self.format} in {where}: {self.proof.felt} parameters proved{lost}"
+        return f"{self.robot} as {self.format} in {where}: {count(self.proof.felt, 'parameter')} proved{lost}"
 
     def to_json(self) -> dict[str, Any]:
         """The document ``excite.model/1``; names of files are relative to the folder."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from excite.shown import percent
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -33,5 +35,5 @@ class Certificate:
         """One line."""
         return (
             f"objective {self.objective:.4g}, proven not to go below {self.lower_bound:.4g} "
-            f"(gap {100.0 * self.gap:.2g} %, {self.relaxations} relaxations, {len(self.optima)} starts)"
+            f"(gap {percent(100.0 * self.gap)}, {self.relaxations} relaxations, {len(self.optima)} starts)"
         )

@@ -28,7 +28,7 @@ from excite.logs.log import Log
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
-from excite.shown import Shown
+from excite.shown import Shown, span
 from excite.threads import one_blas_thread
 
 
@@ -113,7 +113,7 @@ class Sessions(Shown):
             low, high = self.next_interval[:, i]
             lines.append(
                 f"  {self.base.labels[i]}: {self.pooled.mean[i]:.4g}, sessions differ by {between[i]:.2g} "
-                f"(noise of one {within[i]:.2g}); the next lies in {low:.4g} … {high:.4g}"
+                f"(noise of one {within[i]:.2g}); the next lies in {span(f'{low:.4g}', f'{high:.4g}')}"
             )
         return "\n".join(lines)
 

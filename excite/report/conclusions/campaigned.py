@@ -6,8 +6,9 @@ import os
 from pathlib import Path
 
 from excite.report.conclusions.identified import of_identification, taken
-from excite.report.conclusions.result import NAMED, Conclusion, begun_with, count, robot_words
+from excite.report.conclusions.result import NAMED, Conclusion, begun_with, robot_words
 from excite.report.folder import Document, Findings
+from excite.shown import count
 
 
 def of_campaign(campaign: Document, findings: Findings) -> Conclusion:

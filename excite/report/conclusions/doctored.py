@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from excite.report.conclusions.result import Conclusion, count, log_words, measures_forces, robot_of_result
+from excite.report.conclusions.result import Conclusion, log_words, measures_forces, robot_of_result
 from excite.report.folder import Document, Findings
+from excite.shown import count
 
 _SPOILS = {"fatal", "spoils"}
 

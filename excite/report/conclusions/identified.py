@@ -8,12 +8,14 @@ from excite.identification.judgement.poor import POOR_RSD
 from excite.report.conclusions.result import Conclusion, log_words, robot_name, robot_words
 from excite.report.doubt import doubt
 from excite.report.folder import Document, Findings
+from excite.shown import count
 
 
 def of_identification(found: Document, findings: Findings) -> Conclusion:
     """Of ``identification.json``."""
     base = found["base_parameters"]
-    known = f"{len(base)} base parameters were identified from {found['n_samples']} samples"
+    verb = "was" if len(base) == 1 else "were"
+    known = f"{count(len(base), 'base parameter')} {verb} identified from {found['n_samples']} samples"
     judged = [r for r in found["validation"].values() if r["reference_rmse"] and r["rmse"] is not None]
     if not judged:
         return Conclusion(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from excite.identification.judgement.poor import PATIENCE
-from excite.report.conclusions.result import NAMED, Conclusion, count, robot_words
+from excite.report.conclusions.result import NAMED, Conclusion, robot_words
 from excite.report.folder import Document, Findings
+from excite.shown import count, span
 
 
 def of_plan(plan: Document, findings: Findings) -> Conclusion:
@@ -64,7 +65,7 @@ def _longer(forecast: Document) -> str:
     said = ""
     if near:
         least, most = f"{min(near):.0f} s", f"{max(near):.0f} s"
-        said += f"; {len(near)} more would take {most if least == most else f'{least} to {most}'} of motion like this"
+        said += f"; {len(near)} more would take {span(least, most, ' to ')} of motion like this"
     if far:
         said += f"; {far} would take more than {PATIENCE:g} times as much as this"
     return said

@@ -83,8 +83,3 @@ def begun_with(findings: Findings, document: str, *without: str) -> list[str]:
             at = words.index(option)
             del words[at : at + 2]
     return words
-
-
-def count(n: int, what: str) -> str:
-    """``1 motion``, ``2 motions``."""
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw
+from excite.shown import count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +35,7 @@ def plot_rsd(iterations: Sequence[dict], target_percent: float | None = None) ->
             )
         axes.set(yscale="log", ylabel="relative standard deviation [%]", xlim=(-0.6, len(iterations) - 0.4))
         labels = [
-            f"iteration {i}\n{step.get('n_motions', '?')} motions\n"
+            f"iteration {i}\n{count(step.get('n_motions', 0), 'motion')}\n"
             f"{_n_met(step)} of {len({*step['rsd_percent'], *step.get('not_met', ())})} parameters meet it"
             for i, step in enumerate(iterations, start=1)
         ]

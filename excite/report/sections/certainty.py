@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from excite.report.conclusions.result import count
+from excite.identification.judgement.poor import said_rsd
 from excite.report.folder import Findings
-from excite.report.html import figure, folded, section, table
+from excite.report.html import Said, figure, folded, section, table
 from excite.report.plots.rsd import plot_rsd
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
+from excite.shown import count
 
 
 class Certainty(Section):
@@ -31,10 +32,14 @@ class Certainty(Section):
         last = iterations[-1]
         missed = sorted(last["not_met"], key=lambda name: -(last["rsd_percent"].get(name) or float("inf")))
         why = last["reasons"]
-        rows = [(name, last["rsd_percent"].get(name), why.get(name, "")) for name in missed]
+        deviations = [last["rsd_percent"].get(name) for name in missed]
+        rows = [
+            (name, Said(rsd, said_rsd(rsd)), why.get(name, ""))
+            for name, rsd in zip(missed, deviations, strict=True)
+        ]
         listing = folded(
             f"{count(len(missed), 'parameter')} above the target at the end",
-            table(("base parameter", "RSD [%]", "why"), rows),
+            table(("base parameter", "RSD", "why"), rows),
         )
         svg = to_svg(plot, "rsd", "Relative standard deviation of each base parameter per iteration")
         return section(self.identifier, self.title, lead, figure(svg), listing if missed else "")

@@ -8,7 +8,6 @@ from typing import Any
 
 from excite.errors import ExciteError
 from excite.motion.motion import Motion
-from excite.report.conclusions.result import count
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, folded, paragraph, section, table
 from excite.report.live import replay
@@ -18,6 +17,7 @@ from excite.report.replay.scene import scene
 from excite.report.replay.tracks import tracks
 from excite.report.sections.section import Section
 from excite.robot.robot import Robot
+from excite.shown import count
 
 _N_PICTURES = 4
 # A page of 15 MB still opens on a phone, and all else on it comes to 3 MB at most. G1 takes 7 kB a second of motion.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from excite.report.folder import Findings
 from excite.report.html import condition, number, tile
 from excite.report.sections.section import Section
+from excite.shown import count
 
 # A segment of whose mass the data tell less is as the nominal model has it.
 _TOLD = 0.5
@@ -32,7 +33,7 @@ def _plan(findings: Findings) -> Iterator[str]:
     yield tile(f"{candidates['accepted']} of {candidates['generated']}", "candidate motions accepted")
     selected = findings.plan["selected"]
     seconds = sum(entry["duration_s"] for entry in selected)
-    yield tile(f"{len(selected)} motions", f"chosen, {seconds:.0f} s in all")
+    yield tile(count(len(selected), "motion"), f"chosen, {seconds:.0f} s in all")
 
 
 def _check(findings: Findings) -> Iterator[str]:

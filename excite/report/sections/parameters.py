@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from excite.identification.judgement.poor import said_rsd
 from excite.report.folder import Findings
-from excite.report.html import Cell, folded, paragraph, section, table
+from excite.report.html import Cell, Said, folded, paragraph, section, table
 from excite.report.sections.section import Section
 
 _CHECKS = {
@@ -32,13 +33,24 @@ class Parameters(Section):
         warnings = [paragraph(text, "note") for text in identification["warnings"]]
         base = identification["base_parameters"]
         rows: list[tuple[Cell, ...]] = [
-            (row["expression"], row["value"], row["std"], row["rsd_percent"]) for row in base
+            (
+                row["expression"],
+                row["value"],
+                row["std"],
+                Said(row["rsd_percent"], said_rsd(row["rsd_percent"])),
+            )
+            for row in base
         ]
         values = folded(
             f"{len(base)} base parameters",
-            table(("base parameter (SI)", "value", "standard deviation", "RSD [%]"), rows),
+            table(("base parameter (SI)", "value", "standard deviation", "RSD"), rows),
         )
         return section(self.identifier, self.title, lead, *warnings, _consistency(identification), values)
+
+
+def _row(item: dict) -> tuple[Cell, ...]:
+    rsd = item["rsd_percent"]
+    return item["expression"], item["value"], item["std"], Said(rsd, said_rsd(rsd))
 
 
 def _consistency(identification: dict) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from excite.report.folder import Document, Findings
 from excite.report.html import Cell, folded, section, table
 from excite.report.sections.section import Section
+from excite.shown import count
 
 _MARGINS = {
     "joint_position_rad": ("joint position", "rad"),
@@ -36,7 +37,7 @@ class Safety(Section):
         columns = [column for name in _MARGINS for column in _columns(name, motions)]
         smallest = table(("margin", "smallest", "of", "in motion"), [_smallest(c, motions) for c in columns])
         every = folded(
-            f"Margins of all {len(motions)} motions",
+            f"Margins of all {count(len(motions), 'motion')}",
             table(
                 ("motion", "safe", *map(_title, columns)),
                 [(m["motion"], m["safe"], *(_margin(m, column)[0] for column in columns)) for m in motions],

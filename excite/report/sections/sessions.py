@@ -5,6 +5,7 @@ from __future__ import annotations
 from excite.report.folder import Document, Findings
 from excite.report.html import Cell, folded, number, paragraph, section, table
 from excite.report.sections.section import Section
+from excite.shown import span
 
 # Sessions that have a column of their own in the table.
 _COLUMNS = 6
@@ -53,7 +54,7 @@ def _table(parameters: list[Document], found: Document) -> str:
         (
             item["name"],
             *(_value(item["by_session"].get(name)) for name in names),
-            f"{number(item['low'])} … {number(item['high'])}",
+            span(number(item["low"]), number(item["high"])),
         )
         for item in parameters
     ]

@@ -16,6 +16,7 @@ from excite.robot.scaffold import numbers
 from excite.robot.scaffold.guesses import JointGuess, joint_inertias
 from excite.robot.scaffold.rest import Rest
 from excite.robot.scaffold.structure import FRICTION
+from excite.shown import span
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,7 @@ class Values:
         low, high = min(accelerations.values()), max(accelerations.values())
         rule = Assumed(
             what="acceleration limits",
-            value=f"{low:g} … {high:g} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
+            value=f"{span(f'{low:g}', f'{high:g}')} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
             consequence="motions may be slower than the robot allows, or faster than its maker does",
         )
         return block, [*self.said, *more, rule]

@@ -84,6 +84,7 @@ def inertial_faults(
         RobotError: a fault that cannot be acknowledged: a number that is none, a negative mass.
     """
     inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
+    _check_gyration(inertials, path)
     faults: dict[str, RobotError] = {}
     for name, inertial in inertials.items():
         fault = None if inertial is None else _impossible(inertial.moments, strict=False)
@@ -142,14 +143,6 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     if mass < 0.0:
         remedy = "give a positive mass in kilograms"
         raise RobotError(f"is {mass}", source=path, field=f"{where}/mass@value", remedy=remedy)
-    radius = math.sqrt(max(map(abs, values)) / mass) if mass > 0.0 else 0.0
-    if radius > MAX_GYRATION:
-        raise RobotError(
-            f"spreads {mass:g} kg over a radius of {radius:.3g} m",
-            source=path,
-            field=f"{where}/inertia",
-            remedy="write moments in kg·m² and masses in kg",
-        )
     xx, xy, xz, yy, yz, zz = values
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     rotation = pin.rpy.rpyToMatrix(*rpy)
@@ -157,6 +150,22 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     if mass == 0.0 and not any(values):
         return None
     return _Inertial(mass, np.array(centre), rotation @ moments @ rotation.T)
+
+
+def _check_gyration(inertials: Mapping[str, _Inertial | None], path: Path) -> None:
+    """Refuse moments in another unit; a frame that was given a mass of next to nothing may have any."""
+    sizes = {name: float(np.abs(one.moments).max()) for name, one in inertials.items() if one is not None}
+    for name, one in inertials.items():
+        if one is None or one.mass == 0.0 or sizes[name] <= TOLERANCE * max(sizes.values()):
+            continue
+        radius = math.sqrt(sizes[name] / one.mass)
+        if radius > MAX_GYRATION:
+            raise RobotError(
+                f"spreads {one.mass:g} kg over a radius of {radius:.3g} m",
+                source=path,
+                field=f"link {name!r}/inertial/inertia",
+                remedy="write moments in kg·m² and masses in kg",
+            )
 
 
 def _impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:

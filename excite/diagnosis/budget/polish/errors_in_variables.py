@@ -24,6 +24,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.kinematic_noise import noisy_motion
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.progress import step
 from excite.regressor.kernels import inverse_dynamics
 
 # Standard deviations that noise may stray by. Of six simulated records of a Jaco2 without any gap one kept a soft gear
@@ -31,6 +32,7 @@ from excite.regressor.kernels import inverse_dynamics
 _DEVIATIONS = 2.0
 
 
+@step("allow for noise of positions")
 def without_noise(search: Search, full: Baseline, sigma: Array, rng: np.random.Generator) -> None:
     """Drop the terms of a search's model whose gain is not worth its price once that from noise is taken off.
 

@@ -9,6 +9,7 @@ from excite.diagnosis.floating.equations.problem import Problem
 from excite.diagnosis.floating.search.exchange import Step, exchanged
 from excite.diagnosis.floating.search.ranking import DECISIVE, NOISE_SLACK, Ranked, Ranker
 from excite.diagnosis.floating.search.refinement import Fitted, Placed, refine
+from excite.progress import step
 
 # Evidence, after the number of places is paid for, that an effect must have to be there at all.
 SIGNIFICANT = 8.0
@@ -30,6 +31,7 @@ FORM_DOUBT = 0.1
 _LITTLE_OF_NOISE = 0.1
 
 
+@step("look for effects")
 def search(ranker: Ranker, baseline: Fitted) -> tuple[Step, ...]:
     """Effects that explain a record, each with its rivals, the accepted one first.
 

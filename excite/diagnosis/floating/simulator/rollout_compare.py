@@ -21,6 +21,7 @@ from excite.diagnosis.floating.simulator.rollout_path import base_path
 from excite.diagnosis.simulator.model_text import LOUDER, MODEL, ignored, without
 from excite.errors import InputError
 from excite.logs.signals.butterworth import lowpass
+from excite.progress import step
 
 HORIZON_S = 0.5
 CHANNELS = ("base.px", "base.py", "base.pz", "base.rx", "base.ry", "base.rz")
@@ -63,6 +64,7 @@ class Reloaded:
         return np.array([self._simulator.run(w, noise.wrench, noise.start[w.start]) for w in windows])
 
 
+@step("roll out in the simulator")
 def simulated(
     problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator, out: Path | None
 ) -> Rollout:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from excite.report.folder import Document, Findings
 from excite.report.html import Cell, number, paragraph, section, table
 from excite.report.sections.section import Section
+from excite.shown import span
 
 _BODIES = {
     "rigid_body": "The bodies' base parameters were fitted to this record, too.",
@@ -40,6 +41,6 @@ class Baseline(Section):
 
 def _row(item: Document) -> tuple[Cell, ...]:
     bounds = item["interval90"]
-    between = "–" if bounds is None else f"{number(bounds[0])} to {number(bounds[1])}"
+    between = "–" if bounds is None else span(number(bounds[0]), number(bounds[1]), " to ")
     name = item["parameter"].replace("_", " ")
     return item["joint"], name, item["value"], item["std"], between, item["unit"]

@@ -12,6 +12,7 @@ from excite.report.folder import Document, Findings
 from excite.report.html import folded, number, paragraph, section
 from excite.report.plots.forces import channel_label
 from excite.report.sections.section import Section
+from excite.shown import span
 
 # Channels with less of the whole gap are folded away.
 _SMALL = 0.02
@@ -169,7 +170,7 @@ def _doubt(part: _Part) -> str:
 def _interval(part: _Part) -> str:
     if part.interval is None:
         return "–"
-    return f"{_percent(part.interval[0])} to {_percent(part.interval[1])}"
+    return span(_percent(part.interval[0]), _percent(part.interval[1]), " to ")
 
 
 def _percent(share: float | None) -> str:

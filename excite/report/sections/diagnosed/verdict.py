@@ -9,6 +9,7 @@ from excite.report.conclusions.diagnosed import VERDICTS
 from excite.report.folder import Document, Findings
 from excite.report.html import paragraph, tile
 from excite.report.sections.section import Section
+from excite.shown import span
 
 # An interval that begins below this part of the share closed contradicts it at first sight.
 _SURE = 0.5
@@ -41,7 +42,7 @@ def _tiles(found: Document) -> Iterator[str]:
     yield tile(size, f"of the signal is not explained; {_percent(gap['noise_floor'])} is noise")
     if closed:
         bounds = gap["share_closed_90"]
-        within = f"; 90 % interval {_whole(bounds[0])} to {_whole(bounds[1])} %" if bounds else ""
+        within = f"; 90 % interval {span(_whole(bounds[0]), _whole(bounds[1]), ' to ')} %" if bounds else ""
         if bounds and None not in bounds and bounds[0] < _SURE * (gap["share_closed"] or 0.0):
             within += ": so much is closed on the trials that judge, which are too few or too short to say it of others"
         units = (item["unit"] for item in gap["per_channel"].values())
