@@ -32,7 +32,7 @@ from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data
-from excite.robot.bringing import RobotLike, as_robot
+from excite.robot.bringing import RobotLike, as_robot, kept
 from excite.robot.robot import Robot
 
 # Stream of random numbers of the plans, apart from those of the virtual robot.
@@ -78,7 +78,7 @@ def campaign(
     with claimed(Path(folder)):
         journal = Journal(Path(folder))
         journal.open(robot, settings, resume=resume)
-        state = _State(robot, settings, journal, jobs, progress)
+        state = _State(kept(robot, Path(folder)), settings, journal, jobs, progress)
         try:
             return _run(state)
         except KeyboardInterrupt:

@@ -11,15 +11,19 @@ import numpy as np
 
 from excite.excitation.conditioning import Conditioning
 from excite.report.comparisons import ConditioningComparison
+from excite.robot.bringing import kept
 from excite.robot.catalogue import data_folder
 from excite.robot.robot import Robot
 
 
 def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
-    """Where a robot of one's own is described, relative to a results folder; nothing for a bundled robot."""
+    """Where a robot of one's own is described, relative to a results folder; nothing for a bundled robot.
+
+    The first description of a bare model is kept there.
+    """
     if robot.source.resolve().is_relative_to(data_folder("robots").resolve()):
         return {}
-    return {"robot_file": os.path.relpath(robot.source.resolve(), Path(folder).resolve())}
+    return {"robot_file": os.path.relpath(kept(robot, folder).source.resolve(), Path(folder).resolve())}
 
 
 def conditioning_comparison(

@@ -98,7 +98,7 @@ def command(
         progress_bars() as progress,
         keeping_best(),
     ):
-        loaded = excite.load_robot(robot, keep=folder / "robot")
+        loaded = excite.load_robot(robot)
         with refusals_shown(loaded, folder):
             plan = excite.plan(
                 loaded,

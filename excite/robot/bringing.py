@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
+from excite.atomic import all_or_nothing, write_bytes
 from excite.errors import InputError
 from excite.robot.catalogue import find_robot
 from excite.robot.loading import load_robot as load_described
 from excite.robot.robot import Robot
-from excite.temporary_folder import TemporaryFolder
+from excite.temporary_folder import TemporaryFolder, in_temporary_folder
 
 RobotLike = Robot | str | Path
 """A robot, or what :func:`load_robot` makes one of."""
@@ -17,13 +20,13 @@ RobotLike = Robot | str | Path
 _MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 
-def load_robot(name_or_path: str | Path, *, keep: str | Path | None = None) -> Robot:
+def load_robot(name_or_path: str | Path) -> Robot:
     """Load a robot by bundled name, from a ``robot.yaml``, or from a bare model with a first description.
 
     Args:
         name_or_path: bundled name (``excite robots`` lists them), folder, or path of a ``robot.yaml``, URDF, xacro
-            or MJCF. What a bare model does not say is assumed, and stands in ``robot.description.assumed``.
-        keep: folder in which the first description of a bare model is kept; else it lasts as long as the process.
+            or MJCF. What a bare model does not say is assumed, and stands in ``robot.description.assumed``; that first
+            description lasts as long as the process, where :func:`kept` does not copy it.
 
     Returns:
         The robot, everything in it checked.
@@ -37,10 +40,25 @@ def load_robot(name_or_path: str | Path, *, keep: str | Path | None = None) -> R
         return load_described(path)
     from excite.robot.scaffold.files import write_scaffold  # lazy: scipy
 
-    folder = (
-        Path(keep) if keep is not None else _temporary().path / path.resolve().as_posix().replace("/", "_")
-    )
+    # A model's path tells it from others of its name, and may be longer than a name of a folder.
+    folder = _temporary().path / sha256(path.resolve().as_posix().encode()).hexdigest()
     return load_described(write_scaffold(path, folder, overwrite=True, absolute=True).description)
+
+
+def kept(robot: Robot, results: Path) -> Robot:
+    """The robot, its description in a folder of results where it would else go with the process.
+
+    Args:
+        robot: the robot.
+        results: the folder; the first description of a bare model goes to ``robot`` in it, with all that it names.
+    """
+    if not in_temporary_folder(robot.source):
+        return robot
+    written, there = robot.source.parent, results / "robot"
+    with all_or_nothing():
+        for file in sorted(path for path in written.rglob("*") if path.is_file()):
+            write_bytes(there / file.relative_to(written), file.read_bytes())
+    return replace(robot, source=there / robot.source.name)
 
 
 def as_robot(robot: RobotLike) -> Robot:

@@ -42,6 +42,6 @@ def command(
         document,
         as_json=as_json,
         then=command_line(
-            "convert", "RECORDING", "--robot", robot, "--out", log_folder(plan), "--capture", sheet.path
+            "convert", "RECORDING", "--robot", whose, "--out", log_folder(plan), "--capture", sheet.path
         ),
     )
