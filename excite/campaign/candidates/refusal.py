@@ -17,7 +17,6 @@ from excite.robot.robot import Robot
 from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, refusals_table
 from excite.safety.remedy import TRIED, Remedy, find_remedy
-from excite.shown import count
 
 SCHEMA = "excite.refusals/1"
 REFUSALS_FILE = "refusals.json"
@@ -130,8 +129,10 @@ def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:
     if refusals.refused:
         first = refusals.refused[0]
         cause = f": {first.candidates} are refused by {first}"
+    generated = refusals.generated
+    none = "the one candidate is not" if generated == 1 else f"none of {generated} candidates is"
     return NothingSafeError(
-        f"none of {count(refusals.generated, 'candidate')} is safe for {robot.name}{cause}",
+        f"{none} safe for {robot.name}{cause}",
         best=refusals,
         remedy=refusals.change if refusals.refused else "ask for more candidates",
     )
