@@ -136,7 +136,7 @@ def sheet_text(sheet: Capture, robot: Robot, named: str, file: str = "capture.md
     lines = [
         f"# Recording {sheet.robot}",
         "",
-        f"{count(len(sheet.logged), 'motion')}, {total / 60.0:.0f} minutes of recording with warm-up. "
+        f"{count(len(sheet.motions), 'motion')}, {total / 60.0:.0f} minutes of recording with warm-up. "
         "Name each recording as its run is called.",
         "",
         "## Before",
@@ -152,7 +152,7 @@ def sheet_text(sheet: Capture, robot: Robot, named: str, file: str = "capture.md
         "| --- | --- | --- | --- | --- |",
     ]
     for run in sheet.runs:
-        lines.append(f"| {run.name} | {_what(run)} | {run.role or ''} | {run.duration_s:.0f} | ☐ |")
+        lines.append(f"| {run.name} | {_what(run, robot)} | {run.role or ''} | {run.duration_s:.0f} | ☐ |")
     lines += [
         "",
         "## Record",
@@ -168,10 +168,13 @@ def sheet_text(sheet: Capture, robot: Robot, named: str, file: str = "capture.md
     )
 
 
-def _what(run: Run) -> str:
+def _what(run: Run, robot: Robot) -> str:
+    # What stands falls without torques.
+    hung = "hung up, " if robot.floating else ""
     return {
         "warm_up": f"{run.motion} over and over",
-        "zero_torque": "torques off (or brakes on), nothing touches it: offsets and noise of torques and currents",
+        "zero_torque": f"{hung}torques off (or brakes on), nothing touches it: offsets and noise of torques and "
+        "currents",
         "static": f"hold still where {run.motion} begins: gravity and stiction alone",
         "motion": f"{run.motion}" + (f", again ({run.repeats}): the noise floor" if run.repeats else ""),
     }[run.kind]

@@ -59,9 +59,14 @@ class Capture(BaseModel):
     runs: tuple[Run, ...]
 
     @property
-    def logged(self) -> tuple[Run, ...]:
-        """Runs that belong into a log: motions."""
+    def motions(self) -> tuple[Run, ...]:
+        """Runs of motions."""
         return tuple(run for run in self.runs if run.kind == "motion")
+
+    @property
+    def logged(self) -> tuple[Run, ...]:
+        """Runs that belong into a log: motions, and standing still. Drives are cold or off in the others."""
+        return tuple(run for run in self.runs if run.kind in ("motion", "static"))
 
     def roles(self) -> dict[str, Role]:
         """Role by name of the run and of its motion."""
@@ -102,67 +107,96 @@ def read_capture(path: Path) -> Capture:
         ) from error
 
 
-def named_runs(cuts: Sequence[Cut], sheet: Capture) -> dict[str, str]:
-    """By trial, the run that it is: the run's name in the trial's, else their order where there are as many.
+def by_sheet(
+    tables: Sequence[Table], rules: TrialRules, sheet: Capture
+) -> tuple[tuple[Cut, ...], list[str]]:
+    """Trials with the roles and repeats of a sheet, and what differs from it, a sentence each.
 
-    Trials that no run is found for are left out.
+    Those that are none of its runs are cut as ever; runs in which drives are cold or off are left out.
+
+    Raises:
+        LogError: nothing is left.
+    """
+    names = _named_runs([table.name for table in tables], sheet)
+    runs = {run.name: run for run in sheet.runs}
+    out = [table for table in tables if table.name in names and runs[names[table.name]] not in sheet.logged]
+    said = [_left_out(table, runs[names[table.name]]) for table in out]
+    if len(out) == len(tables):
+        raise LogError(f"nothing belongs into a log ({'; '.join(said)})", remedy="record the sheet's motions")
+    cuts = cut_trials([table for table in tables if table not in out], rules, sheet.roles())
+    found, differs = _matched(cuts, sheet)
+    return found, [*said, *differs]
+
+
+def _matched(cuts: Sequence[Cut], sheet: Capture) -> tuple[tuple[Cut, ...], list[str]]:
+    """Trials as the runs that they are, and what differs."""
+    names = _named_runs([cut.name for cut in cuts], sheet)
+    runs, trials = {run.name: run for run in sheet.logged}, {run: trial for trial, run in names.items()}
+    roles, repeats = sheet.roles(), sheet.repeats()
+    missing = [name for name in runs if name not in trials]
+    found, said = [], [f"not recorded: {', '.join(missing)}"] if missing else []
+    for cut in cuts:
+        run = runs.get(names.get(cut.name, ""))
+        if run is None:
+            said.append(f"{cut.name} is no run of the sheet")
+            found.append(cut)
+            continue
+        said += _differs(cut, run, sheet.rate_hz)
+        again = trials.get(repeats.get(run.name, ""))
+        because = f"run {run.name} of the capture sheet"
+        found.append(replace(cut, role=roles.get(run.name, cut.role), repeats=again, because=because))
+    return tuple(found), said
+
+
+def _named_runs(recorded: Sequence[str], sheet: Capture) -> dict[str, str]:
+    """By recording, the run that it is: the run's name in its own, else their order where there are as many.
+
+    Recordings that no run is found for are left out.
     """
     found: dict[str, str] = {}
-    runs = sorted((run.name for run in sheet.logged), key=len, reverse=True)
-    for cut in cuts:
-        name = next((run for run in runs if run in (cut.name, cut.source) or run in cut.name), None)
-        if name is not None and name not in found.values():
-            found[cut.name] = name
-    if not found and len(cuts) == len(sheet.logged):
-        return {cut.name: run.name for cut, run in zip(cuts, sheet.logged, strict=True)}
+    runs = sorted((run.name for run in sheet.runs), key=len, reverse=True)
+    for name in recorded:
+        run = next((run for run in runs if run in name), None)
+        if run is not None and run not in found.values():
+            found[name] = run
+    for asked in () if found else (sheet.motions, sheet.logged, sheet.runs):
+        if len(recorded) == len(asked):
+            return {name: run.name for name, run in zip(recorded, asked, strict=True)}
     return found
 
 
-def by_sheet(tables: Sequence[Table], rules: TrialRules, sheet: Capture) -> tuple[Cut, ...]:
-    """Trials with the roles and repeats of a sheet; those that are none of its runs are cut as ever."""
-    cuts = cut_trials(tables, rules, sheet.roles())
-    names = named_runs(cuts, sheet)
-    trials = {run: trial for trial, run in names.items()}
-    roles, repeats = sheet.roles(), sheet.repeats()
-    found = []
-    for cut in cuts:
-        run = names.get(cut.name)
-        if run is not None:
-            again = trials.get(repeats.get(run, ""))
-            because = f"run {run} of the capture sheet"
-            cut = replace(cut, role=roles.get(run, cut.role), repeats=again, because=because)
-        found.append(cut)
-    return tuple(found)
+def _left_out(table: Table, run: Run) -> str:
+    """That a recording is no part of the log, and what its torques read where drives are off."""
+    if run.kind == "warm_up":
+        return f"{table.name} is left out of the log: drives warm up in it"
+    read = {key: float(np.nanmean(v)) for key, v in table.columns.items() if key.startswith(("tau.", "i."))}
+    words = f"{table.name} is left out of the log: torques are off in it"
+    if not read:
+        return words
+    most = max(read, key=lambda key: abs(read[key]))
+    unit = "A" if most.startswith("i.") else "N·m or N"
+    return f"{words}, and the largest that a channel reads is {read[most]:+.3g} {unit}, {most.partition('.')[2]}'s"
 
 
-def compare(cuts: Sequence[Cut], sheet: Capture) -> list[str]:
-    """What differs between trials and a sheet, a sentence each."""
-    runs = {run.name: run for run in sheet.logged}
-    names = named_runs(cuts, sheet)
+def _differs(cut: Cut, run: Run, rate_hz: float) -> list[str]:
+    """What differs between a trial and its run, a sentence each."""
     said = []
-    missing = [name for name in runs if name not in names.values()]
-    if missing:
-        said.append(f"not recorded: {', '.join(missing)}")
-    for cut in cuts:
-        if cut.name not in names:
-            said.append(f"{cut.name} is no run of the sheet")
-            continue
-        run = runs[names[cut.name]]
-        time = cut.columns["time"]
-        lasts = float(np.ptp(time))
-        if lasts < run.duration_s - _MISSING_S:
-            said.append(f"{cut.name} lasts {lasts:.1f} s, its motion {run.duration_s:.1f} s")
-        rate = (len(time) - 1) / max(lasts, 1e-9)
-        if rate < _LEAST_RATE * sheet.rate_hz:
-            said.append(f"{cut.name} has {rate:.0f} rows a second, the sheet asks for {sheet.rate_hz:g}")
-        far = {
-            joint: float(cut.columns[f"q.{joint}"][0]) - start
-            for joint, start in run.start.items()
-            if f"q.{joint}" in cut.columns and abs(float(cut.columns[f"q.{joint}"][0]) - start) > _START
-        }
-        if far:
-            worst = max(far, key=lambda joint: abs(far[joint]))
-            said.append(
-                f"{cut.name} begins {far[worst]:+.2f} off the motion's start at {worst}: unit, zero or another motion"
-            )
+    time = cut.columns["time"]
+    lasts = float(np.ptp(time))
+    if lasts < run.duration_s - _MISSING_S:
+        what = "its motion" if run.kind == "motion" else "the sheet"
+        said.append(f"{cut.name} lasts {lasts:.1f} s, {what} {run.duration_s:.1f} s")
+    rate = (len(time) - 1) / max(lasts, 1e-9)
+    if rate < _LEAST_RATE * rate_hz:
+        said.append(f"{cut.name} has {rate:.0f} rows a second, the sheet asks for {rate_hz:g}")
+    far = {
+        joint: float(cut.columns[f"q.{joint}"][0]) - start
+        for joint, start in run.start.items()
+        if f"q.{joint}" in cut.columns and abs(float(cut.columns[f"q.{joint}"][0]) - start) > _START
+    }
+    if far:
+        worst = max(far, key=lambda joint: abs(far[joint]))
+        said.append(
+            f"{cut.name} begins {far[worst]:+.2f} off the motion's start at {worst}: unit, zero or another motion"
+        )
     return said

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from excite.atomic import write_text
 from excite.conversion.assemble import Table, assemble
-from excite.conversion.capture_sheet import by_sheet, compare, read_capture
+from excite.conversion.capture_sheet import by_sheet, read_capture
 from excite.conversion.guess import guess
 from excite.conversion.guesses import Guesses, UnclearError
 from excite.conversion.header import log_header
@@ -112,11 +112,13 @@ def _converted(
     for k in range(len(recordings)):
         tables += _tables(recordings[k], found, machine, stated)
         recordings[k] = replace(recordings[k], streams=())
-    cuts = list(
-        cut_trials(tables, stated.trials, said) if sheet is None else by_sheet(tables, stated.trials, sheet)
-    )
+    compared: list[str] = []
+    if sheet is None:
+        cuts = list(cut_trials(tables, stated.trials, said))
+    else:
+        of_sheet, differs = by_sheet(tables, stated.trials, sheet)
+        cuts, compared = list(of_sheet), differs or ["as the capture sheet asks"]
     tables = [replace(table, columns={}) for table in tables]
-    compared = [] if sheet is None else compare(cuts, sheet) or ["as the capture sheet asks"]
     trials = tuple((cut.name, cut.role, cut.because) for cut in cuts)
     header = log_header(cuts, found, machine, stated, recordings)
     if not weighs:

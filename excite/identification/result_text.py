@@ -5,6 +5,9 @@ from __future__ import annotations
 from excite.identification.judgement.changes import ChangedSegment
 from excite.identification.judgement.validation import ChannelFit
 
+# Links are no longer: a centre of mass that is known no better than this is anywhere in one [m].
+_WITHIN_M = 1.0
+
 
 def mass_change(item: ChangedSegment) -> str:
     """The change of mass, or that the rows say nothing of it: an arm's masses show only in combinations."""
@@ -13,8 +16,14 @@ def mass_change(item: ChangedSegment) -> str:
     mass = f"{item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
     if item.centre_m is None or item.centre_std_m is None:
         return mass
-    x, y, z = item.centre_m
-    return f"{mass} at ({x:.3f}, {y:.3f}, {z:.3f}) ± {max(item.centre_std_m):.2g} m from its joint"
+    # Along axes that are all parallel nothing is felt of a centre of mass.
+    shown = [std < _WITHIN_M for std in item.centre_std_m]
+    if not any(shown):
+        return f"{mass}; where is not determined"
+    centre = ", ".join(f"{x:.3f}" if s else "–" for x, s in zip(item.centre_m, shown, strict=True))
+    most = max(std for std, s in zip(item.centre_std_m, shown, strict=True) if s)
+    hidden = "" if all(shown) else " (– is not determined)"
+    return f"{mass} at ({centre}) ± {most:.2g} m from its joint{hidden}"
 
 
 def fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:

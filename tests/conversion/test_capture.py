@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.capture_sheet import read_capture
+from excite.campaign.capture import sheet_text
+from excite.conversion.capture_sheet import Capture, Run, read_capture
 from excite.errors import InputError, LogError
 from excite.motion.roles import planned_roles
+
+
+OFF = Run(name="zero_torque", kind="zero_torque", duration_s=10.0)
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +62,19 @@ def recorded(plan: Path, folder: Path, run: str, motion: str, shift: float = 0.0
     return file
 
 
+def stood(plan: Path, folder: Path, run: str, motion: str, torque: float | None = None) -> Path:
+    """A recording that stands where a motion begins, by its gravity or with one torque at every joint."""
+    file = recorded(plan, folder, run, motion)
+    lines = file.read_text().splitlines()
+    rows = np.repeat([[float(x) for x in lines[1].split(",")]], 10_000, axis=0)
+    rows[:, 0] = 0.001 * np.arange(len(rows))
+    rows[:, 1:7] += 1e-5 * np.random.default_rng(len(run)).normal(size=(len(rows), 6))
+    if torque is not None:
+        rows[:, 7:] = torque
+    np.savetxt(file, rows, delimiter=",", header=lines[0], comments="")
+    return file
+
+
 def test_a_sheet_names_runs_repeats_and_what_to_record(plan, tmp_path):
     sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
     text = sheet.path.read_text()
@@ -93,13 +110,15 @@ def test_a_page_holds_the_same_sheet(plan, tmp_path):
 def test_logs_come_back_with_the_plans_roles(plan, tmp_path):
     sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
     files = [
-        recorded(plan, tmp_path, run.name, Path(run.motion).stem)
+        (recorded if run.kind == "motion" else stood)(plan, tmp_path, run.name, Path(run.motion).stem)
         for run in sheet.capture.logged
         if run.motion
     ]
     found = excite.convert(files, "ur10", tmp_path / "log", None, sheet.path)
     roles = {Path(trial.file).stem: (trial.role, trial.repeats) for trial in found.log.header.trials}
     assert roles == {
+        "static_1": ("identification", None),
+        "static_2": ("identification", None),
         "swing": ("identification", None),
         "reach": ("identification", None),
         "turn": ("validation", None),
@@ -107,6 +126,30 @@ def test_logs_come_back_with_the_plans_roles(plan, tmp_path):
         "reach_again": ("identification", "reach.parquet"),
     }
     assert "as the capture sheet asks" in found.notes
+
+
+def test_runs_with_torques_off_or_cold_drives_are_no_part_of_the_log(plan, tmp_path):
+    sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
+    files = [
+        recorded(plan, tmp_path, "warm_up", "swing"),
+        stood(plan, tmp_path, "zero_torque", "swing", torque=0.7),
+        recorded(plan, tmp_path, "swing", "swing"),
+        recorded(plan, tmp_path, "turn", "turn"),
+    ]
+    found = excite.convert(files, "ur10", tmp_path / "log", None, sheet.path)
+    assert [Path(trial.file).stem for trial in found.log.header.trials] == ["swing", "turn"]
+    notes = " ".join(found.notes)
+    assert "zero_torque is left out of the log" in notes and "reads is +0.7 N·m" in notes
+    assert "warm_up is left out of the log" in notes and "no run of the sheet" not in notes
+    with pytest.raises(LogError, match="nothing belongs into a log"):
+        excite.convert(files[:1], "ur10", tmp_path / "other", None, sheet.path)
+
+
+def test_a_robot_that_stands_is_hung_up_before_its_torques_go_off(tmp_path):
+    robot = excite.load_robot("g1")
+    assert "hung up, torques off" in sheet_text(
+        Capture(robot="g1", rate_hz=500.0, joints=robot.joint_names, runs=(OFF,)), robot, "g1"
+    )
 
 
 def test_what_differs_from_the_sheet_is_said(plan, tmp_path):

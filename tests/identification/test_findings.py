@@ -20,6 +20,7 @@ from excite.identification.judgement.statistics import base_statistics
 from excite.identification.judgement.warnings import find_warnings
 from excite.identification.problem import build_problem
 from excite.identification.result import Identification
+from excite.identification.result_text import mass_change
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log, changed
@@ -137,3 +138,13 @@ def test_a_changed_segment_that_would_weigh_less_than_nothing_is_called_no_body(
 def test_one_constraint_holds_and_two_hold():
     one, two = (_bounds(SimpleNamespace(active=("total_mass:robot",) * n))[0].text for n in (1, 2))
     assert one.startswith("1 constraint holds with") and two.startswith("2 constraints hold with")
+
+
+def test_a_centre_of_mass_is_said_along_the_axes_that_show_it() -> None:
+    def said(*std: float) -> str:
+        item = ChangedSegment("tool", "tool", 0.254, 4e-4, 50.0, (), (0.01, -3.0, 0.092), std)
+        return mass_change(item).partition(" at ")[2] or mass_change(item)
+
+    assert said(3e-4, 72.0, 2e-4) == "(0.010, –, 0.092) ± 0.0003 m from its joint (– is not determined)"
+    assert said(3e-4, 4e-4, 2e-4) == "(0.010, -3.000, 0.092) ± 0.0004 m from its joint"
+    assert said(3.0, 4.0, 2.0).endswith("where is not determined")
