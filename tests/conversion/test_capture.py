@@ -14,7 +14,6 @@ from excite.conversion.capture_sheet import Capture, Run, read_capture
 from excite.errors import InputError, LogError
 from excite.motion.roles import planned_roles
 
-
 OFF = Run(name="zero_torque", kind="zero_torque", duration_s=10.0)
 
 
