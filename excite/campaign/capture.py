@@ -191,10 +191,9 @@ def _topics(sheet: Capture, robot: Robot) -> list[str]:
         "Franka: `q dq tau_J q_d` at 1 kHz.",
     ]
     if robot.floating:
-        sensors = ", ".join(sensor.name for sensor in robot.sensors) or "the feet"
-        lines.append(
-            f"- Pose of the base (link {robot.base_link}) and contact wrenches ({sensors}) on the same clock."
-        )
+        sensors = ", ".join(sensor.name for sensor in robot.sensors)
+        contact = f"contact wrenches ({sensors})" if sensors else "which feet carry (forces or contact flags)"
+        lines.append(f"- Pose of the base (link {robot.base_link}) and {contact} on the same clock.")
     return lines
 
 

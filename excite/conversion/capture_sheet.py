@@ -107,9 +107,7 @@ def read_capture(path: Path) -> Capture:
         ) from error
 
 
-def by_sheet(
-    tables: Sequence[Table], rules: TrialRules, sheet: Capture
-) -> tuple[tuple[Cut, ...], list[str]]:
+def by_sheet(tables: Sequence[Table], rules: TrialRules, sheet: Capture) -> tuple[tuple[Cut, ...], list[str]]:
     """Trials with the roles and repeats of a sheet, and what differs from it, a sentence each.
 
     Those that are none of its runs are cut as ever; runs in which drives are cold or off are left out.

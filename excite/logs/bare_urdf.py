@@ -104,10 +104,7 @@ def _feet(header: LogHeader) -> list[dict[str, Any]]:
     """Feet that the log states, else those below its sensors, of whose soles nothing is known or needed."""
     said = {"friction": 1.0, "source": _UNSTATED}
     if header.feet:
-        return [
-            {"name": foot.name, "link": foot.link, "sole": foot.sole, "radius": foot.radius, **said}
-            for foot in header.feet
-        ]
+        return [{**foot.model_dump(), **said} for foot in header.feet]
     sole = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)]
     links = dict.fromkeys(sensor.foot for sensor in header.sensors)
     return [{"name": link, "link": link, "sole": sole, **said} for link in links]

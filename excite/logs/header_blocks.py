@@ -33,12 +33,13 @@ class SensorHeader(HeaderBlock):
 
 class FootHeader(HeaderBlock):
     """A foot whose contact flag is logged: its link, and corners of its sole in that link's frame, one for a point
-    foot, which may be a ball with a radius [m]."""
+    foot, which may be a ball with a radius about a centre [m]."""
 
     name: Name
     link: Name
     sole: tuple[tuple[Length, Length, Length], ...] = Field(min_length=1, max_length=MAX_NAMES)
     radius: float = Field(default=0.0, ge=0.0, le=1.0)
+    centre: tuple[Length, Length, Length] | None = None
 
 
 class ImuHeader(HeaderBlock):

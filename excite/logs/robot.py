@@ -209,9 +209,17 @@ def _sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSe
 def foot_headers(robot: Robot) -> tuple[FootHeader, ...]:
     """The robot's feet as ``log.yaml`` has them."""
     blocks = {block.name: block for block in robot.description.feet}
-    return tuple(
-        FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole, radius=f.radius) for f in robot.feet
-    )
+    made = []
+    for foot in robot.feet:
+        centre = None
+        if foot.radius > 0.0:
+            # A log has no posture at rest, in which a ball's corner would be the lowest point.
+            link = link_placement(robot.model, foot.link, robot.source, "feet")[1]
+            x, y, z = np.round(link.actInv(foot.centre), 9).tolist()
+            centre = (x, y, z)
+        sole = blocks[foot.name].sole
+        made.append(FootHeader(name=foot.name, link=foot.link, sole=sole, radius=foot.radius, centre=centre))
+    return tuple(made)
 
 
 def sensor_headers(robot: Robot) -> tuple[SensorHeader, ...]:

@@ -95,7 +95,7 @@ def _wrenches(foot: Foot, up: Array) -> Array:
     if foot.flat:
         return np.eye(6)
     if foot.radius > 0.0:
-        x, y, z = (foot.sole[0] + foot.radius * (foot.placement.rotation[:, 2] - up)).T
+        x, y, z = (foot.centre - foot.radius * up).T
         wrenches = np.zeros((len(up), 6, 3))
         wrenches[:, :3] = np.eye(3)
         for row, column, value in ((3, 1, -z), (3, 2, y), (4, 0, z), (4, 2, -x), (5, 0, -y), (5, 1, x)):

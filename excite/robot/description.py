@@ -80,13 +80,14 @@ class FootBlock(Block):
 
     One corner is a point foot, which carries no moment; two are an edge, three or more a sole. A point foot that is a
     ball has a ``radius``, and its corner is where it touches the ground at rest; where the collision geometry has that
-    ball, any point on it will do.
+    ball, any point on it will do. Without a posture at rest its ``centre`` says where the ball is.
     """
 
     name: Name
     link: str
     sole: Annotated[tuple[Vector3, ...], Field(min_length=1)]
     radius: Margin = 0.0
+    centre: Vector3 | None = None
     friction: FrictionCoefficient
     source: Source
 

@@ -76,6 +76,9 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
         data = model.createData()
         pin.forwardKinematics(model, data, upright)
         rotation = data.oMi[joint].rotation.T
+        if block.centre is not None and block.radius > 0.0:
+            up = placement.act(np.array(block.centre)) - corners[0]
+            rotation = pin.Quaternion.FromTwoVectors(rotation[:, 2], up).matrix() @ rotation
     elif len(corners) == 2:
         rotation = _edge_axes(corners, placement.rotation)
     else:

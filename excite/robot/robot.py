@@ -51,7 +51,7 @@ class Foot:
             point foot, two for an edge.
         placement: pose of a frame on the sole in the frame of ``joint``: origin at the mean of the
             corners, z along the sole's outward-from-ground normal, x along the link's x. A point foot's axes are
-            the world's at rest; an edge's x runs along it.
+            the world's at rest, where its ball's centre is not stated; an edge's x runs along it.
         friction: Coulomb friction coefficient of the sole on the ground.
         radius: of a point foot that is a ball and rolls on the ground; zero of all others [m].
     """
@@ -63,6 +63,11 @@ class Foot:
     placement: pin.SE3
     friction: float
     radius: float = 0.0
+
+    @property
+    def centre(self) -> Array:
+        """Centre of the ball that a point foot is, in the frame of ``joint``, ``(3,)`` [m]."""
+        return np.asarray(self.sole[0] + self.radius * self.placement.rotation[:, 2])
 
     @property
     def flat(self) -> bool:

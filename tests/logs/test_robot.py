@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from excite.errors import RobotError
-from excite.logs.bare_urdf import nominal_faults
+from excite.logs.bare_urdf import bare_description, nominal_faults
 from excite.logs.files import load_log, save_log
+from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot, robot_for_log
+from excite.robot.loading import build_robot, load_robot
+from excite.simulation.sensing import log_header
 from tests.logs.conftest import ARM
 
 FORE = '<inertia ixx="0.01" iyy="0.01" izz="0.004" ixy="0" ixz="0" iyz="0"/>'
@@ -61,3 +64,21 @@ def test_no_number_and_no_mass_are_refused(mass: str, arm_log: Log, tmp_path: Pa
     path = saved(arm_log, tmp_path, '<mass value="1"/>', f'<mass value="{mass}"/>')
     with pytest.raises(RobotError, match="fore"):
         nominal_robot(load_log(path))
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_balls_of_feet_are_where_they_are_though_a_log_has_no_posture_at_rest(
+    stated: bool, tmp_path: Path
+) -> None:
+    """A Go2's shanks lean at rest; its feet are meshes, about the origins of their links."""
+    go2 = load_robot("go2")
+    header = log_header(go2, (TrialHeader(file="one.parquet", role="identification"),))
+    assert header.feet[0].centre is not None
+    if not stated:
+        feet = tuple(foot.model_copy(update={"centre": None}) for foot in header.feet)
+        header = header.model_copy(update={"feet": feet})
+    file = tmp_path / "robot.urdf"
+    file.write_text(go2.urdf, encoding="utf-8")
+    bare = build_robot(bare_description(file, header), file)
+    for known, foot in zip(go2.feet, bare.feet, strict=True):
+        np.testing.assert_allclose(foot.centre, known.centre, atol=1e-5)

@@ -24,7 +24,8 @@ def with_balls_down(
     """The description with the corner of each foot that is a ball where that is lowest at rest.
 
     The stated corner, which may be of another posture, says which ball of the collision geometry it is. Feet that are
-    none of those stay as they are stated, and all where no posture is stated: a log's bare model has none.
+    none of those stay as they are stated. Where no posture is stated, as with a log's bare model, corners stay as well,
+    and the ball's centre stands beside them.
 
     Args:
         description: as it was read.
@@ -37,7 +38,7 @@ def with_balls_down(
         RobotError: a foot's link is not in the model, or an origin or a radius is no number.
     """
     if not description.posture.joints:
-        return description
+        return _with_centres(description, root, path)
     data = model.createData()
     pin.forwardKinematics(model, data, upright)
     feet = []
@@ -49,6 +50,26 @@ def with_balls_down(
             foot = foot.model_copy(update={"sole": (tuple((centre + down).tolist()),)})
         feet.append(foot)
     return description.model_copy(update={"feet": tuple(feet)})
+
+
+def _with_centres(description: RobotDescription, root: ElementTree.Element, path: Path) -> RobotDescription:
+    """The description with the centres of balls that it does not say, where they can be told."""
+    feet = []
+    for foot in description.feet:
+        if foot.centre is None:
+            centre = _centre(root, description, foot, path)
+            if centre is None and _about_origin(foot):
+                # Feet that are meshes nearly all have their frame in the middle of the ball.
+                centre = np.zeros(3)
+            if centre is not None:
+                foot = foot.model_copy(update={"centre": tuple(centre.tolist())})
+        feet.append(foot)
+    return description.model_copy(update={"feet": tuple(feet)})
+
+
+def _about_origin(foot: FootBlock) -> bool:
+    """Whether a foot's corner lies on a ball about its link's origin."""
+    return foot.radius > 0.0 and abs(float(np.linalg.norm(foot.sole[0])) - foot.radius) < _ON
 
 
 def _centre(
