@@ -129,15 +129,18 @@ def by_sheet(tables: Sequence[Table], rules: TrialRules, sheet: Capture) -> tupl
 def _matched(cuts: Sequence[Cut], sheet: Capture) -> tuple[tuple[Cut, ...], list[str]]:
     """Trials as the runs that they are, and what differs."""
     names = _named_runs([cut.name for cut in cuts], sheet)
-    runs, trials = {run.name: run for run in sheet.logged}, {run: trial for trial, run in names.items()}
+    runs, trials = {run.name: run for run in sheet.runs}, {run: trial for trial, run in names.items()}
     roles, repeats = sheet.roles(), sheet.repeats()
-    missing = [name for name in runs if name not in trials]
+    missing = [run.name for run in sheet.logged if run.name not in trials]
     found, said = [], [f"not recorded: {', '.join(missing)}"] if missing else []
     for cut in cuts:
         run = runs.get(names.get(cut.name, ""))
         if run is None:
             said.append(f"{cut.name} is no run of the sheet")
             found.append(cut)
+            continue
+        if run not in sheet.logged:
+            said.append(_left_out(cut, run))
             continue
         said += _differs(cut, run, sheet.rate_hz)
         again = trials.get(repeats.get(run.name, ""))
@@ -163,12 +166,14 @@ def _named_runs(recorded: Sequence[str], sheet: Capture) -> dict[str, str]:
     return found
 
 
-def _left_out(table: Table, run: Run) -> str:
+def _left_out(recorded: Table | Cut, run: Run) -> str:
     """That a recording is no part of the log, and what its torques read where drives are off."""
     if run.kind == "warm_up":
-        return f"{table.name} is left out of the log: drives warm up in it"
-    read = {key: float(np.nanmean(v)) for key, v in table.columns.items() if key.startswith(("tau.", "i."))}
-    words = f"{table.name} is left out of the log: torques are off in it"
+        return f"{recorded.name} is left out of the log: drives warm up in it"
+    read = {
+        key: float(np.nanmean(v)) for key, v in recorded.columns.items() if key.startswith(("tau.", "i."))
+    }
+    words = f"{recorded.name} is left out of the log: torques are off in it"
     if not read:
         return words
     most = max(read, key=lambda key: abs(read[key]))
