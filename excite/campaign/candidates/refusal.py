@@ -17,7 +17,6 @@ from excite.robot.robot import Robot
 from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, refusals_table
 from excite.safety.remedy import TRIED, Remedy, find_remedy
-from excite.shown import count
 
 SCHEMA = "excite.refusals/1"
 REFUSALS_FILE = "refusals.json"
@@ -129,9 +128,11 @@ def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:
     cause = ""
     if refusals.refused:
         first = refusals.refused[0]
-        cause = f": {first.candidates} are refused by {first}"
+        cause = f": {first.candidates} {'is' if first.candidates == 1 else 'are'} refused by {first}"
+    n = refusals.generated
+    none = "the one candidate is not safe" if n == 1 else f"none of {n} candidates is safe"
     return NothingSafeError(
-        f"none of {count(refusals.generated, 'candidate')} is safe for {robot.name}{cause}",
+        f"{none} for {robot.name}{cause}",
         best=refusals,
         remedy=refusals.change if refusals.refused else "ask for more candidates",
     )
