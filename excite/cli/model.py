@@ -12,6 +12,7 @@ from excite.cli.session.completion import one_of
 from excite.cli.session.options import JobsOption, JsonOption, ModelOutOption, SeedOption
 from excite.cli.session.output import emit
 from excite.export.simulators.registry import MODEL_FORMATS
+from excite.shown import count
 
 if TYPE_CHECKING:
     from excite.export.simulators.comparison import Change
@@ -86,13 +87,12 @@ def _text(written: SimulatorModel) -> str:
         "where", "parameter", *(f"{name}" for name in ("before", "after", "change", "unit")), box=None
     )
     for row in shown:
-        share = "" if row.percent is None else f" ({row.percent:+.1f} %)"
         table.add_row(
             row.place,
             row.parameter,
             f"{row.before:.4g}",
             f"{row.after:.4g}",
-            f"{row.change:+.3g}{share}",
+            f"{row.change:+.3g}{_share(row)}",
             row.unit,
         )
     with console.capture() as capture:
@@ -100,7 +100,7 @@ def _text(written: SimulatorModel) -> str:
     lines = [capture.get().rstrip()] if shown else []
     rest = sum(row.change != 0.0 for row in written.changes) - len(shown)
     if rest > 0:
-        lines.append(f"and {rest} smaller changes, in {written.folder / 'changes.csv'}")
+        lines.append(f"and {count(rest, 'smaller change')}, in {written.folder / 'changes.csv'}")
     proof = written.proof
     lines += [f"wrote {written.folder / name}" for name in written.files]
     lines.append(
@@ -119,6 +119,11 @@ def _shown(changes: tuple[Change, ...]) -> list[Change]:
         :_ROWS
     ]
     return [news[index] for index in sorted(kept)]
+
+
+def _share(row: Change) -> str:
+    """The change in per cent; one that is larger than what was there is told by what was and is."""
+    return "" if row.percent is None or abs(row.percent) > 100.0 else f" ({row.percent:+.1f} %)"
 
 
 def _size(row: Change, changes: tuple[Change, ...]) -> float:

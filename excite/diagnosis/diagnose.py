@@ -17,11 +17,12 @@ from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.finding import listed
-from excite.logs.files import load_log
+from excite.logs.brought import robot_and_log
 from excite.logs.log import Log, LogHeader
-from excite.logs.robot import nominal_robot, robot_in_log
+from excite.logs.robot import robot_in_log
 from excite.progress import Progress, silent, told_to
 from excite.reading.number import check_seed
+from excite.robot.bringing import RobotLike
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import DRIVE_TERMS
 from excite.rows.joint_rows import drive_terms
@@ -32,7 +33,7 @@ from excite.threads import one_blas_thread
 @one_blas_thread
 def diagnose(
     log: str | Path | Log,
-    robot: Robot | None = None,
+    robot: RobotLike | None = None,
     *,
     seed: int = 0,
     out: str | Path | None = None,
@@ -43,7 +44,8 @@ def diagnose(
 
     Args:
         log: a log folder, or a log in memory.
-        robot: the nominal model; by default the one that the log names.
+        robot: the nominal model, or what :func:`~excite.robot.bringing.load_robot` takes; by default the one that the
+            log names.
         seed: of the bootstrap.
         out: folder for the augmented simulator and motions; none are written without it.
         budget: whether the answer holds where each joint's gap goes: shares of all effects together, what has no
@@ -59,8 +61,7 @@ def diagnose(
         InputError: a diagnosis of this kind of log is not available.
     """
     rng = np.random.default_rng(check_seed(seed))
-    loaded = log if isinstance(log, Log) else load_log(log, robot)
-    robot = robot or nominal_robot(loaded)
+    robot, loaded = robot_and_log(robot, log)
     if robot.mechanism is not None:
         raise InputError(
             "has joints that no motor drives, and effects are not told apart through loops and couplings",

@@ -5,20 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 
 from excite.doctor.examine import Chart, examine
-from excite.logs.files import load_log, save_log
+from excite.logs.brought import robot_and_log
+from excite.logs.files import save_log
 from excite.logs.log import Log
-from excite.logs.robot import nominal_robot
-from excite.robot.robot import Robot
+from excite.robot.bringing import RobotLike
 
 
-def doctor(log: str | Path | Log, robot: Robot | None = None, *, repair: str | Path | None = None) -> Chart:
+def doctor(
+    log: str | Path | Log, robot: RobotLike | None = None, *, repair: str | Path | None = None
+) -> Chart:
     """Look a log through for what is no physics: rows, clock, units, signs, order, zeros, channels.
 
     ``identify`` and ``diagnose`` do the same before they begin, and say the same.
 
     Args:
         log: a log folder, or a log in memory.
-        robot: the nominal model; by default the one that the log names.
+        robot: the nominal model, or what :func:`~excite.robot.bringing.load_robot` takes; by default the one that the
+            log names.
         repair: folder that the log is written to with everything repaired that could be; none is without it.
 
     Returns:
@@ -28,8 +31,8 @@ def doctor(log: str | Path | Log, robot: Robot | None = None, *, repair: str | P
         LogError: the log is malformed, or ``repair`` holds something that is no log.
         RobotError: the nominal model is malformed.
     """
-    loaded = log if isinstance(log, Log) else load_log(log, robot)
-    chart = examine(robot or nominal_robot(loaded), loaded)
+    nominal, loaded = robot_and_log(robot, log)
+    chart = examine(nominal, loaded)
     if repair is not None:
         save_log(chart.log, repair)
     return chart

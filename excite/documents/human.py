@@ -8,14 +8,17 @@ from pydantic import Field
 
 from excite.documents.document import (
     MOST_CHANNELS,
+    MOST_ENTRIES,
     Block,
     Document,
+    FilePath,
     Maybe,
     MaybePositive,
     Name,
     Names,
     Positive,
 )
+from excite.documents.finding import Finding
 
 
 class TableMass(Block):
@@ -39,6 +42,21 @@ class ReactionFit(Block):
 Reaction = Annotated[dict[Name, ReactionFit], Field(max_length=MOST_CHANNELS)]
 
 
+class MeasuredSubject(Block):
+    """Who was measured."""
+
+    mass: Positive = Field(description="with all that is worn [kg]")
+
+
+class MeasuredTrial(Block):
+    """A trial of a person."""
+
+    trial: Name = Field(description="its name")
+    plates_kg: Maybe = Field(
+        default=None, description="mass that the plates say [kg]; null where they do not tell"
+    )
+
+
 class Human(Document):
     """What ``excite human`` found of a person."""
 
@@ -46,6 +64,22 @@ class Human(Document):
     files: Names = Field(
         default=[],
         description="names of all files that were written, which the next run into the folder replaces",
+    )
+    robot_file: FilePath | None = Field(
+        default=None, description="robot.yaml of the person, relative to this file"
+    )
+    log_file: FilePath | None = Field(
+        default=None, description="log folder of the trials, relative to this file"
+    )
+    subject: MeasuredSubject | None = Field(default=None, description="the person")
+    marker_rms_m: MaybePositive = Field(
+        default=None, description="distance of the markers from the calibrated body, RMS [m]"
+    )
+    trials: Annotated[list[MeasuredTrial], Field(max_length=MOST_CHANNELS)] = Field(
+        default=[], description="in order"
+    )
+    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what was wrong with the recordings"
     )
     table: Name = Field(description="table of the nominal masses")
     segments: Annotated[list[TableMass], Field(max_length=MOST_CHANNELS)] = Field(

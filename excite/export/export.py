@@ -20,7 +20,7 @@ from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
 from excite.reading.paths import PathsLike, as_paths
-from excite.robot.bringing import load_robot
+from excite.robot.bringing import RobotLike, as_robot, load_robot
 from excite.robot.robot import Robot
 from excite.safety.verdict import Margins, Verdict, Violation
 
@@ -98,7 +98,7 @@ def export_motions(
     *,
     out: Path,
     rate_hz: float | None = None,
-    robot: str | None = None,
+    robot: RobotLike | None = None,
     unsafe_anyway: str | None = None,
     approach: bool = False,
     settings: Mapping[str, object] | None = None,
@@ -110,7 +110,7 @@ def export_motions(
         format: name in the registry of formats, such as ``csv`` or ``ur-script``.
         out: folder that the files are written to.
         rate_hz: samples per second [Hz]; the controller's, or the motion's own, where left out.
-        robot: the robot, where the motions do not name a bundled one.
+        robot: the robot, its name or its file, where the motions do not name a bundled one.
         unsafe_anyway: why motions that fail the check are written all the same; None to refuse them.
         approach: lead from the rest posture to each motion and back.
         settings: settings of the format by name.
@@ -137,7 +137,7 @@ def export_with_verdicts(
     *,
     out: Path,
     rate_hz: float | None = None,
-    robot: str | None = None,
+    robot: RobotLike | None = None,
     unsafe_anyway: str | None = None,
     approach: bool = False,
     settings: Mapping[str, object] | None = None,
@@ -182,12 +182,14 @@ def export_with_verdicts(
         ]
 
 
-def _robots(files: Sequence[Path], robot: str | None) -> list[Robot]:
+def _robots(files: Sequence[Path], robot: RobotLike | None) -> list[Robot]:
     """The robot of each file; each is loaded once."""
+    if robot is not None:
+        return [as_robot(robot)] * len(files)
     loaded: dict[str, Robot] = {}
     found = []
     for file in files:
-        name = robot or robot_beside(file, motion_robot(file))
+        name = robot_beside(file, motion_robot(file))
         if not name:
             raise MotionError("does not say whose motion it is", source=file, remedy="give --robot")
         if name not in loaded:

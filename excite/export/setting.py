@@ -22,6 +22,7 @@ class Setting:
         high: largest number.
         unit: of numbers.
         choices: words that it may be; empty for any.
+        example: a value to try, of a setting that has to be given since nothing is right for every machine.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Setting:
     high: float = math.inf
     unit: str = ""
     choices: tuple[str, ...] = ()
+    example: str = ""
 
     def read(self, value: object, source: str) -> float | str:
         """The value, a number or its text; raises InputError that names the setting."""

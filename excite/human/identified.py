@@ -11,7 +11,7 @@ from excite.human.measure import MeasuredPerson
 from excite.human.osim import write_osim
 from excite.human.plates.ground_reaction import GroundReaction, ReactionTable, ground_reactions
 from excite.human.segment_table import SegmentTable, identified_body, segment_table
-from excite.human.urdf import ROBOT_FILE, urdf_text
+from excite.human.urdf import PLACES, ROBOT_FILE, urdf_text
 from excite.human.weight.added_mass import locate_added_mass
 from excite.human.weight.weight_candidate import AddedMass
 from excite.identification.estimators.registry import find_estimator
@@ -90,7 +90,7 @@ def identify_person(
         result, segment_table(person.body, result), ground_reactions(robot, log, result.parameters)
     )
     body = identified_body(person.body, result)
-    write_json({**result.to_json(), "robot_file": ROBOT_FILE}, folder / "identification.json")
+    write_json({**result.to_json(), **PLACES}, folder / "identification.json")
     with atomic_path(folder / "segments.csv") as temporary:
         temporary.write_text(found.table.csv(), encoding="utf-8")
     with atomic_path(folder / f"{IDENTIFIED}.urdf") as temporary:

@@ -24,7 +24,7 @@ from excite.human.pairing import paired_recordings
 from excite.human.recording import Recording
 from excite.human.segments import NAMES
 from excite.human.subject import Subject
-from excite.human.urdf import ROBOT_FILE, robot_yaml
+from excite.human.urdf import PLACES, ROBOT_FILE, robot_yaml
 from excite.logs.files import save_log
 from excite.logs.log import Log
 from excite.progress import Progress, silent
@@ -99,6 +99,7 @@ class MeasuredPerson(Shown):
         other = {table: self.body.with_table(table) for table in ANTHROPOMETRY}  # type: ignore[arg-type]
         return {
             "schema": "excite.human/1",
+            **PLACES,
             "subject": {"mass": subject.mass, "height": subject.height, "sex": subject.sex},
             "table": self.body.table,
             "segments": [

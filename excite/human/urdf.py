@@ -15,6 +15,9 @@ from excite.human.posture.joint_angles import frame_turn
 from excite.human.segments import NAMES, PAIRS, PARENTS, SEGMENTS
 
 URDF_FILE, ROBOT_FILE = "human.urdf", "robot.yaml"
+
+PLACES = {"robot_file": ROBOT_FILE, "log_file": "."}
+"""Where the robot and the log of a person's results lie: in the same folder."""
 _SPEED, _TORQUE = 40.0, 400.0
 _MIDDLE_RANGE, _OUTER_RANGE = 1.57, 3.1
 _HINGE = (-0.5, 2.9)

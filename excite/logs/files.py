@@ -19,6 +19,7 @@ from excite.logs.readers.registry import read_trials, write_trial
 from excite.logs.sampling import check_log_clock
 from excite.reading.file import read_text
 from excite.reading.xml_document import MAX_XML_BYTES
+from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.catalogue import bundled_robots
 from excite.robot.robot import Robot
 from excite.robot.urdf.reading import parse_urdf
@@ -28,7 +29,7 @@ from excite.robot.urdf.tree import MOVING
 _WRITTEN = "# Written by excite, which replaces this log when told to write here again.\n"
 
 
-def load_log(path: str | Path, robot: Robot | None = None) -> Log:
+def load_log(path: str | Path, robot: RobotLike | None = None) -> Log:
     """Read a log folder, check it, repair its rows.
 
     Repeated and swapped rows are repaired and counted, missing rows, clipping and quantisation counted
@@ -36,8 +37,8 @@ def load_log(path: str | Path, robot: Robot | None = None) -> Log:
 
     Args:
         path: the folder, or its ``log.yaml``.
-        robot: the robot that the log should be of; its joints and base are then checked, and the model
-            file that ``log.yaml`` names need not be there.
+        robot: the robot that the log should be of, or its name or file; its joints and base are then checked, and
+            the model file that ``log.yaml`` names need not be there.
 
     Returns:
         The log; every array finite, time strictly increasing.
@@ -48,7 +49,7 @@ def load_log(path: str | Path, robot: Robot | None = None) -> Log:
     """
     path = header_path(path)
     header = read_header(path)
-    robot_text = _read_robot(header, path, robot)
+    robot_text = _read_robot(header, path, None if robot is None else as_robot(robot))
     files = [path.parent / entry.file for entry in header.trials]
     trials = tuple(
         read_columns(columns, entry, header, file)

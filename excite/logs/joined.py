@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from statistics import median
 
 from excite.errors import InputError, LogError
 from excite.logs.log import Log
@@ -13,7 +14,7 @@ _SAME = ("base", "gravity", "joints", "torque", "base_link", "wrench", "sensors"
 
 
 def join_logs(logs: Sequence[Log]) -> Log:
-    """One log with the trials of several, in order; header fields that are not trials come from the first.
+    """One log with the trials of several, in order; what is of no trial comes from the first, but for the rate.
 
     A trial whose name occurred before is renamed ``NAME_2`` and so on, and what repeats it follows.
 
@@ -40,8 +41,10 @@ def join_logs(logs: Sequence[Log]) -> Log:
                     remedy="identify logs of different set-ups one by one",
                 )
     headers, trials, taken = [], [], set()
+    rates: list[float] = []
     for log in logs:
         renamed = {}
+        rates += [log.header.rate_hz] * len(log.trials)
         for trial in log.trials:
             name, number = trial.name, 2
             while name in taken:
@@ -55,6 +58,6 @@ def join_logs(logs: Sequence[Log]) -> Log:
             file = f"{renamed[trial.name]}.{suffix}"
             repeated = f"{repeats}.{suffix}" if repeats else None
             headers.append(header.model_copy(update={"file": file, "repeats": repeated}))
-    return replace(
-        first, header=first.header.model_copy(update={"trials": tuple(headers)}), trials=tuple(trials)
-    )
+    # As the rate of the stamps is told, in the middle of all trials: logs of several rates are no wrong clock.
+    own = {"trials": tuple(headers), "rate_hz": median(rates) if rates else first.header.rate_hz}
+    return replace(first, header=first.header.model_copy(update=own), trials=tuple(trials))

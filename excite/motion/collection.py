@@ -12,6 +12,7 @@ from excite.motion.motion import Motion
 from excite.motion.readers.registry import is_motion
 from excite.reading.file import unreadable_file
 from excite.reading.paths import PathsLike, as_paths
+from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
@@ -77,7 +78,7 @@ def as_motions(motions: MotionsLike, robot: Robot) -> Sequence[Motion]:
     return found
 
 
-def load_motions(paths: PathsLike, robot: Robot | None = None) -> list[Motion]:
+def load_motions(paths: PathsLike, robot: RobotLike | None = None) -> list[Motion]:
     """Read motions from files and folders, or a ready set from the motion library.
 
     >>> motions = load_motions("ur10")
@@ -86,7 +87,7 @@ def load_motions(paths: PathsLike, robot: Robot | None = None) -> list[Motion]:
 
     Args:
         paths: files and folders; or, without a robot, the name of a set of the library, which is its robot's.
-        robot: the robot that the motions are checked against.
+        robot: the robot that the motions are checked against, or its name or file.
 
     Returns:
         The motions, those of a folder by name.
@@ -103,4 +104,5 @@ def load_motions(paths: PathsLike, robot: Robot | None = None) -> list[Motion]:
             )
         folder = library_folder(paths)
         return load_motions([folder], load_robot(paths))
-    return [load_motion(path, robot) for path in motion_paths(as_paths(paths))]
+    loaded = as_robot(robot)
+    return [load_motion(path, loaded) for path in motion_paths(as_paths(paths))]

@@ -31,6 +31,7 @@ from excite.motion.parquet import narrowed, write_parquet
 from excite.motion.readers.npz import METADATA
 from excite.motion.readers.registry import read_motion
 from excite.reading.json_document import checked
+from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.motion/1"
@@ -111,7 +112,7 @@ def _document(motion: Motion, digest: str) -> dict[str, Any]:
     }
 
 
-def load_motion(path: Path, robot: Robot) -> Motion:
+def load_motion(path: str | Path, robot: RobotLike) -> Motion:
     """Read a motion of a robot, from a file of ``excite.motion/1`` or of a format that somebody else wrote.
 
     Every command reads motions here (:data:`~excite.motion.readers.registry.READERS`). Joints may stand in any order;
@@ -120,7 +121,7 @@ def load_motion(path: Path, robot: Robot) -> Motion:
 
     Args:
         path: a file, or the folder of a ROS 2 bag.
-        robot: the robot that it is for.
+        robot: the robot that it is for, or its name or file.
 
     Returns:
         The motion.
@@ -130,7 +131,7 @@ def load_motion(path: Path, robot: Robot) -> Motion:
         MotionError: unreadable, wrong schema, missing columns, NaN, a column with too many axes, unsorted time, joints
             that the robot lacks, a mechanism that cannot be closed.
     """
-    path = Path(path)
+    path, robot = Path(path), as_robot(robot)
     raw = read_motion(path, robot.joint_names)
     said = _said(raw.metadata, path)
     columns = numeric_columns(raw.columns, path)

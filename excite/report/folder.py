@@ -215,8 +215,9 @@ def _robot(
 
 
 def _record(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Record | None:
-    """The log of the diagnosis, else of the identification, else the one that was looked through."""
-    document = documents["diagnosis"] or documents["identification"] or documents["doctor"]
+    """The log of the diagnosis, of the identification, of a person, or the one that was looked through."""
+    named = (documents[name] for name in ("diagnosis", "identification", "human", "doctor"))
+    document = next(filter(None, named), None)
     record = None if document is None else read_record(folder, document)
     if isinstance(record, str):
         left_out.append(f"the trial in motion: {record}")

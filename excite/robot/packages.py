@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 
 from excite.errors import RobotError
@@ -17,8 +18,8 @@ _DEEP = 3
 def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path] = ()) -> Path | None:
     """The folder of a package, or None.
 
-    Folders of that name come first, unless their ``package.xml`` says another one; then those whose ``package.xml``
-    says it, as ROS goes by: a clone may be called as its owner likes.
+    What a ``package.xml`` says goes first, as ROS goes by it: a clone may be called as its owner likes, and a folder
+    of that name further up may be anything. Then folders called so, which say no other name.
 
     Args:
         name: of the package.
@@ -26,11 +27,18 @@ def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path
         above: folders above the file that needs it, of which each may be the package, or hold it under its name.
     """
     given, outer = tuple(package_path), tuple(above)
-    for place in (place for folder in (*given, *outer) for place in (folder, folder / name)):
-        if place.name == name and place.is_dir() and _name(place) in (None, name):
-            return place
-    inside = (place for folder in given for place in _packages(folder, _DEEP))
-    return next((place for place in (*outer, *inside) if _name(place) == name), None)
+    near, far = ([*_called(name, folders)] for folders in (given, outer))
+    said = (place for place in (*near, *far, *outer) if _name(place) == name)
+    inside = (place for folder in given for place in _packages(folder, _DEEP) if _name(place) == name)
+    unsaid_near, unsaid_far = ([place for place in places if _name(place) is None] for places in (near, far))
+    return next(chain(said, unsaid_near, inside, unsaid_far), None)
+
+
+def _called(name: str, folders: Iterable[Path]) -> Iterator[Path]:
+    """Folders of that name, of which each given one may be one, or hold one."""
+    for place in (place for folder in folders for place in (folder, folder / name)):
+        if place.name == name and place.is_dir():
+            yield place
 
 
 def _name(folder: Path) -> str | None:

@@ -90,7 +90,7 @@ def test_campaign_on_a_real_robot_waits_for_its_log(ur10: Robot, tmp_path: Path)
 def test_what_was_found_is_written_where_a_later_plan_fails(ur10: Robot, tmp_path: Path) -> None:
     """Of five candidates; the one of the second iteration collides."""
     asked = CampaignSettings(n_candidates=5, target_rsd=15.0, max_iterations=2, seed=3)
-    with pytest.raises(NoSolutionError, match="the one candidate is not safe"):
+    with pytest.raises(NoSolutionError, match="the one candidate is not safe for ur10: 1 is refused by"):
         campaign(ur10, tmp_path / "campaign", asked)
     found = json.loads((tmp_path / "campaign" / "campaign.json").read_text(encoding="utf-8"))
     assert len(found["iterations"]) == 1

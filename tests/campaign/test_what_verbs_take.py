@@ -42,6 +42,22 @@ def test_names_and_folders_say_the_same_as_what_was_loaded(planned: Path, log: P
     assert waiting.awaits is not None
 
 
+def test_a_robot_by_its_name_is_as_good_as_a_loaded_one(planned: Path, log: Path, tmp_path: Path) -> None:
+    robot = excite.load_robot("ur10")
+    assert excite.doctor(log, "ur10").to_json() == excite.doctor(log, robot).to_json()
+    in_memory = excite.load_log(log, "ur10")
+    assert excite.doctor(in_memory, "ur10").robot == "ur10"
+    file = sorted((planned / "motions").iterdir())[0]
+    assert (excite.load_motion(str(file), "ur10").q == excite.load_motion(file, robot).q).all()
+    assert [one.name for one in excite.load_motions(file, "ur10")] == [file.stem]
+    (written,) = excite.export_motions(file, "csv", out=tmp_path, robot=robot)
+    assert written == tmp_path / f"{file.stem}.csv"
+    models = excite.write_models("ur10", excite.identify(robot, log, "wls"), tmp_path / "models")
+    assert models.differences.is_file()
+    with pytest.raises(InputError, match="is a int; give a Robot"):
+        excite.diagnose(log, 7)  # type: ignore[arg-type]
+
+
 def test_what_is_no_robot_is_said_in_one_line() -> None:
     with pytest.raises(InputError, match="is a int; give a Robot, a bundled name or a file"):
         excite.plan(7)  # type: ignore[arg-type]

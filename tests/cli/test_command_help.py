@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -17,6 +18,19 @@ def help_of(name: str) -> str:
     command = typer.main.get_command(app).commands[name]
     with command.make_context(name, [], resilient_parsing=True) as context:
         return command.get_help(context)
+
+
+def test_help_says_what_is_to_be_typed_not_of_which_type_it_will_be() -> None:
+    assert "--cutoff NUMBER" in help_of("identify") and "--static PATH" in help_of("human")
+    commands = typer.main.get_command(app).commands
+    for command in [*commands, *(f"blind {name}" for name in commands["blind"].commands)]:
+        *group, name = command.split()
+        inner = commands[group[0]].commands[name] if group else commands[name]
+        if hasattr(inner, "commands"):
+            continue
+        with inner.make_context(f"excite {command}", [], resilient_parsing=True) as context:
+            options = inner.get_help(context).partition("Examples:")[0]
+        assert not re.search(r"<[a-z][^=]*>", options), command
 
 
 @pytest.mark.parametrize("name", ["identify", "campaign", "human"])

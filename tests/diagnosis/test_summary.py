@@ -176,3 +176,17 @@ def test_a_ripple_that_grows_with_the_load_is_as_high_as_that_part():
     }
     ripple = Candidate("torque_ripple", "a", parts, 640.0, 0.1, 0.9, ("a",))
     assert sized(ripple) == "torque ripple at a (0.05 ± 0.01 N·m/(N·m))"
+
+
+def test_an_interval_of_shares_has_no_sign_before_zero_and_two_ends_only_where_they_differ(
+    two_effects: Diagnosis,
+) -> None:
+    shares = (
+        EffectShare("joint_spring", "a", 0.998, (0.996, 1.001)),
+        EffectShare("stribeck", "b", -0.001, (-0.002, 0.05)),
+    )
+    channel = ChannelBudget(0.04, 0.2, shares, (), 0.003, 1.0, "N·m")
+    lines = replace(two_effects, budget=Budget({"a": channel}, ())).summary().splitlines()
+    rows = [" ".join(line.split()) for line in lines]
+    assert "a 100% 100% joint spring at a" in rows
+    assert any(row.startswith("a 0% 0…5% stribeck at b") for row in rows), rows

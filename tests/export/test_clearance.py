@@ -98,7 +98,7 @@ def test_what_the_check_refuses_does_not_leave_and_nothing_is_written(
             if kind == "rate_too_low" and rate:
                 continue
             with pytest.raises(UnsafeMotionError, match="nothing was written") as caught:
-                export_motion(spoilt, arm, format, tmp_path / "motion", rate)
+                export_motion(spoilt, arm, format, tmp_path / "motion", rate, settings=examples(format))
             assert caught.value.exit_code == 1 and not caught.value.verdicts[0].safe
     assert not list(tmp_path.iterdir())
 
@@ -133,7 +133,14 @@ def test_a_reason_lets_it_out_and_goes_with_it(format: str, safe: Motion, arm: R
     if not runs(format, arm, safe):
         pytest.skip(f"{format} does not run a {arm.name}")
     spoilt = faster(faster(safe))
-    path = export_motion(spoilt, arm, format, tmp_path / "m", unsafe_anyway="the bench's limits\nare wider")
+    path = export_motion(
+        spoilt,
+        arm,
+        format,
+        tmp_path / "m",
+        unsafe_anyway="the bench's limits\nare wider",
+        settings=examples(format),
+    )
     beside = json.loads((tmp_path / f"{path.name}.unsafe.json").read_text())
     (entry,) = beside["motions"]
     assert entry["file"] == path.name and entry["robot"] == "ur10"
@@ -153,7 +160,7 @@ def test_a_reason_lets_it_out_and_goes_with_it(format: str, safe: Motion, arm: R
     if EXPORTERS[format].readable:
         assert not check_file(arm, path).safe
     with pytest.raises(InputError, match="unsafe_anyway: is blank"):
-        export_motion(spoilt, arm, format, tmp_path / "n", unsafe_anyway="  ")
+        export_motion(spoilt, arm, format, tmp_path / "n", unsafe_anyway="  ", settings=examples(format))
 
 
 def test_a_rate_that_makes_another_motion_of_it_is_refused(arm: Robot, safe: Motion, tmp_path: Path) -> None:
@@ -188,7 +195,7 @@ def test_check_reads_what_export_writes(
         if not runs(format, robot, motion) or (robot.floating and not kind.holds_base):
             continue
         asked = rate if not kind.rates_hz or rate is None else kind.rates_hz[-1]
-        path = export_motion(motion, robot, format, tmp_path / motion.name, asked)
+        path = export_motion(motion, robot, format, tmp_path / motion.name, asked, settings=examples(format))
         files = [path] if path.is_file() else [path, *path.glob("*.mcap")]
         for file in files:
             verdict = check_file(robot, file)
@@ -200,10 +207,15 @@ def test_check_reads_what_export_writes(
             np.testing.assert_allclose(again.time, motion.time, atol=1e-9)
 
 
+def examples(format: str) -> dict[str, str]:
+    """Settings that a format asks for, since nothing is right for every machine."""
+    return {setting.name: setting.example for setting in EXPORTERS[format].settings if setting.example}
+
+
 def runs(format: str, robot: Robot, motion: Motion) -> bool:
     """Whether a controller of the format runs motions of the robot at all."""
     try:
-        EXPORTERS[format](robot).refuse(motion)
+        EXPORTERS[format](robot, examples(format)).refuse(motion)
     except InputError as error:
         assert error.remedy and "\n" not in str(error)
         return False

@@ -56,7 +56,7 @@ def damaged(content: bytes, rng: np.random.Generator) -> bytes:
 def test_a_damaged_file_is_read_or_refused_in_one_line(
     format: str, arm: Robot, short: Motion, tmp_path: Path
 ) -> None:
-    settings = {"unitree": {"motors": "model"}}.get(format)
+    settings = {"unitree": {"motors": "model", "kp": 60, "kd": 2}}.get(format)
     robot, motion = arm, short
     if format == "ur-script":
         robot = load_robot("ur10")

@@ -21,7 +21,7 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from tests.export.person import drawn_body, person_robot, standing_still
-from tests.export.test_clearance import runs
+from tests.export.test_clearance import examples, runs
 from tests.safety.motions import smooth, standing_motion
 
 pytestmark = pytest.mark.usefixtures("judged_once")
@@ -63,7 +63,15 @@ def test_every_format_writes_the_same_bytes_twice_and_replaces(
     # The boxes about a person's segments overlap, so that no motion of a person is found safe.
     reason = None if check_motion(robot, moved).safe else "a test"
     first, again, once_more = (
-        export_motion(moved, robot, format, tmp_path / folder / "rise", rate_hz=rate, unsafe_anyway=reason)
+        export_motion(
+            moved,
+            robot,
+            format,
+            tmp_path / folder / "rise",
+            rate_hz=rate,
+            unsafe_anyway=reason,
+            settings=examples(format),
+        )
         for folder in ("a", "b", "b")
     )
     assert again == once_more

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,8 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_file
 from tests.export.person import standing_still
 
+GAINS = {"kp": 60, "kd": 2}
+
 
 def lines(path: Path) -> tuple[dict, list[dict]]:
     first, *rest = [json.loads(line) for line in path.read_text().splitlines()]
@@ -33,7 +34,10 @@ def squat(g1: Robot) -> Motion:
 
 
 def test_every_motor_of_a_g1_gets_its_joint_at_500_hz(g1: Robot, squat: Motion, tmp_path: Path) -> None:
-    path = export_motion(squat, g1, "unitree", tmp_path / "squat")
+    # As the vendor's example has them, by motor; and those of the description, by name.
+    kp = [60, 60, 60, 100, 40, 40] * 2 + [60, 40, 40] + [40] * 14
+    gains = {"kp": ",".join(map(str, kp)), "kd": "model"}
+    path = export_motion(squat, g1, "unitree", tmp_path / "squat", settings=gains)
     same = np.load(export_motion(squat, g1, "npz", tmp_path / "same", 500.0))
     said, rows = lines(path)
     assert [row["t"] for row in rows] == list(same["time"])
@@ -42,10 +46,11 @@ def test_every_motor_of_a_g1_gets_its_joint_at_500_hz(g1: Robot, squat: Motion, 
         # The G1's model has its joints in the order of its motors.
         np.testing.assert_array_equal(sent, values)
     assert [command["index"] for command in rows[7]["motor_cmd"]] == list(range(29))
-    kp = g1.description.controller.kp
+    assert [command["kp"] for command in rows[0]["motor_cmd"]] == kp
+    kd = g1.description.controller.kd
     knee = rows[0]["motor_cmd"][3]
     assert said["motors"]["3"] == "left_knee_joint" and knee["mode"] == 1 and knee["tau"] == 0.0
-    assert knee["kp"] == (kp.joints or {}).get("left_knee_joint", kp.default)
+    assert knee["kd"] == (kd.joints or {}).get("left_knee_joint", kd.default)
     assert said["verdict"]["safe"] and said["mode_pr"] == 0
 
 
@@ -79,11 +84,11 @@ def test_a_robot_that_nobody_knows_says_its_order_or_is_refused(tmp_path: Path) 
     robot = load_robot("ur10")
     motion = load_motion(library_folder("ur10") / "motions" / "random_joint_015.parquet", robot)
     with pytest.raises(InputError, match="motors: nobody knows the order of the motors of 'ur10'") as caught:
-        export_motion(motion, robot, "unitree", tmp_path / "a")
+        export_motion(motion, robot, "unitree", tmp_path / "a", settings=GAINS)
     assert "\n" not in str(caught.value)
     turned = [*reversed(robot.joint_names)]
     order = ",".join([turned[0], "-", *turned[1:]])
-    path = export_motion(motion, robot, "unitree", tmp_path / "a", settings={"motors": order})
+    path = export_motion(motion, robot, "unitree", tmp_path / "a", settings={"motors": order, **GAINS})
     said, rows = lines(path)
     assert [command["index"] for command in rows[0]["motor_cmd"]] == [0, 2, 3, 4, 5, 6]
     assert said["motors"]["0"] == "wrist_3_joint" and rows[0]["motor_cmd"][0]["q"] == motion.q[0, 5]
@@ -106,6 +111,25 @@ def test_a_robot_that_nobody_knows_says_its_order_or_is_refused(tmp_path: Path) 
 
 
 def test_a_rate_other_than_500_hz_may_be_asked_for(g1: Robot, squat: Motion, tmp_path: Path) -> None:
-    path = export_motion(replace(squat), g1, "unitree", tmp_path / "squat", 250.0)
+    path = export_motion(squat, g1, "unitree", tmp_path / "squat", 250.0, settings=GAINS)
     _, rows = lines(path)
     assert rows[1]["t"] == 0.004
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({}, "kp: is not given; give --set kp=NUMBER as the machine is to run"),
+        ({"kp": 60}, "kd: is not given"),
+        ({"kp": "60,60", "kd": 2}, "kp: has 2 values for 29 motors"),
+        ({"kp": "60,,60", "kd": 2}, "kp: is ''; choose"),
+        ({"kp": 6000, "kd": 2}, "kp: is 6000"),
+    ],
+)
+def test_gains_of_a_virtual_robot_are_not_sent_to_a_machine_unasked(
+    given: dict[str, object], says: str, g1: Robot, squat: Motion, tmp_path: Path
+) -> None:
+    """A G1's knee has 8000 N·m/rad in the model, and 100 in the vendor's example."""
+    with pytest.raises(InputError, match=says) as caught:
+        export_motion(squat, g1, "unitree", tmp_path / "squat", settings=given)
+    assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())

@@ -126,12 +126,6 @@ def test_one_command_from_c3d_to_a_table(session, tmp_path):
     lines = (out / "segments.csv").read_text().splitlines()
     assert lines[0] == "segment,de_leva_kg,dumas_kg,identified_kg,std_kg" and len(lines) == 16
     assert (out / "human_identified.osim").is_file() and (out / "human_identified.urdf").is_file()
-    # Written anew, a folder loses what was written before, and nothing else.
-    (out / "notes.txt").write_text("left knee hurts")
-    assert CliRunner().invoke(app, [*words, "--out", str(out)]).exit_code == 0
-    left = {path.name for path in out.iterdir()}
-    assert left == {*json.loads((out / "human.json").read_text())["files"], "notes.txt"}
-    assert "identification.json" in document["files"] and "identification.json" not in left
 
 
 @pytest.mark.slow

@@ -448,6 +448,8 @@ def test_a_package_is_found_by_the_name_in_its_package_xml(given: str, tmp_path:
     for folder, name in ((clone, "shared_parts"), (other, "another"), (own, "arm")):
         (folder / "urdf").mkdir(parents=True)
         (folder / "package.xml").write_text(f"<package><name> {name} </name></package>")
+    # A folder above that is called as the robot's own package, and is none.
+    (tmp_path / "arm").mkdir()
     head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="a">'
     (clone / "urdf" / "rest.xacro").write_text(
         f"{head}<xacro:include filename='$(find arm)/urdf/arm.xacro'/></robot>"

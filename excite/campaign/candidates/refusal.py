@@ -128,11 +128,11 @@ def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:
     cause = ""
     if refusals.refused:
         first = refusals.refused[0]
-        cause = f": {first.candidates} are refused by {first}"
-    generated = refusals.generated
-    none = "the one candidate is not" if generated == 1 else f"none of {generated} candidates is"
+        cause = f": {first.candidates} {'is' if first.candidates == 1 else 'are'} refused by {first}"
+    n = refusals.generated
+    none = "the one candidate is not safe" if n == 1 else f"none of {n} candidates is safe"
     return NothingSafeError(
-        f"{none} safe for {robot.name}{cause}",
+        f"{none} for {robot.name}{cause}",
         best=refusals,
         remedy=refusals.change if refusals.refused else "ask for more candidates",
     )

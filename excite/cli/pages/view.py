@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from excite.cli.session.interruption import exit_code_of_interruption
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.output import emit
 
@@ -56,4 +58,9 @@ def command(
         document = {"schema": "excite.view/1", "address": address, "motions": len(shown.clips)}
         emit(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document, as_json=as_json)
 
-    serve(shown, port, ready)
+    try:
+        serve(shown, port, ready)
+    except KeyboardInterrupt:
+        # Ctrl-C is how it ends, not a break of it.
+        if exit_code_of_interruption() != 128 + signal.SIGINT:
+            raise

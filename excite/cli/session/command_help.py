@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from typer.core import TyperCommand
@@ -12,8 +13,33 @@ from excite.cli.session.examples import EXAMPLES
 METHOD_HELP = "Estimator, one of those below."
 
 
+# What typer calls a type, such as <list[Path]> or <int range>, and what is to be typed.
+_TYPE = re.compile(r"<(?:list\[)?(\w+)(?:\])?(?: range)?>")
+_CHOICE = re.compile(r"<([^<>]*\|[^<>]*)>")
+_TYPED = {"int": "NUMBER", "float": "NUMBER", "str": "TEXT", "path": "PATH", "file": "PATH"}
+
+
+def _in_words(left: str) -> str:
+    """The left column of a row of help: what is to be typed, not of which type of Python's it will be."""
+    if not left.startswith("-"):
+        # The name of an argument says what it is.
+        return _TYPE.sub("", left).rstrip()
+    return _CHOICE.sub(r"[\1]", _TYPE.sub(lambda found: _TYPED.get(found[1].lower(), found[0]), left))
+
+
 class HelpfulCommand(TyperCommand):
-    """A command whose help ends with examples."""
+    """A command whose help says what is to be typed, and ends with examples."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options."""
+        write = formatter.write_dl
+
+        def in_words(rows: Any, *arguments: Any, **options: Any) -> None:
+            write([(_in_words(left), right) for left, right in rows], *arguments, **options)
+
+        formatter.write_dl = in_words
+        super().format_options(ctx, formatter)
+        formatter.write_dl = write
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write the examples after the options."""

@@ -12,6 +12,7 @@ from excite.diagnosis.answer.candidate import Candidate, in_words, measured, siz
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
+from excite.shown import span
 
 # Share of a channel's gap from which it is said to follow something.
 _FOLLOWS = 0.3
@@ -61,23 +62,28 @@ def _budget_table(budget: Budget) -> list[str]:
     """Lines with what takes which share of each channel's gap, and the rest; below, what its intervals leave open."""
     notes: dict[str, str] = {}
     width = max([len(name) for name in budget.channels] + [7])
-    lines = [f"{'channel':{width}}  share  90 %        of the gap above the noise"]
+    lines = [f"{'channel':{width}}  share        90 %  of the gap above the noise"]
     for name, channel in budget.channels.items():
         if channel.weight == 0.0 and not channel.effects and not channel.unnamed:
             lines.append(f"{name:{width}}  {'–':>5}  {'':10}  nothing stands above its noise")
             continue
         for item in channel.effects:
             low, high = item.interval90
-            between = f"{100 * low:4.0f}…{100 * high:4.0f}%" if math.isfinite(low + high) else ""
+            between = f"{span(_whole(low), _whole(high), '…')}%" if math.isfinite(low + high) else ""
             what = in_words(item.effect, item.location)
             doubt = doubt_of_share(item.share, *item.interval90)
             mark = f" {notes.setdefault(doubt, f'[{len(notes) + 1}]')}" if doubt else ""
-            lines.append(f"{name:{width}}  {100 * item.share:4.0f}%  {between:10}  {what}{mark}")
+            lines.append(f"{name:{width}}  {_whole(item.share):>4}%  {between:>10}  {what}{mark}")
         for other in channel.unnamed:
             what = other.follows if not other.knots else f"follows {other.follows}, without a name"
-            lines.append(f"{name:{width}}  {100 * other.share:4.0f}%  {'':10}  {what}")
-        lines.append(f"{name:{width}}  {100 * channel.rest:4.0f}%  {'':10}  the rest")
+            lines.append(f"{name:{width}}  {_whole(other.share):>4}%  {'':10}  {what}")
+        lines.append(f"{name:{width}}  {_whole(channel.rest):>4}%  {'':10}  the rest")
     return [*lines, *(f"{mark} {doubt}" for doubt, mark in notes.items())]
+
+
+def _whole(share: float) -> str:
+    """A share in per cent, without a sign before zero."""
+    return f"{round(100.0 * share):d}" if math.isfinite(share) else f"{share:.0f}"
 
 
 def budget_rows(budget: Budget) -> list[dict[str, Any]]:

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.atomic import atomic_path
+from excite.errors import InputError
 from excite.export.exporter import Exporter
-from excite.export.humanoids.unitree_motors import motor_places
+from excite.export.humanoids.unitree_motors import MODEL, motor_places
 from excite.export.setting import Setting
 from excite.export.statement import remarks, statement
 from excite.motion.motion import Motion
@@ -18,14 +20,21 @@ from excite.simulation.drives import nominal_drives
 
 # At which the vendor's examples of low-level control publish.
 _RATE_HZ = 500.0
+_WHOSE = f"all motors, or of each in their order, with commas; {MODEL}: of the robot's description"
+# Beyond what any of the vendor's motors takes.
+_GAINS = {
+    "kp": Setting("kp", 0.0, "", 0.0, 5000.0, "N·m/rad"),
+    "kd": Setting("kd", 0.0, "", 0.0, 500.0, "N·m·s/rad"),
+}
 
 
 class UnitreeExporter(Exporter):
     """JSON lines: what the file is, then an object an instant with ``t`` [s] and ``motor_cmd``.
 
     Each command has the motor's ``index`` and LowCmd's fields of that motor: ``mode`` 1 (the servo runs), ``q`` [rad],
-    ``dq`` [rad/s], ``tau`` [N·m], which is zero, ``kp`` [N·m/rad] and ``kd`` [N·m·s/rad]. Gains are those of the
-    robot's description unless they are set for all joints. Motors that the robot's model does not have are left out:
+    ``dq`` [rad/s], ``tau`` [N·m], which is zero, ``kp`` [N·m/rad] and ``kd`` [N·m·s/rad]. Gains have to be
+    given: those of the robot's description are a virtual robot's, of a G1's knee a hundred times those of the vendor's
+    examples, unless somebody wrote the machine's own there. Motors that the robot's model does not have are left out:
     whoever sends the message has to hold them. Ankles and waists behind linkages are commanded as pitch and roll
     (``mode_pr`` 0). A free base has no place in it: nothing balances the robot but the motion.
     """
@@ -39,12 +48,8 @@ class UnitreeExporter(Exporter):
         Setting(
             "motors", "", "joints in the motors' order, - for none; or model; known robots' where left out"
         ),
-        Setting(
-            "kp", 0.0, "position gain of every joint; the robot's own where zero", 0.0, 5000.0, "N·m/rad"
-        ),
-        Setting(
-            "kd", 0.0, "velocity gain of every joint; the robot's own where zero", 0.0, 500.0, "N·m·s/rad"
-        ),
+        Setting("kp", "", f"position gain [N·m/rad] of {_WHOSE}", example="60"),
+        Setting("kd", "", f"velocity gain [N·m·s/rad] of {_WHOSE}", example="2"),
     )
 
     def rate(self, motion: Motion, asked_hz: float | None) -> float | None:
@@ -52,18 +57,15 @@ class UnitreeExporter(Exporter):
         return _RATE_HZ if asked_hz is None else asked_hz
 
     def refuse(self, motion: Motion) -> None:
-        """Raise InputError where nobody says which motor a joint is."""
-        motor_places(self.robot, self.word("motors"))
+        """Raise InputError where nobody says which motor a joint is, or with what gains it is to run."""
+        self._gains("kp", self._order(motion))
+        self._gains("kd", self._order(motion))
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
         places = motor_places(self.robot, self.word("motors"))
-        order = sorted(range(len(motion.joint_names)), key=lambda k: places[motion.joint_names[k]])
-        drives = nominal_drives(self.robot)
-        gains = {
-            name: np.full(len(order), self.number(name)) if self.number(name) else own
-            for name, own in (("kp", drives.kp), ("kd", drives.kd))
-        }
+        order = self._order(motion)
+        gains = {name: self._gains(name, order) for name in _GAINS}
         said = statement(motion) | {
             "motors": {str(places[motion.joint_names[k]]): motion.joint_names[k] for k in order},
             "mode_pr": 0,
@@ -86,3 +88,28 @@ class UnitreeExporter(Exporter):
                     for k in order
                 ]
                 stream.write(json.dumps({"t": float(time), "motor_cmd": commands}) + "\n")
+
+    def _order(self, motion: Motion) -> list[int]:
+        """Columns of the motion's joints in the motors' order."""
+        places = motor_places(self.robot, self.word("motors"))
+        return sorted(range(len(motion.joint_names)), key=lambda k: places[motion.joint_names[k]])
+
+    def _gains(self, name: str, order: list[int]) -> Array:
+        """Gains by column of the motion, ``(n_joints,)``."""
+        text = self.word(name)
+        if text == MODEL:
+            drives = nominal_drives(self.robot)
+            return drives.kp if name == "kp" else drives.kd
+        values = [float(_GAINS[name].read(part, self.name)) for part in text.split(",")] if text else []
+        if len(values) not in {1, len(order)}:
+            found = f"has {len(values)} values for {len(order)} motors" if values else "is not given"
+            raise InputError(
+                found,
+                source=self.name,
+                field=name,
+                remedy=f"give --set {name}=NUMBER as the machine is to run, or one a motor with commas; {name}={MODEL} "
+                "takes those of the robot's description, a virtual robot's unless you wrote them",
+            )
+        gains = np.empty(len(order))
+        gains[order] = values
+        return gains

@@ -14,7 +14,7 @@ from excite.export.models.mjcf import write_mjcf
 from excite.export.models.urdf import write_urdf
 from excite.export.models.written import WrittenModel
 from excite.identification.result import Identification
-from excite.robot.robot import Robot
+from excite.robot.bringing import RobotLike, as_robot
 from excite.shown import count
 
 
@@ -55,7 +55,7 @@ class ModelFiles:
 
 
 def write_models(
-    robot: Robot,
+    robot: RobotLike,
     identification: Identification,
     folder: Path,
     *,
@@ -69,7 +69,7 @@ def write_models(
     the table is written in any case.
 
     Args:
-        robot: the robot that was identified.
+        robot: the robot that was identified, or its name or file.
         identification: what was identified.
         folder: folder to write to.
         drives: also write the identified friction.
@@ -82,7 +82,7 @@ def write_models(
     Raises:
         InputError: the identification is of another robot.
     """
-    folder = Path(folder)
+    robot, folder = as_robot(robot), Path(folder)
     rows = find_differences(identification.to_json()["standard_parameters"])
     differences = rows.save(folder / "differences.csv")
     refused: list[str] = []

@@ -6,6 +6,7 @@ from excite.report.conclusions.campaigned import of_campaign
 from excite.report.conclusions.diagnosed import of_diagnosis
 from excite.report.conclusions.doctored import of_doctor
 from excite.report.conclusions.identified import of_identification
+from excite.report.conclusions.measured import of_person
 from excite.report.conclusions.planned import of_check, of_plan, of_refusals
 from excite.report.conclusions.result import Conclusion
 from excite.report.folder import Findings
@@ -25,6 +26,8 @@ def conclusion(findings: Findings) -> Conclusion | None:
         return of_check(findings.check, findings)
     if findings.refusals is not None:
         return of_refusals(findings.refusals, findings)
+    if findings.human is not None:
+        return of_person(findings.human, findings)
     if findings.doctor is not None:
         return of_doctor(findings.doctor, findings)
     return None

@@ -21,6 +21,7 @@ class Assumed(Section):
             return ""
         lead = (
             "Neither the model nor its maker's files say these things of the robot. What the page finds safe is safe "
-            "as far as they hold: state in robot.yaml what is known better, and plan again."
+            "as far as they hold: state in robot.yaml what is known better, take it out of the list assumed there, and "
+            "plan again."
         )
         return section(self.identifier, self.title, lead, table(("what", "taken", "what follows"), rows))

@@ -1,4 +1,4 @@
-"""A trial in motion: the robot as it was measured, and beside it as a simulator or its command has it."""
+"""A trial in motion: as it was measured, and beside it as a simulator or its command has it."""
 
 from __future__ import annotations
 
@@ -62,18 +62,18 @@ def _lead(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str
     if simulated:
         again = f"; it starts anew from the record every {horizon_s:g} s" if horizon_s else ""
         return (
-            f"Trial {trial}: the robot as it was measured, and transparent where the simulator takes it{again}, and "
+            f"Trial {trial} as it was measured, and transparent where the simulator takes it{again}, and "
             "where nothing was simulated the two coincide. Joints that part are those that the model gets wrong."
         )
     if any("ghost" in track for track in tracks.values()):
-        return f"Trial {trial}: the robot as it was measured, and transparent where it was told to be."
-    return f"Trial {trial}: the robot as it was measured."
+        return f"Trial {trial} as it was measured, and transparent where it was told to be."
+    return f"Trial {trial} as it was measured."
 
 
 def _of_identification(robot: Robot, path: PathComparison, horizon_s: float) -> str:
     strays = [_strays(robot, path, positions) for positions in (path.nominal, path.identified)]
     return (
-        f"Trial {path.trial}: the robot as it was measured, and transparent where a model goes under the measured "
+        f"Trial {path.trial} as it was measured, and transparent where a model goes under the measured "
         f"forces, when it starts anew from the record every {horizon_s:g} s. By then the model as supplied strays by "
         f"{strays[0]}, the identified one by {strays[1]}. Where nothing was computed the two coincide."
     )

@@ -55,7 +55,8 @@ def scaffold_description(
         content["model"]["path"] = str(Path(urdf_path).resolve())
     head = (
         "# A first description, derived from the model. What no file said stands under assumed, with what follows\n"
-        "# from it; each block says its source. Correct what you know better.\n"
+        "# from it; each block says its source. Correct what you know better, and take out of assumed what is then\n"
+        "# not assumed any more: pages repeat that list as it stands here.\n"
     )
     return head + str(
         yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
