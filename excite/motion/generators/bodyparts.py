@@ -82,6 +82,12 @@ def support_corners(robot: Robot, feet: Sequence[Foot]) -> Array:
     return np.array(corners).reshape(-1, 2)
 
 
+def sole_half_width(foot: Foot) -> float:
+    """Distance of a sole's middle from its nearest edge [m]; corners of rounded soles lie nearer to its middle line."""
+    corners = (foot.sole - foot.placement.translation) @ foot.placement.rotation[:, :2]
+    return float(-_edges(corners)[:, 2].max())
+
+
 def stands_on_either(robot: Robot) -> bool:
     """Whether a robot has two feet, and soles on each of which it can stand."""
     return len(robot.feet) == 2 and all(has_area(support_corners(robot, [foot])) for foot in robot.feet)

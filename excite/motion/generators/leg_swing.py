@@ -16,13 +16,14 @@ from excite.motion.generators.bodyparts import (
     pelvis_height,
     pelvis_joint,
     rest_joints,
+    sole_half_width,
     stands_on_either,
 )
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
-from excite.robot.legs.ankles import eased
+from excite.robot.legs.ankles import Ankle
 from excite.robot.robot import Foot, Robot
 
 # Number of swings. Over a broad sole, of this half width [m] or more, they are quick, and more of them make up for the
@@ -37,10 +38,10 @@ _CLEARANCE, _INWARDS, _OUTWARDS, _LIFT = 0.06, 0.02, 0.28, 0.11
 _LEAN, _DOWN, _BASE_SHIFT = 0.24, 0.03, 0.7
 # Random pelvis motion: height [share of its own], roll, pitch, yaw [rad].
 _PELVIS = (0.02, 0.04, 0.08, 0.20)
-# How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width. The trunk leans
-# outwards over the stance foot, so mass that the model does not know pulls outwards, where nothing catches the robot;
-# inwards it steps on its other foot. A third leaves a G1 upright with 15 % of its mass added 10 cm above the trunk's
-# centre and 5 cm to either side.
+# How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width, where the ankle
+# holds the robot there. The trunk leans outwards over the stance foot, so mass that the model does not know pulls
+# outwards, where nothing catches the robot; inwards it steps on its other foot. A third leaves a G1 upright with 15 %
+# of its mass added 10 cm above the trunk's centre and 5 cm to either side.
 _BIAS = 0.35
 # Rate of the path while the weight shifts [1/s]: the shift takes three units of it, and a robot that is heavier
 # than its model must not swing over the foot's outer edge.
@@ -105,7 +106,6 @@ def swinging(
     m = land + 6
     com = np.zeros((m, 2))
     com[3 : land + 3] = ground.shift
-    com[3 : land + 3, 1] += ground.outward * _BIAS * ground.half_width
     foot = np.zeros((m, 6))
     foot[lift:land] = swings
     turns = np.array(_PELVIS) * [ground.height, 1.0, 1.0, 1.0]
@@ -143,7 +143,7 @@ class _Ground:
 
     Attributes:
         shift: from the centre of mass to where the stance foot holds it best, ``(2,)`` [m].
-        half_width: of the stance sole along y, the narrower side of that point [m].
+        half_width: of the stance sole [m].
         outward: sign of y from the stance foot to the free one.
         height: of the pelvis [m].
         sole: middle of the free sole, ``(3,)`` [m].
@@ -162,16 +162,18 @@ def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     data = robot.model.createData()
     centre = np.array(pin.centerOfMass(robot.model, data, robot.rest))
     corners = np.array([data.oMi[stance.joint].act(corner) for corner in stance.sole])
-    over = corners.mean(axis=0)
-    load = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
-    over[:2] += eased(robot, data.oMi, stance.joint, corners, load)
+    middle = corners.mean(axis=0)
     pose = data.oMi[swing.joint]
     sole = np.array(pose.act(swing.placement.translation))
-    across = np.abs(corners[:, 1] - over[1])
+    half_width = sole_half_width(stance)
+    outward = float(np.sign(sole[1] - middle[1]))
+    over = middle[:2] + np.array([0.0, outward * _BIAS * half_width])
+    load = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
+    ankle = Ankle(robot, stance.joint, stance.sole.mean(axis=0))
     return _Ground(
-        shift=over[:2] - centre[:2],
-        half_width=float(across.min()),
-        outward=float(np.sign(sole[1] - over[1])),
+        shift=over + ankle.eased(data.oMi, over, load) - centre[:2],
+        half_width=half_width,
+        outward=outward,
         height=pelvis_height(robot),
         sole=sole,
         rotation=np.array(pose.rotation),
