@@ -18,18 +18,21 @@ def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path
     """The folder of a package, or None.
 
     Folders of that name come first, unless their ``package.xml`` says another one; then those whose ``package.xml``
-    says it, as ROS goes by: a clone may be called as its owner likes.
+    says it, as ROS goes by: a clone may be called as its owner likes. At last come packages elsewhere in the clone that
+    the file lies in, as of an arm's maker whose torso is another package.
 
     Args:
         name: of the package.
         package_path: packages, or folders in which packages lie.
-        above: folders above the file that needs it, of which each may be the package, or hold it under its name.
+        above: folders above the file that needs it, the nearest first, of which each may be the package, or hold it
+            under its name.
     """
     given, outer = tuple(package_path), tuple(above)
     for place in (place for folder in (*given, *outer) for place in (folder, folder / name)):
         if place.name == name and place.is_dir() and _name(place) in (None, name):
             return place
-    inside = (place for folder in given for place in _packages(folder, _DEEP))
+    clone = next(((folder,) for folder in outer if (folder / ".git").exists()), ())
+    inside = (place for folder in (*given, *clone) for place in _packages(folder, _DEEP))
     return next((place for place in (*outer, *inside) if _name(place) == name), None)
 
 

@@ -72,7 +72,9 @@ def test_the_probe_finds_the_first_and_names_the_closest(g1: Robot) -> None:
     names = [collision_model(g1).geometryObjects[i].name.rsplit("_", 1)[0] for i in (pair.first, pair.second)]
     first, worst = probe.closest(path[3:4]), probe.closest(path[3:])
     assert first.pair == worst.pair == " - ".join(names)
-    assert worst.distance == pytest.approx(min(probe.closest(row[None]).distance for row in path[3:]), abs=1e-6)
+    assert worst.distance == pytest.approx(
+        min(probe.closest(row[None]).distance for row in path[3:]), abs=1e-6
+    )
     assert worst.distance < first.distance - 1e-3
     np.testing.assert_array_equal(worst.posture, path[5])
 

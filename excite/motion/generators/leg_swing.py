@@ -41,8 +41,8 @@ _PELVIS = (0.02, 0.04, 0.08, 0.20)
 # How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width, where the ankle
 # holds the robot there. The trunk leans outwards over the stance foot, so mass that the model does not know pulls
 # outwards, where nothing catches the robot; inwards it steps on its other foot. A third leaves a G1 upright with 15 %
-# of its mass added 10 cm above the trunk's centre and 5 cm to either side. Of eight swings each of a G1, an XBot-L and a
-# TienKung with that mass on the back 5 or more stand; of the latter two none does with a quarter.
+# of its mass added 10 cm above the trunk's centre and 5 cm to either side. Of eight swings each of a G1, an XBot-L and
+# a TienKung with that mass on the back 5 or more stand; of the latter two none does with a quarter.
 _BIAS = 0.34
 # Rate of the path while the weight shifts [1/s]: the shift takes three units of it, and a robot that is heavier
 # than its model must not swing over the foot's outer edge.
