@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.campaign.plan_document import robot_file
+from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
 from excite.errors import NothingSafeError
 from excite.json_document import write_json
 from excite.motion.generators.candidate import Candidate
@@ -32,10 +33,10 @@ _ADVICE = {
     "bent and away from their limits, or base: held",
     "joint_position": "state a posture.joints further from the limits of the joints named",
     # Of an X30 on assumed gains five sways drag its feet by 12 to 23 mm, on gains three times as stiff by 3 to 4.
-    "slipped_in_rehearsal": "state controller.kp and kd of servos that are stiffer, under whose sag feet are dragged",
-    "fell_in_rehearsal": "state limits.torque of the drives named, if they give more, and controller.kp and kd of "
+    SLIPPED: "state controller.kp and kd of servos that are stiffer, under whose sag feet are dragged",
+    FELL: "state limits.torque of the drives named, if they give more, and controller.kp and kd of "
     "servos that are stiffer: no feedback of balance is counted on",
-    "touched_in_rehearsal": "state controller.kp and kd of servos that are stiffer, or a posture.joints in which the "
+    TOUCHED: "state controller.kp and kd of servos that are stiffer, or a posture.joints in which the "
     "links named are further apart",
 }
 
@@ -100,9 +101,12 @@ class Refusals:
     @property
     def change(self) -> str:
         """What to do, in words."""
-        if self.remedy is not None:
-            return str(self.remedy)
         first = self.refused[0].reason if self.refused else ""
+        if self.remedy is not None:
+            # It was tried on candidates that the filter refused, not on what fell afterwards.
+            return (
+                f"{_ADVICE[first]}; {self.remedy}" if first in (FELL, SLIPPED, TOUCHED) else str(self.remedy)
+            )
         return _ADVICE.get(
             first,
             "see what refuses them: no single limit lifted lets any of those pass that were tried again",
