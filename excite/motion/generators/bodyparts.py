@@ -98,6 +98,22 @@ def _edges(corners: Array) -> Array:
     return np.asarray(scipy.spatial.ConvexHull(corners).equations)
 
 
+def base_shift(robot: Robot, shift: Array, roll: float) -> Array:
+    """How far the base goes where the centre of mass does by ``shift`` ``(2,)`` over feet that stay, ``(2,)`` [m].
+
+    What is above the pelvis goes with it, and further as it rolls by ``roll`` [rad]; what is below goes the less, the
+    nearer it is to the ground.
+    """
+    data, model = robot.model.createData(), robot.model
+    pin.forwardKinematics(model, data, robot.rest)
+    pelvis, masses = pelvis_height(robot), np.array([inertia.mass for inertia in model.inertias[1:]])
+    centres = zip(data.oMi[1:], model.inertias[1:], strict=True)
+    heights = np.array([place.act(inertia.lever)[2] for place, inertia in centres])
+    along = float(masses @ np.clip(heights / pelvis, 0.0, 1.0)) / robot.mass
+    leant = float(masses @ np.maximum(heights - pelvis, 0.0)) / robot.mass * np.sin(roll)
+    return np.asarray((shift + np.array([0.0, leant])) / along)
+
+
 def support_reach(robot: Robot, feet: Sequence[Foot]) -> float:
     """Distance at rest of the centre of mass from the edge of a support polygon, seen from above [m]."""
     centre = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))[:2]
