@@ -225,6 +225,23 @@ def test_a_biped_whose_hips_swing_obliquely_stands_with_its_toes_ahead(tmp_path:
         assert ahead[0] > 0.98  # of toes that point aside or down the cosine is less
 
 
+def test_hulls_that_touch_on_all_bent_legs_leave_a_biped_on_bent_legs(tmp_path: Path) -> None:
+    """A plate on each thigh, 30 mm below the pelvis, meets it as soon as the hip bends: Fourier's N1 stood straight."""
+    text = biped()
+    for side, inwards in (("left", -0.04), ("right", 0.04)):
+        plate = (
+            f'<collision><origin xyz="0 {inwards} 0.01"/>'
+            '<geometry><box size="0.3 0.06 0.02"/></geometry></collision>'
+        )
+        text = re.sub(rf'(<link name="{side}_hip_pitch">.*?)(</link>)', rf"\1{plate}\2", text)
+    robot = written(text, tmp_path)
+    assert robot.floating
+    knees = [robot.rest[robot.n_base_q + robot.joint_index(f"{side}_knee_joint")] for side in SIDES]
+    assert min(np.abs(knees)) > 0.5
+    (said,) = [one for one in robot.description.assumed if one.what == "links that touch at rest"]
+    assert "pelvis and left_hip_pitch" in said.value or "left_hip_pitch and pelvis" in said.value
+
+
 def test_a_sole_is_a_sole_where_the_search_begins_with_toes_down(tmp_path: Path) -> None:
     path = tmp_path / "mine.urdf"
     path.write_text(biped(), encoding="utf-8")
