@@ -102,8 +102,8 @@ def make(name: str, recipe: Recipe) -> str:
         new = [i for i in chosen if i not in stood]
         if not new:
             break
-        for i, stands in zip(new, rehearse(robot, [written[i] for i in new]), strict=True):
-            if stands:
+        for i, refused in zip(new, rehearse(robot, [written[i] for i in new]), strict=True):
+            if refused is None:
                 stood.add(i)
             else:
                 fallen[i] = True

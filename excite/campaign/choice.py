@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from excite.campaign.on_disk import OnDisk, write_value
@@ -17,6 +17,8 @@ from excite.progress import Progress
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.legs.upright import too_soft_to_stand
 from excite.robot.robot import Robot
+from excite.safety.refusals import RefusalTally
+from excite.safety.repairs.draft import Rejection
 
 # Motions kept back for cross-validation.
 _N_VALIDATION = 4
@@ -45,7 +47,7 @@ class Choice:
         pool: the motions that did not fall.
         selection: which of them go on.
         validation: which of the others judge the result.
-        fallen: how many fell.
+        fallen: what went wrong with those that did not stand their rehearsal.
         load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall, and where the
             user broke off before it.
         interrupted: whether the user broke off: a robot that can fall has not rehearsed them.
@@ -54,20 +56,21 @@ class Choice:
     pool: Pool
     selection: Selection
     validation: tuple[int, ...]
-    fallen: int
+    fallen: tuple[Rejection, ...]
     load: float | None
     interrupted: bool = False
 
 
 @dataclass(frozen=True)
 class Rehearsed:
-    """Which motions stood their rehearsal, by name and load, so that none is rehearsed twice."""
+    """What became of motions in rehearsal, by name and load, so that none is rehearsed twice."""
 
-    stood: dict[tuple[str, float], bool] = field(default_factory=dict)
+    found: dict[tuple[str, float], Rejection | None] = field(default_factory=dict)
 
-    def fallen(self, pool: Pool, load: float) -> set[str]:
-        """Names of motions of a pool that fell under a load."""
-        return {name for name in pool.names if not self.stood.get((name, load), True)}
+    def fallen(self, pool: Pool, load: float) -> dict[str, Rejection]:
+        """What went wrong with motions of a pool under a load, by name."""
+        known = {name: self.found.get((name, load)) for name in pool.names}
+        return {name: refused for name, refused in known.items() if refused is not None}
 
 
 def choose(
@@ -99,11 +102,10 @@ def choose(
     except KeyboardInterrupt:
         pass
     fallen = known.fallen(pool, load)
-    left = pool.without(fallen)
+    left = pool.without(set(fallen))
     selection = _selected(robot, left, base, rule)
-    return Choice(
-        left, selection, _unchosen_in_turn(left, selection.indices), len(fallen), None, interrupted=True
-    )
+    validation = _unchosen_in_turn(left, selection.indices)
+    return Choice(left, selection, validation, tuple(fallen.values()), None, interrupted=True)
 
 
 class _AllFall(NoSolutionError):
@@ -122,23 +124,33 @@ def _choose(
 ) -> Choice:
     while True:
         fallen = known.fallen(pool, load)
-        left = pool.without(fallen)
+        left = pool.without(set(fallen))
         if fallen and not left.entries:
             raise _AllFall(
                 f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
-                "mass on its back",
+                f"mass on its back: {_commonest(robot, fallen.values())}",
                 best=left.motions,
                 remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
             )
         selection = _selected(robot, left, base, rule)
         validation = _unchosen_in_turn(left, selection.indices)
         names = left.names
-        new = [i for i in (*selection.indices, *validation) if (names[i], load) not in known.stood]
+        new = [i for i in (*selection.indices, *validation) if (names[i], load) not in known.found]
         if not new:
-            return Choice(left, selection, validation, len(fallen), load if can_fall(robot) else None)
-        verdicts = rehearse(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
-        for i, stands in zip(new, verdicts, strict=True):
-            known.stood[names[i], load] = stands
+            carried = load if can_fall(robot) else None
+            return Choice(left, selection, validation, tuple(fallen.values()), carried)
+        outcomes = rehearse(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
+        for i, refused in zip(new, outcomes, strict=True):
+            known.found[names[i], load] = refused
+
+
+def _commonest(robot: Robot, fallen: Iterable[Rejection]) -> str:
+    """What went wrong with most, in words."""
+    tally = RefusalTally(robot)
+    for refused in fallen:
+        tally.add(refused, None)
+    first = tally.refused()[0]
+    return f"{first.candidates} are refused by {first}"
 
 
 def _selected(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Selection:

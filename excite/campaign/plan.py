@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -34,9 +35,6 @@ from excite.temporary_folder import TemporaryFolder
 MAX_CANDIDATES = 1_000_000
 # From one sample to a season at the robot [s].
 _BUDGETS_S = (1e-3, 1e7)
-
-# Reason for which a motion is refused that topples the robot in simulation.
-FELL = "fell_in_rehearsal"
 
 
 def plan(
@@ -103,14 +101,14 @@ def plan(
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     seconds_of = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
     report, base, choice = _chosen(judged, Rule(selection, budget_s), folder, seconds_of)
-    refusals = judged.refusals(report)
+    refusals = judged.refusals(report, choice.fallen)
     started = time.perf_counter()
     pool = choice.pool
     indices = choice.selection.indices
     chosen = conditioning(robot, pool.factors.only(indices), base)
     seconds = float(pool.durations[list(indices)].sum())
     unchosen = conditioning(robot, pool.factors.only(pool.first_seconds(seconds)), base)
-    rejected = {**report.rejected, FELL: choice.fallen} if choice.fallen else report.rejected
+    rejected = {**report.rejected, **Counter(refused.reason for refused in choice.fallen)}
     seconds_of["choose"] += time.perf_counter() - started
     return Plan(
         robot=robot,

@@ -17,9 +17,11 @@ from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
+from excite.safety.repairs.collisions import CollisionProbe
+from excite.safety.repairs.draft import Rejection
 from excite.simulation.execution import DivergedError
 from excite.simulation.machine import Machine
-from excite.simulation.replay import FALL_END_TILT_RAD, Replay, watched_run
+from excite.simulation.replay import FALL_END_TILT_RAD, WatchedRun, watched_run
 from excite.simulation.true_parameters import AddedPart, with_part
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 
@@ -44,6 +46,9 @@ _STEPS = (2.5e-3, 1e-3, 5e-4, 2.5e-4)
 # A robot that tilts further than this, on the way to its end, has come near falling.
 _FAR = 0.5 * FALL_END_TILT_RAD
 
+FELL, SLIPPED, TOUCHED = "fell_in_rehearsal", "slipped_in_rehearsal", "touched_in_rehearsal"
+"""Reasons for which a motion is refused that does not stand its rehearsal."""
+
 
 def rehearse(
     robot: Robot,
@@ -52,7 +57,7 @@ def rehearse(
     load: float = UNKNOWN_LOAD,
     jobs: Jobs = 1,
     progress: Progress = silent,
-) -> tuple[bool, ...]:
+) -> tuple[Rejection | None, ...]:
     """Whether a standing robot stays on its feet, does not slip on points, and stays clear of itself in each motion.
 
     The robot is the model with a load on its back, which is harder than the model itself: a real robot weighs
@@ -66,9 +71,12 @@ def rehearse(
         load: on its back, as a share of its mass.
         jobs: number of processes, or an executor; the answer does not depend on it.
         progress: told after each motion.
+
+    Returns:
+        For each motion what went wrong, with the configuration at that moment; None of one that stands.
     """
     if not can_fall(robot):
-        return (True,) * len(motions)
+        return (None,) * len(motions)
     # Motions that are on disk are read where they are run.
     tasks: Sequence[Motion | Path] = motions.files if isinstance(motions, OnDisk) else motions
     shared = (robot, load)
@@ -85,28 +93,55 @@ def may_slip_m(robot: Robot) -> float:
     return MAX_SLIP_SHARE * support_reach(robot, robot.feet)
 
 
-def _stands(shared: tuple[Robot, float], task: Motion | Path) -> bool:
+def _stands(shared: tuple[Robot, float], task: Motion | Path) -> Rejection | None:
     robot, load = shared
     motion = read_value(task) if isinstance(task, Path) else task
     # Soles that slip turn and stop; legs on points that slip lose the ground that the motion counts on.
     may_slip = np.inf if all(foot.flat for foot in robot.feet) else may_slip_m(robot)
     for carried in (load, 0.0):
         run = _run(robot, carried, motion, may_slip)
-        if run is None or not run.on_its_feet or run.max_slip_m > may_slip:
-            return False
-        if run.max_tilt_rad < _FAR and run.torque_saturation == 0.0:
-            return True
-    return True
+        refused = _refused(robot, motion, run, may_slip)
+        if refused is not None or run is None:
+            return refused
+        if run.replay.max_tilt_rad < _FAR and run.replay.torque_saturation == 0.0:
+            return None
+    return None
 
 
-def _run(robot: Robot, load: float, motion: Motion, may_slip: float) -> Replay | None:
+def _refused(robot: Robot, motion: Motion, run: WatchedRun | None, may_slip: float) -> Rejection | None:
+    """What went wrong in a run, first of all a fall; a run that diverges counts as one."""
+    if run is None:
+        return Rejection(motion.name, FELL, "base")
+    replay, recording = run.replay, run.recording
+    if replay.fell:
+        return Rejection(motion.name, FELL, _fallen(robot, run), replay.fell_at_s)
+    if replay.self_collided:
+        row = int(np.argmax(recording.touches > 0))
+        near = CollisionProbe(robot).closest(recording.q[row : row + 1])
+        # What is apart from all else has met the ground.
+        where = near.pair if near.distance < near.required else "ground"
+        posture = tuple(float(x) for x in recording.q[row])
+        return Rejection(motion.name, TOUCHED, where, float(recording.time[row]), posture=posture)
+    if replay.max_slip_m > may_slip:
+        foot = max(replay.slip_m, key=lambda name: max(replay.slip_m[name], default=0.0))
+        return Rejection(motion.name, SLIPPED, foot, value=replay.max_slip_m, limit=may_slip)
+    return None
+
+
+def _fallen(robot: Robot, run: WatchedRun) -> str:
+    """Where a fall began: the drive that was longest at its torque limit by then, if any was."""
+    longest = int(np.argmax(run.recording.clipped.sum(axis=0)))
+    if not run.recording.clipped[:, longest].any():
+        return "base"
+    return f"base, {robot.joint_names[longest]} at its torque limit"
+
+
+def _run(robot: Robot, load: float, motion: Motion, may_slip: float) -> WatchedRun | None:
     """A run in the longest steps of the physics in which it does not diverge; None if it does in all."""
     for step in _STEPS:
         machine = _machine(robot, load, step)
         try:
-            return watched_run(
-                machine.virtual, motion, may_slip_m=may_slip, forces=False, machine=machine
-            ).replay
+            return watched_run(machine.virtual, motion, may_slip_m=may_slip, forces=False, machine=machine)
         except DivergedError:
             continue
     return None

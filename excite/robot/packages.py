@@ -19,17 +19,20 @@ def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path
     """The folder of a package, or None.
 
     What a ``package.xml`` says goes first, as ROS goes by it: a clone may be called as its owner likes, and a folder
-    of that name further up may be anything. Then folders called so, which say no other name.
+    of that name further up may be anything. Packages elsewhere in the clone that the file lies in are looked at too, as
+    of an arm's maker whose torso is another package. Then come folders called so, which say no other name.
 
     Args:
         name: of the package.
         package_path: packages, or folders in which packages lie.
-        above: folders above the file that needs it, of which each may be the package, or hold it under its name.
+        above: folders above the file that needs it, the nearest first, of which each may be the package, or hold it
+            under its name.
     """
     given, outer = tuple(package_path), tuple(above)
     near, far = ([*_called(name, folders)] for folders in (given, outer))
+    clone = next(((folder,) for folder in outer if (folder / ".git").exists()), ())
     said = (place for place in (*near, *far, *outer) if _name(place) == name)
-    inside = (place for folder in given for place in _packages(folder, _DEEP) if _name(place) == name)
+    inside = (place for folder in (*given, *clone) for place in _packages(folder, _DEEP) if _name(place) == name)
     unsaid_near, unsaid_far = ([place for place in places if _name(place) is None] for places in (near, far))
     return next(chain(said, unsaid_near, inside, unsaid_far), None)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,8 +17,9 @@ from excite.robot.urdf.reading import find_mesh
 _NAMESPACE = "ros.org/wiki/xacro"
 # A model of 2 000 links from a macro each takes 5 s and 0.13 GB on a busy core.
 _SECONDS, _MEMORY_GB = 30.0, 4.0
-# Named arguments.
+# Named arguments and macros.
 _NAMED = 8
+_UNKNOWN_ARGUMENT = re.compile(r"Undefined substitution argument (\w+)")
 
 
 def is_xacro(path: Path) -> bool:
@@ -34,7 +36,7 @@ def expanded(path: Path, arguments: Mapping[str, str], package_path: tuple[Path,
         package_path: folders in which packages lie.
 
     Raises:
-        RobotError: the file is missing, or xacro cannot expand it, or not within half a minute.
+        RobotError: the file is missing, or xacro cannot expand it, or not within half a minute, or to no link.
     """
     if is_xacro(path):
         read_xml(path, error=RobotError)
@@ -54,6 +56,8 @@ def expanded(path: Path, arguments: Mapping[str, str], package_path: tuple[Path,
             ),
         )
         root = ElementTree.fromstring(text)
+        if root.find("link") is None:
+            raise _defines_alone(path)
     else:
         root = read_xml(path, error=RobotError)
     for mesh in root.iter("mesh"):
@@ -105,13 +109,27 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
             if endless
             else " ".join(str(error).split())[:200] or type(error).__name__
         )
+        unknown = _UNKNOWN_ARGUMENT.search(said)
+        name = unknown.group(1) if unknown else "name"
         raise RobotError(
             f"xacro cannot expand it ({said})",
             source=path,
-            remedy=f"mend it, or give its arguments with --xacro-arg name:=value{_arguments(path)}",
+            remedy=f"mend it, or give its arguments with --xacro-arg {name}:=value{_arguments(path)}",
         ) from error
     finally:
         substitution_args._eval_find = known
+
+
+def _defines_alone(path: Path) -> RobotError:
+    """What to say of a file that expands to no link, as those do that only define macros."""
+    macros = [str(one.get("name")) for one in read_xml(path).iter() if one.tag.endswith("/xacro}macro")]
+    if not macros:
+        return RobotError(
+            "expands to no <link>", source=path, remedy="give the file that describes the robot"
+        )
+    named = ", ".join(macros[:_NAMED])
+    remedy = f"give the file that includes it and calls {'it' if len(macros) == 1 else 'one'}"
+    return RobotError(f"only defines macros ({named})", source=path, remedy=remedy)
 
 
 def _arguments(path: Path) -> str:

@@ -9,6 +9,7 @@ _UNITS = {
     "foot_lifted": "m",
     "foot_below_ground": "m",
     "foot_slip": "m",
+    "slipped_in_rehearsal": "m",
     "foot_slip_speed": "m/s",
     "joint_position": "rad",
     "joint_velocity": "rad/s",

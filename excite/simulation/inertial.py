@@ -95,7 +95,8 @@ def principal_inertia(phi: Array, segment: str, *, accepted: bool = False) -> Pr
             phi=phi,
         )
     if excess > 0.0:
-        moments = moments + np.array([excess, 0.0, 0.0])
+        # MuJoCo allows no rounding in their sum.
+        moments = moments + np.array([excess + _TRIANGLE_TOLERANCE * moments[2], 0.0, 0.0])
     if np.linalg.det(rotation) < 0.0:
         rotation = rotation * np.array([1.0, 1.0, -1.0])
     return PrincipalInertia(mass, com, moments, rotation)

@@ -73,8 +73,10 @@ def with_part(truth: TrueParameters, part: AddedPart) -> TrueParameters:
         raise InputError(
             f"part {part.what!r} has mass {part.mass} kg and size {part.size} m", remedy="make both positive"
         )
-    phi = truth.phi.copy()
-    phi[10 * part.segment :][:10] += box_parameters(part.mass, np.array(part.position), np.array(part.size))
+    phi, own = truth.phi.copy(), slice(10 * part.segment, 10 * part.segment + 10)
+    # What carries it may have moments in the model that no body has.
+    phi[own] = possible(phi[own], part.link)
+    phi[own] += box_parameters(part.mass, np.array(part.position), np.array(part.size))
     return TrueParameters(phi, (*truth.parts, part), truth.scatter)
 
 

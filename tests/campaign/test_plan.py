@@ -21,8 +21,11 @@ from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.safety.repairs.draft import Rejection
 from excite.simulation.replay import replay
 from excite.simulation.virtual_robot import VirtualRobot
+
+FALLEN = Rejection("any", "fell_in_rehearsal", "base")
 
 
 def test_plan_document_has_what_scripts_read(small_plan: Plan) -> None:
@@ -117,7 +120,44 @@ def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot,
     ankles = [g1.n_base_q + g1.joint_index(f"{side}_ankle_pitch_joint") for side in ("left", "right")]
     leaning[:, waist] += 0.5
     leaning[:, ankles] += 0.4
-    assert rehearse(g1, [motion, replace(motion, q=leaning)]) == (True, False)
+    stands, falls = rehearse(g1, [motion, replace(motion, q=leaning)])
+    assert stands is None and falls is not None
+    assert falls.reason == "fell_in_rehearsal" and falls.time_s is not None
+    assert falls.where == "base" or falls.where.endswith("at its torque limit")
+
+
+def test_what_a_motion_does_not_stand_is_said_with_where_and_how_much(
+    g1: Robot, standing_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rehearsal = import_module("excite.campaign.rehearsal")
+    really, motion = rehearsal.watched_run, standing_plan.accepted[0]
+    waist = g1.joint_index("waist_pitch_joint")
+
+    def becomes(clipped: bool = False, **changes: object) -> Rejection:
+        def run(*args: object, **settings: object) -> object:
+            found = really(*args, **settings)
+            lacking, touches = np.zeros_like(found.recording.clipped), np.ones_like(found.recording.touches)
+            lacking[:, waist] = clipped
+            record = replace(found.recording, touches=touches, clipped=lacking)
+            return replace(found, recording=record, replay=replace(found.replay, **changes))
+
+        monkeypatch.setattr(rehearsal, "watched_run", run)
+        (refused,) = rehearse(g1, [motion])
+        assert refused is not None
+        return refused
+
+    fell = becomes(clipped=True, fell=True, fell_at_s=1.5)
+    assert (fell.reason, fell.time_s) == ("fell_in_rehearsal", 1.5)
+    assert fell.where == "base, waist_pitch_joint at its torque limit"
+    assert becomes(fell=True).where == "base"
+    touched = becomes(self_collided=True)
+    assert touched.reason == "touched_in_rehearsal" and touched.time_s == 0.0
+    assert touched.posture is not None and len(touched.posture) == g1.model.nq
+    monkeypatch.setattr(rehearsal, "may_slip_m", lambda robot: 0.004)
+    monkeypatch.setattr(type(g1.feet[0]), "flat", property(lambda foot: False))
+    slipped = becomes(slip_m={"left_foot": (0.002,), "right_foot": (0.001, 0.005)})
+    assert (slipped.reason, slipped.where) == ("slipped_in_rehearsal", "right_foot")
+    assert (slipped.value, slipped.limit) == (0.005, 0.004)
 
 
 def test_a_motion_near_falling_has_to_stand_without_the_load_too(
@@ -136,7 +176,7 @@ def test_a_motion_near_falling_has_to_stand_without_the_load_too(
             return replace(found, replay=changed)
 
         monkeypatch.setattr(rehearsal, "watched_run", run)
-        return rehearse(g1, [motion])
+        return tuple(refused is None for refused in rehearse(g1, [motion]))
 
     assert verdict(0.01, 0.0, unloaded_stands=False) == (True,)
     assert verdict(0.01, 0.1, unloaded_stands=False) == verdict(0.06, 0.0, unloaded_stands=False) == (False,)
@@ -145,9 +185,9 @@ def test_a_motion_near_falling_has_to_stand_without_the_load_too(
 
 def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     choice = import_module("excite.campaign.choice")
-    monkeypatch.setattr(choice, "rehearse", lambda robot, motions, **_: (False,) * len(motions))
+    monkeypatch.setattr(choice, "rehearse", lambda robot, motions, **_: (FALLEN,) * len(motions))
     with pytest.raises(
-        NoSolutionError, match="all 2 safe motions of ur10 fall or slip in rehearsal, with 5%"
+        NoSolutionError, match=r"all 2 safe motions of ur10 fall or slip in rehearsal, with 5%.* of base"
     ):
         plan(ur10, n_candidates=2, seed=1)
 
@@ -157,7 +197,9 @@ def test_a_robot_that_cannot_carry_much_is_rehearsed_with_less(
 ) -> None:
     choice = import_module("excite.campaign.choice")
     monkeypatch.setattr(choice, "can_fall", lambda robot: True)
-    monkeypatch.setattr(choice, "rehearse", lambda robot, motions, load, **_: (load < 0.1,) * len(motions))
+    monkeypatch.setattr(
+        choice, "rehearse", lambda robot, motions, load, **_: (None if load < 0.1 else FALLEN,) * len(motions)
+    )
     found = plan(ur10, n_candidates=2, seed=1)
     assert found.load == 0.05 and found.to_json()["rehearsed_load"] == 0.05
     assert "rehearsed with 5% of the robot's mass" in found.summary()
@@ -190,10 +232,12 @@ def test_more_are_drawn_where_motions_fall(ur10: Robot, monkeypatch: pytest.Monk
     choice = import_module("excite.campaign.choice")
     rehearsed: list[str] = []
 
-    def falls(robot: Robot, motions: OnDisk[Motion], load: float, **_: object) -> tuple[bool, ...]:
+    def falls(
+        robot: Robot, motions: OnDisk[Motion], load: float, **_: object
+    ) -> tuple[Rejection | None, ...]:
         names = [motion.name for motion in motions]
         rehearsed.extend(f"{name} {load}" for name in names)
-        return tuple(int(name[-3:]) >= 3 for name in names)
+        return tuple(None if int(name[-3:]) >= 3 else FALLEN for name in names)
 
     monkeypatch.setattr(choice, "rehearse", falls)
     monkeypatch.setattr(import_module("excite.campaign.plan"), "N_CANDIDATES", 3)

@@ -13,6 +13,7 @@ from excite.cli.session.failure import of_error
 from excite.errors import NothingSafeError
 from excite.robot.robot import Robot
 from excite.safety.refusals import Refused
+from excite.safety.remedy import Remedy
 
 PAIR = "forearm_link - wrist_2_link"
 
@@ -99,6 +100,9 @@ def test_a_failure_is_one_line_and_a_table_and_fields(ur10: Robot) -> None:
     [
         ("no_collision_pairs", "collision.shapes"),
         ("unreachable", "posture.joints"),
+        ("slipped_in_rehearsal", "controller.kp"),
+        ("fell_in_rehearsal", "limits.torque"),
+        ("touched_in_rehearsal", "posture.joints"),
         ("zmp", "see what refuses"),
     ],
 )
@@ -107,10 +111,21 @@ def test_what_cannot_be_tried_is_advised_by_its_reason(reason: str, advice: str)
     assert advice in found.change and advice in found.summary()
 
 
+def test_a_change_that_helps_before_the_rehearsal_stands_beside_what_helps_there() -> None:
+    remedy = Remedy("raise limits.torque of knee", "joint_torque", ("knee",), 2, 3)
+    fell = Refused("fell_in_rehearsal", "base", 2, None, None, "", None, "a")
+    weak = Refused("joint_torque", "knee", 2, 2.0, 1.0, "", None, "b")
+    assert Refusals(9, (fell, weak), few=True, remedy=remedy).change.startswith(
+        "state limits.torque of the drives"
+    )
+    assert Refusals(9, (fell, weak), few=True, remedy=remedy).change.endswith(str(remedy))
+    assert Refusals(9, (weak, fell), few=True, remedy=remedy).change == str(remedy)
+
+
 def test_a_plan_of_enough_motions_keeps_quiet(small_plan: Plan) -> None:
     document = small_plan.to_json()
     assert document["remedy"] is None
     rejected = document["candidates"]["rejected"]
-    assert bool(document["refused"]) == bool(set(rejected) - {"fell_in_rehearsal"})
+    assert bool(document["refused"]) == bool(rejected)
     assert "refused by" not in small_plan.summary()
     assert all(item["candidates"] >= 1 for item in document["refused"])

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from excite.errors import RobotError, UnknownNameError
-from excite.motion.generators.bodyparts import central_range, leg_joints, upper_body
+from excite.motion.generators.bodyparts import central_range, leg_joints, sole_half_width, upper_body
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.curves import FourierCurve, SplineCurve
+from excite.motion.generators.footprints import resting_soles
 from excite.motion.generators.fourier import amplitude_scale, start_conditions
 from excite.motion.generators.mixture import plan_candidates
 from excite.motion.generators.registry import GENERATORS, make_generator
+from excite.motion.generators.rocking import rocking_period
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.robot.test_scaffold import biped, written
@@ -173,6 +176,24 @@ def test_leg_swing_lifts_the_leg_that_is_aimed_at(g1: Robot) -> None:
         ]
         assert (candidate.feet[foot.name].evaluate(inside)[:, 2] > 0.0).all()
         assert np.allclose(candidate.feet[foot.name].evaluate(outside), 0.0)
+
+
+def test_a_rounded_sole_is_as_wide_as_it_is(g1: Robot) -> None:
+    """Its toe lies on its middle line: a width by the corner nearest to that is none."""
+    corners = [(0.1, 0.04), (-0.1, 0.04), (-0.11, 0.0), (-0.1, -0.04), (0.1, -0.04), (0.11, 0.0)]
+
+    def soled(kept: list[tuple[float, float]]) -> Robot:
+        feet = []
+        for foot in g1.feet:
+            sole = np.array([foot.placement.act(np.array([*corner, 0.0])) for corner in kept])
+            feet.append(replace(foot, sole=sole))
+        return replace(g1, feet=tuple(feet))
+
+    rounded, straight = soled(corners), soled([corners[k] for k in (0, 1, 3, 4)])
+    for robot in (rounded, straight):
+        assert sole_half_width(robot.feet[0]) == pytest.approx(0.04)
+        assert resting_soles(robot)[0].width == pytest.approx(0.08)
+    assert rocking_period(rounded) == pytest.approx(rocking_period(straight))
 
 
 def test_legs_may_have_unlike_numbers_of_joints(tmp_path: Path) -> None:

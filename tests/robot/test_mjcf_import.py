@@ -175,6 +175,25 @@ def test_joints_of_a_closed_loop_follow_its_motor(tmp_path: Path) -> None:
     assert robot.mechanism is not None and robot.mechanism.gaps(robot.rest[None])[0] < 1e-9
 
 
+FOLDED = """<mujoco model="folded"><compiler angle="radian"/><default><geom density="900" size=".01"/></default>
+ <worldbody><body name="base"><geom type="box" size=".02 .02 .02"/>
+  <body name="thigh"><joint name="thigh" axis="0 1 0" range=".2 1.2"/>
+   <geom fromto="0 0 0 0 0 -.3" type="capsule"/>
+   <body name="shank" pos="0 0 -.3"><joint name="shank" axis="0 1 0" range=".4 2.4"/>
+    <geom fromto="0 0 0 0 0 .28" type="capsule"/></body></body>
+  <body name="foot"><joint name="length" type="slide" axis="0 0 -1" range=".1 .58"/><geom/></body></body></worldbody>
+ <equality><connect body1="foot" body2="shank" anchor="0 0 0"/></equality>
+ <actuator><motor joint="length" ctrlrange="-300 300"/></actuator>
+ <keyframe><key name="init" qpos=".841 1.459 .4"/></keyframe></mujoco>"""
+
+
+def test_a_loop_folded_at_zero_is_closed_from_the_models_own_posture(tmp_path: Path) -> None:
+    """As the legs of PAL's Kangaroo, whose motors change their length."""
+    robot = load_robot(write_scaffold(saved(FOLDED, tmp_path), tmp_path / "out").description)
+    assert robot.driven_names == ("length",)
+    assert robot.mechanism is not None and robot.mechanism.gaps(robot.rest[None])[0] < 1e-9
+
+
 def test_more_motors_than_freedoms_are_held_still(tmp_path: Path) -> None:
     motors = "".join(f'<motor joint="{name}" ctrlrange="-3 3"/>' for name in ("crank", "link"))
     written = write_scaffold(saved(with_loop(more=motors), tmp_path), tmp_path / "out")

@@ -225,6 +225,23 @@ def test_a_biped_whose_hips_swing_obliquely_stands_with_its_toes_ahead(tmp_path:
         assert ahead[0] > 0.98  # of toes that point aside or down the cosine is less
 
 
+def test_hulls_that_touch_on_all_bent_legs_leave_a_biped_on_bent_legs(tmp_path: Path) -> None:
+    """A plate on each thigh, 30 mm below the pelvis, meets it as soon as the hip bends: Fourier's N1 stood straight."""
+    text = biped()
+    for side, inwards in (("left", -0.04), ("right", 0.04)):
+        plate = (
+            f'<collision><origin xyz="0 {inwards} 0.01"/>'
+            '<geometry><box size="0.3 0.06 0.02"/></geometry></collision>'
+        )
+        text = re.sub(rf'(<link name="{side}_hip_pitch">.*?)(</link>)', rf"\1{plate}\2", text)
+    robot = written(text, tmp_path)
+    assert robot.floating
+    knees = [robot.rest[robot.n_base_q + robot.joint_index(f"{side}_knee_joint")] for side in SIDES]
+    assert min(np.abs(knees)) > 0.5
+    (said,) = [one for one in robot.description.assumed if one.what == "links that touch at rest"]
+    assert "pelvis and left_hip_pitch" in said.value or "left_hip_pitch and pelvis" in said.value
+
+
 def test_a_sole_is_a_sole_where_the_search_begins_with_toes_down(tmp_path: Path) -> None:
     path = tmp_path / "mine.urdf"
     path.write_text(biped(), encoding="utf-8")
@@ -463,6 +480,56 @@ def test_a_package_is_found_by_the_name_in_its_package_xml(given: str, tmp_path:
         return
     source = Source(package_path=(tmp_path / given,))
     assert load_robot(write_scaffold(path, tmp_path / "out", source=source).description).n_joints == 2
+
+
+def test_a_package_elsewhere_in_the_same_clone_is_found(tmp_path: Path) -> None:
+    """Realman's torso takes its arm from a package beside the one that holds its own."""
+    for folder, name in (("arms/reach", "reach"), ("humanoids/torso", "torso")):
+        (tmp_path / "clone" / folder / "urdf").mkdir(parents=True)
+        (tmp_path / "clone" / folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+    (tmp_path / "clone/arms/reach/urdf/arm.xacro").write_text(
+        ARM.replace('<?xml version="1.0"?>', "").strip()
+    )
+    head = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="a">'
+    path = tmp_path / "clone/humanoids/torso/urdf/whole.urdf.xacro"
+    path.write_text(f"{head}<xacro:include filename='$(find reach)/urdf/arm.xacro'/></robot>")
+    with pytest.raises(RobotError, match="needs the package 'reach'"):
+        write_scaffold(path, tmp_path / "out")
+    (tmp_path / "clone" / ".git").mkdir()
+    assert load_robot(write_scaffold(path, tmp_path / "out").description).n_joints == 2
+
+
+@pytest.mark.parametrize(
+    ("body", "what", "remedy"),
+    [
+        ('<xacro:macro name="my_arm" params="p"><link name="l"/></xacro:macro>', "my_arm", "calls it"),
+        ('<link name="$(arg side)_hand"/>', "side", "--xacro-arg side:=value"),
+        ("", "expands to no <link>", "describes the robot"),
+    ],
+)
+def test_a_xacro_file_that_is_no_robot_says_which_is(
+    body: str, what: str, remedy: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "part.urdf.xacro"
+    path.write_text(f'<robot xmlns:xacro="http://www.ros.org/wiki/xacro">{body}</robot>')
+    with pytest.raises(RobotError, match=what) as error:
+        write_scaffold(path, tmp_path / "out")
+    assert remedy in str(error.value.remedy)
+
+
+def test_limits_of_minus_one_are_none(tmp_path: Path) -> None:
+    """As Halodi's EVE states them; other negative ones are refused."""
+    text = re.sub(r'effort="[^"]*"', 'effort="-1"', re.sub(r'velocity="[^"]*"', 'velocity="-1.0"', ARM))
+    robot = written(text, tmp_path)
+    assert (robot.limits.torque > 0.0).all() and (robot.limits.velocity > 0.0).all()
+    assert {"torque limits", "velocity limits"} <= {one.what for one in robot.description.assumed}
+
+
+def test_a_joint_with_no_room_for_motion_is_held(tmp_path: Path) -> None:
+    """Atlas has wrists of ±0.001 rad, of which planning keeps a milliradian at either end."""
+    text = re.sub(r'lower="-2.0" upper="2.0"', 'lower="-0.001" upper="0.001"', ARM)
+    robot = written(text, tmp_path)
+    assert robot.description.locked_joints == {"elbow": 0.0}
 
 
 def test_same_seed_same_text(tmp_path: Path) -> None:

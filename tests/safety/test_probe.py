@@ -23,7 +23,7 @@ from excite.safety.checks.approach import approach_rates
 from excite.safety.checks.collision import SelfCollisionCheck, find_closest
 from excite.safety.checks.distances import Distances
 from excite.safety.checks.sweep import Sweep
-from excite.safety.repairs.collisions import EXTRA, CollisionProbe
+from excite.safety.repairs.collisions import EXTRA, CollisionProbe, TooClose
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.shrinking import shrunk
 from excite.safety.repairs.waypoints import Waypoints
@@ -70,7 +70,13 @@ def test_the_probe_finds_the_first_and_names_the_closest(g1: Robot) -> None:
     assert probe.first(path[:3]) is None
     pair = collision_model(g1).collisionPairs[int(np.argmin(all_distances(g1, path[3]) - keep))]
     names = [collision_model(g1).geometryObjects[i].name.rsplit("_", 1)[0] for i in (pair.first, pair.second)]
-    assert probe.closest(path[3])[0] == " - ".join(names)
+    first, worst = probe.closest(path[3:4]), probe.closest(path[3:])
+    assert first.pair == worst.pair == " - ".join(names)
+    assert worst.distance == pytest.approx(
+        min(probe.closest(row[None]).distance for row in path[3:]), abs=1e-6
+    )
+    assert worst.distance < first.distance - 1e-3
+    np.testing.assert_array_equal(worst.posture, path[5])
 
 
 # --- How fast bodies approach
@@ -287,9 +293,9 @@ class Never:
         self.seen.append(q[0].copy())
         return 0
 
-    def closest(self, q: np.ndarray) -> tuple[str, float, float]:
-        assert any(np.array_equal(q, point) for point in self.seen), "a posture that was looked at"
-        return "hand - base", 0.001, 0.02
+    def closest(self, q: np.ndarray) -> TooClose:
+        assert any(np.array_equal(q[0], point) for point in self.seen), "a posture that was looked at"
+        return TooClose("hand - base", 0.001, 0.02, q[0])
 
 
 class Corner(Draws):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 from excite.motion.generators.bodyparts import pelvis_joint
@@ -16,10 +18,12 @@ from excite.motion.generators.polynomials import hermite
 from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.safety.repairs.balancer import Balancer
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.whole_body import WholeBody, path_grid
 from excite.safety.repairs.zmp_following import following
+from tests.robot.test_scaffold import biped, written
 
 
 @pytest.fixture(scope="module")
@@ -165,3 +169,25 @@ def test_what_is_no_walk_is_left_as_it_is(g1: Robot, swing: Candidate) -> None:
         whole = {"com": curve, "zmp": curve, "speed": 1.0, missing: None}
         partly = replace(swing, **whole)
         assert following(g1, partly, s, np.tile(g1.rest, (len(s), 1))) is partly
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.1, 0.2])
+def test_legs_that_stand_apart_reach_their_feet_while_the_weight_shifts(
+    spread: float, tmp_path: Path
+) -> None:
+    """The pelvis goes down as far as the leg needs that is left behind, by 3 % of its height where feet are near."""
+    written(biped(), tmp_path)
+    content = yaml.safe_load((tmp_path / "robot.yaml").read_text())
+    joints = content["posture"]["joints"]
+    for side, out in (("left", 1.0), ("right", -1.0)):
+        angles = {"hip_roll": out * spread, "hip_pitch": 0.35, "knee": -0.7, "ankle_pitch": 0.35}
+        angles["ankle_roll"] = -out * spread
+        joints.update({f"{side}_{name}_joint": angle for name, angle in angles.items()})
+    (tmp_path / "apart.yaml").write_text(yaml.safe_dump(content))
+    robot = load_robot(tmp_path / "apart.yaml")
+    candidate = make_generator("leg_swing").candidates(robot, 1, np.random.SeedSequence(0))[0]
+    s = path_grid(candidate)
+    q = np.tile(robot.rest, (len(s), 1))
+    q[:, robot.n_base_q :] = candidate.posture.evaluate(s)
+    both_down = s <= candidate.phases[0].end
+    assert Balancer(robot).solve(candidate, s[both_down], q[both_down]) == both_down.sum()

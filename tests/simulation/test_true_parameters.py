@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from excite.errors import InputError
@@ -15,6 +16,7 @@ from excite.simulation.drives import nominal_drives, scattered_drives
 from excite.simulation.inertial import principal_inertia
 from excite.simulation.true_parameters import (
     AddedPart,
+    TrueParameters,
     hrp2_like_changes,
     nominal_truth,
     scattered_parameters,
@@ -74,6 +76,25 @@ def test_a_robot_without_hands_is_refused(panda: Robot) -> None:
 def test_a_part_without_mass_is_refused(g1: Robot) -> None:
     with pytest.raises(InputError, match="mass 0"):
         with_part(nominal_truth(g1), AddedPart("air", 0, "pelvis", 0.0, (0.0, 0.0, 0.0), (0.1, 0.1, 0.1)))
+
+
+def test_a_part_on_a_body_that_cannot_be_is_carried_by_the_nearest_that_can() -> None:
+    """The trunk of TOCABI has 1.27 kg·m² about one axis, 0.42 about the two others together."""
+    trunk = pin.Inertia(18.0, np.array([-0.07, 0.0, 0.17]), np.diag([1.27, 0.24, 0.18])).toDynamicParameters()
+    part = AddedPart("load", 0, "trunk", 14.0, (-0.1, 0.0, 0.1), (0.1, 0.1, 0.1))
+    carrying = with_part(TrueParameters(trunk.copy()), part).phi
+    assert principal_inertia(carrying, "trunk").mass == pytest.approx(32.0)
+    np.testing.assert_allclose(carrying[1:4] - trunk[1:4], 14.0 * np.array(part.position))
+
+
+def test_moments_that_no_body_has_are_raised_to_ones_that_simulators_take() -> None:
+    """MuJoCo refuses two that add up to less than the third by rounding: those of a wrist of TOCABI did."""
+    rng = generator(3)
+    for _ in range(200):
+        small, large = rng.uniform(1e-4, 1e-3, size=2), rng.uniform(5e-3, 2e-2)
+        phi = pin.Inertia(0.1, rng.normal(size=3), np.diag([*small, large])).toDynamicParameters()
+        least, middle, most = principal_inertia(phi, "wrist", accepted=True).moments
+        assert least + middle > most
 
 
 def test_a_robot_of_point_masses_is_scattered_as_the_bodies_that_a_simulator_has_for_them(

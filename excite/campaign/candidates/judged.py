@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from excite.campaign.candidates.source import candidates_of
 from excite.campaign.pool import Keeper
 from excite.safety.filter import filter_candidates
 from excite.safety.filter_report import FilterReport
+from excite.safety.repairs.draft import Rejection
 
 # Of a plan that nobody said the number of candidates for: how many are drawn at a time, how often at most, and how many
 # motions make it stop. Random motions of the robots that come with excite are safe more often than not; of 60 others'
@@ -68,9 +70,9 @@ class Judged:
         self.seconds["filter"] += time.perf_counter() - generated
         return self._report
 
-    def refusals(self, report: FilterReport) -> Refusals:
-        """What refuses them; where few are safe, changes are tried on some."""
+    def refusals(self, report: FilterReport, fallen: Sequence[Rejection] = ()) -> Refusals:
+        """What refuses them, in rehearsal too; where few are safe, changes are tried on some."""
         started = time.perf_counter()
-        found = refusals_of(self.asked.robot, report, self._first, self.asked.jobs, accepted=len(report.kept))
+        found = refusals_of(self.asked.robot, report, self._first, self.asked.jobs, fallen)
         self.seconds["filter"] += time.perf_counter() - started
         return found

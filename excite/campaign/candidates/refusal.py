@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from excite.campaign.plan_document import robot_file
+from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
 from excite.errors import NothingSafeError
 from excite.json_document import write_json
 from excite.motion.generators.candidate import Candidate
@@ -15,8 +16,9 @@ from excite.motion.generators.proposal import Proposal
 from excite.parallel.jobs import Jobs
 from excite.robot.robot import Robot
 from excite.safety.filter_report import FilterReport
-from excite.safety.refusals import Refused, refusals_table
+from excite.safety.refusals import RefusalTally, Refused, joined_refusals, refusals_table
 from excite.safety.remedy import TRIED, Remedy, find_remedy
+from excite.safety.repairs.draft import Rejection
 
 SCHEMA = "excite.refusals/1"
 REFUSALS_FILE = "refusals.json"
@@ -30,6 +32,12 @@ _ADVICE = {
     "unreachable": "state a posture.joints in which the feet are nearer to one another and below the hips, the legs "
     "bent and away from their limits, or base: held",
     "joint_position": "state a posture.joints further from the limits of the joints named",
+    # Of an X30 on assumed gains five sways drag its feet by 12 to 23 mm, on gains three times as stiff by 3 to 4.
+    SLIPPED: "state controller.kp and kd of servos that are stiffer, under whose sag feet are dragged",
+    FELL: "state limits.torque of the drives named, if they give more, and controller.kp and kd of "
+    "servos that are stiffer: no feedback of balance is counted on",
+    TOUCHED: "state controller.kp and kd of servos that are stiffer, or a posture.joints in which the "
+    "links named are further apart",
 }
 
 # Where less than this share of the candidates is safe, what refuses the rest costs more than it leaves: it is said.
@@ -93,9 +101,12 @@ class Refusals:
     @property
     def change(self) -> str:
         """What to do, in words."""
-        if self.remedy is not None:
-            return str(self.remedy)
         first = self.refused[0].reason if self.refused else ""
+        if self.remedy is not None:
+            # It was tried on candidates that the filter refused, not on what fell afterwards.
+            return (
+                f"{_ADVICE[first]}; {self.remedy}" if first in (FELL, SLIPPED, TOUCHED) else str(self.remedy)
+            )
         return _ADVICE.get(
             first,
             "see what refuses them: no single limit lifted lets any of those pass that were tried again",
@@ -113,14 +124,20 @@ class Refusals:
         return f"{self.table()}\nmost likely to help: {self.change}" if self.few and self.refused else ""
 
 
-def refusals_of(robot: Robot, report: FilterReport, first: FirstOf, jobs: Jobs, *, accepted: int) -> Refusals:
-    """What refuses a plan's candidates; where few are safe, changes are tried on some, unless the user broke off."""
-    few = accepted < _FEW * report.generated
+def refusals_of(
+    robot: Robot, report: FilterReport, first: FirstOf, jobs: Jobs, fallen: Sequence[Rejection] = ()
+) -> Refusals:
+    """What refuses a plan's candidates, those that do not stand their rehearsal too; where few are safe, changes are
+    tried on some that the filter refused, unless the user broke off."""
+    few = len(report.kept) - len(fallen) < _FEW * report.generated
+    tally = RefusalTally(robot)
+    for rejection in fallen:
+        tally.add(rejection, None)
     remedy = None
     if few and not report.interrupted:
         again = [first.held[index] for index in report.first_refused if index < len(first.held)]
         remedy = find_remedy(robot, report.refused, again[:TRIED], jobs=jobs)
-    return Refusals(report.generated, report.refused, few, remedy)
+    return Refusals(report.generated, joined_refusals(report.refused, tally.refused()), few, remedy)
 
 
 def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:

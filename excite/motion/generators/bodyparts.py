@@ -82,6 +82,12 @@ def support_corners(robot: Robot, feet: Sequence[Foot]) -> Array:
     return np.array(corners).reshape(-1, 2)
 
 
+def sole_half_width(foot: Foot) -> float:
+    """Distance of a sole's middle from its nearest edge [m]; corners of rounded soles lie nearer to its middle line."""
+    corners = (foot.sole - foot.placement.translation) @ foot.placement.rotation[:, :2]
+    return float(-_edges(corners)[:, 2].max())
+
+
 def stands_on_either(robot: Robot) -> bool:
     """Whether a robot has two feet, and soles on each of which it can stand."""
     return len(robot.feet) == 2 and all(has_area(support_corners(robot, [foot])) for foot in robot.feet)
@@ -90,6 +96,22 @@ def stands_on_either(robot: Robot) -> bool:
 def _edges(corners: Array) -> Array:
     """Edges of the hull of points ``(n, 2)`` as rows ``n_x, n_y, c``: ``n·x + c ≤ 0`` inside, n of length one."""
     return np.asarray(scipy.spatial.ConvexHull(corners).equations)
+
+
+def base_shift(robot: Robot, shift: Array, roll: float) -> Array:
+    """How far the base goes where the centre of mass does by ``shift`` ``(2,)`` over feet that stay, ``(2,)`` [m].
+
+    What is above the pelvis goes with it, and further as it rolls by ``roll`` [rad]; what is below goes the less, the
+    nearer it is to the ground.
+    """
+    data, model = robot.model.createData(), robot.model
+    pin.forwardKinematics(model, data, robot.rest)
+    pelvis, masses = pelvis_height(robot), np.array([inertia.mass for inertia in model.inertias[1:]])
+    centres = zip(data.oMi[1:], model.inertias[1:], strict=True)
+    heights = np.array([place.act(inertia.lever)[2] for place, inertia in centres])
+    along = float(masses @ np.clip(heights / pelvis, 0.0, 1.0)) / robot.mass
+    leant = float(masses @ np.maximum(heights - pelvis, 0.0)) / robot.mass * np.sin(roll)
+    return np.asarray((shift + np.array([0.0, leant])) / along)
 
 
 def support_reach(robot: Robot, feet: Sequence[Foot]) -> float:

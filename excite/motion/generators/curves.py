@@ -74,8 +74,8 @@ class SplineCurve(Curve):
         weights = powers @ _BASIS.T
         return np.asarray(np.einsum("nk,nkd->nd", weights, self.control[span[:, None] + np.arange(4)]))
 
-    def shrunk(self, factor: float) -> SplineCurve:
-        """Control points moved towards the first by ``factor``."""
+    def shrunk(self, factor: float | Array) -> SplineCurve:
+        """Control points moved towards the first by a factor, or by one a coordinate, ``(dimension,)``."""
         return replace(self, control=self.control[0] + factor * (self.control - self.control[0]))
 
 

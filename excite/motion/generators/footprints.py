@@ -83,11 +83,9 @@ def resting_soles(robot: Robot) -> tuple[Sole, ...]:
     for foot in robot.feet:
         frame = data.oMi[foot.joint] * foot.placement
         yaw = float(np.arctan2(frame.rotation[1, 0], frame.rotation[0, 0]))
-        corners = np.array([frame.actInv(data.oMi[foot.joint].act(corner)) for corner in foot.sole])
-        half_length, half_width = np.abs(corners[:, :2]).min(axis=0)
-        soles.append(
-            Sole(foot, Print(frame.translation[:2].copy(), yaw), 2.0 * half_length, 2.0 * half_width)
-        )
+        corners = np.array([frame.actInv(data.oMi[foot.joint].act(corner))[:2] for corner in foot.sole])
+        length, width = 2.0 * np.minimum(corners.max(axis=0), -corners.min(axis=0))
+        soles.append(Sole(foot, Print(frame.translation[:2].copy(), yaw), float(length), float(width)))
     return tuple(soles)
 
 

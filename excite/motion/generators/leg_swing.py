@@ -11,18 +11,20 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.motion.generators.bodyparts import (
     alternating_joints,
+    base_shift,
     central_range,
     leg_joints,
     pelvis_height,
     pelvis_joint,
     rest_joints,
+    sole_half_width,
     stands_on_either,
 )
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
-from excite.robot.legs.ankles import eased
+from excite.robot.legs.ankles import Ankle, before_knee
 from excite.robot.robot import Foot, Robot
 
 # Number of swings. Over a broad sole, of this half width [m] or more, they are quick, and more of them make up for the
@@ -32,24 +34,25 @@ _SWINGS, _QUICK_SWINGS, _BROAD = (5, 8), (16, 20), 0.05
 _REACH, _RANGE = 0.55, 0.4
 # In shares of the pelvis's height: lowest corner of the free sole, farthest way in and out, lift at the start.
 _CLEARANCE, _INWARDS, _OUTWARDS, _LIFT = 0.06, 0.02, 0.28, 0.11
-# The pelvis leans over the stance foot [rad], which spares the ankle, goes down [share of its height], which
-# spares the other knee, and takes this part of the shift of the whole.
-_LEAN, _DOWN, _BASE_SHIFT = 0.24, 0.03, 0.7
+# The pelvis leans over the stance foot [rad], which spares the ankle, and goes down [share of its height, at least],
+# which spares the other knee.
+_LEAN, _DOWN = 0.24, 0.03
 # Random pelvis motion: height [share of its own], roll, pitch, yaw [rad].
 _PELVIS = (0.02, 0.04, 0.08, 0.20)
-# How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width. The trunk leans
-# outwards over the stance foot, so mass that the model does not know pulls outwards, where nothing catches the robot;
-# inwards it steps on its other foot. A third leaves a G1 upright with 15 % of its mass added 10 cm above the trunk's
-# centre and 5 cm to either side.
-_BIAS = 0.35
-# Rate of the path while the weight shifts [1/s]: the shift takes three units of it, and a robot that is heavier
-# than its model must not swing over the foot's outer edge.
+# How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width, where the ankle
+# holds the robot there. The trunk leans outwards over the stance foot, so mass that the model does not know pulls
+# outwards, where nothing catches the robot; inwards it steps on its other foot. A third leaves a G1 upright with 15 %
+# of its mass added 10 cm above the trunk's centre and 5 cm to either side. Of eight swings each of a G1, an XBot-L and
+# a TienKung with that mass on the back 5 or more stand; of the latter two none does with a quarter.
+_BIAS = 0.34
+# Rate of the path while the weight shifts [1/s]: it takes three units of it, and a robot that is heavier than its model
+# must not swing over the foot's outer edge.
 _SHIFT_RATE = 1.4
 # Heights of the free sole before and after the swings, in shares of the lift: a robot that leans by a few
 # millimetres touches down early, and then the foot has to be slow already.
 _UP, _SETTLE = (0.06, 1.0), (1.0, 0.3, 0.1, 0.035)
-# Longest distance from hip to sole, in shares of that at rest.
-_STRETCH = 0.98
+# Longest distance from hip to a free sole, in shares of that at rest, and to an ankle that stays, of thigh and shank.
+_STRETCH, _STRAIGHT = 0.98, 0.995
 _ARMS = (0.03, 0.2)
 _DRAWS = 2000
 
@@ -105,12 +108,11 @@ def swinging(
     m = land + 6
     com = np.zeros((m, 2))
     com[3 : land + 3] = ground.shift
-    com[3 : land + 3, 1] += ground.outward * _BIAS * ground.half_width
     foot = np.zeros((m, 6))
     foot[lift:land] = swings
     turns = np.array(_PELVIS) * [ground.height, 1.0, 1.0, 1.0]
     pelvis = np.zeros((m, 4))
-    pelvis[3 : land + 3, 0] = -_DOWN * ground.height
+    pelvis[3 : land + 3, 0] = -_down(robot, swing, ground)
     pelvis[3 : land + 3, 1] = ground.outward * _LEAN
     moved = rng.uniform(-1.0, 1.0, size=(free.stop - free.start, 4)) * turns
     moved = moved if shares is None else moved * float(shares[list(leg_joints(robot, swing))].mean())
@@ -143,7 +145,7 @@ class _Ground:
 
     Attributes:
         shift: from the centre of mass to where the stance foot holds it best, ``(2,)`` [m].
-        half_width: of the stance sole along y, the narrower side of that point [m].
+        half_width: of the stance sole [m].
         outward: sign of y from the stance foot to the free one.
         height: of the pelvis [m].
         sole: middle of the free sole, ``(3,)`` [m].
@@ -162,20 +164,48 @@ def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     data = robot.model.createData()
     centre = np.array(pin.centerOfMass(robot.model, data, robot.rest))
     corners = np.array([data.oMi[stance.joint].act(corner) for corner in stance.sole])
-    over = corners.mean(axis=0)
-    load = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
-    over[:2] += eased(robot, data.oMi, stance.joint, corners, load)
+    middle = corners.mean(axis=0)
     pose = data.oMi[swing.joint]
     sole = np.array(pose.act(swing.placement.translation))
-    across = np.abs(corners[:, 1] - over[1])
+    half_width = sole_half_width(stance)
+    outward = float(np.sign(sole[1] - middle[1]))
+    over = middle[:2] + np.array([0.0, outward * _BIAS * half_width])
+    load = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
+    eased = Ankle(robot, stance.joint, stance.sole.mean(axis=0)).eased(data.oMi, over, load)
     return _Ground(
-        shift=over[:2] - centre[:2],
-        half_width=float(across.min()),
-        outward=float(np.sign(sole[1] - over[1])),
+        shift=over + eased - centre[:2],
+        half_width=half_width,
+        outward=outward,
         height=pelvis_height(robot),
         sole=sole,
         rotation=np.array(pose.rotation),
     )
+
+
+def _leaning(robot: Robot, ground: _Ground, down: float) -> Array:
+    """About where the base is over the stance foot, its pelvis lower by ``down`` [m], all joints at rest ``(nq,)``."""
+    data, q = robot.model.createData(), robot.rest.copy()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    q[:3] += np.r_[base_shift(robot, ground.shift, ground.outward * _LEAN), -down]
+    turn = pin.rpy.rpyToMatrix(ground.outward * _LEAN, 0.0, 0.0)
+    above = robot.rest[:3] - data.oMi[pelvis_joint(robot)].translation
+    q[:3] += turn @ above - above
+    q[3:7] = (pin.Quaternion(turn) * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
+    return np.asarray(q)
+
+
+def _down(robot: Robot, swing: Foot, ground: _Ground) -> float:
+    """How far the pelvis goes down while the weight shifts [m]: no less than the other leg needs to reach its foot."""
+    data = robot.model.createData()
+    joints = [robot.model.getJointId(robot.joint_names[i]) for i in leg_joints(robot, swing)]
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    places = np.array([*(data.oMi[joint].translation for joint in joints), ground.sole])
+    knee = before_knee(np.linalg.norm(np.diff(places, axis=0), axis=1)) + 1 if len(joints) > 1 else 0
+    hip, ankle = places[0], places[-2]
+    reach = _STRAIGHT * (np.linalg.norm(places[knee] - hip) + np.linalg.norm(ankle - places[knee]))
+    pin.forwardKinematics(robot.model, data, _leaning(robot, ground, 0.0))
+    x, y, z = data.oMi[joints[0]].translation - ankle
+    return float(max(_DOWN * ground.height, z - np.sqrt(max(reach**2 - x**2 - y**2, 0.0))))
 
 
 def _swings(
@@ -200,13 +230,7 @@ def _swings(
     hip = robot.model.getJointId(robot.joint_names[leg[0]])
     pin.forwardKinematics(robot.model, data, robot.rest)
     reach = _STRETCH * np.linalg.norm(ground.sole - data.oMi[hip].translation)
-    q = robot.rest.copy()
-    q[:3] += np.r_[_BASE_SHIFT * ground.shift, -_DOWN * ground.height]
-    turn = pin.rpy.rpyToMatrix(ground.outward * _LEAN, 0.0, 0.0)
-    above = robot.rest[:3] - data.oMi[pelvis_joint(robot)].translation
-    q[:3] += turn @ above - above
-    lean = pin.Quaternion(turn)
-    q[3:7] = (lean * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
+    q = _leaning(robot, ground, _down(robot, swing, ground))
     found = 0
     for _ in range(_DRAWS):
         if found == n:

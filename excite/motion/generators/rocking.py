@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from excite.motion.generators.bodyparts import leg_joints
+from excite.motion.generators.bodyparts import leg_joints, sole_half_width
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
 
@@ -37,8 +37,7 @@ def rocking_period(robot: Robot) -> float:
     pin.forwardKinematics(model, data, robot.rest)
     pin.computeJointJacobians(model, data, robot.rest)
     foot = robot.feet[0]
-    half_width = float(np.abs((foot.sole - foot.placement.translation) @ foot.placement.rotation[:, 1]).min())
-    softness = _SINK / (weight * half_width**2)
+    softness = float(_SINK / (weight * sole_half_width(foot) ** 2))
     for index in leg_joints(robot, foot):
         joint = model.getJointId(robot.joint_names[index])
         axis = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[3:, model.idx_vs[joint]]

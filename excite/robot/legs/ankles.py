@@ -17,52 +17,62 @@ from excite.robot.robot import Robot
 EASY = 0.5
 
 
-def eased(robot: Robot, placements: Sequence[pin.SE3], end: int, corners: Array, load: float) -> Array:
-    """From the middle of a sole to the nearest point at which a load strains the ankle by :data:`EASY` at most.
-
-    Seen from above, a load W at a point p asks ``(ẑ × a)·(p − o) W`` of a joint about the axis a through o.
+class Ankle:
+    """The joints between a leg's knee and its foot.
 
     Args:
         robot: whose leg it is.
-        placements: pinocchio's of its joints, the ground level (``data.oMi``).
-        end: joint that carries the sole.
-        corners: of the sole, ``(n, 3)`` [m], in the same frame.
-        load: that it carries [N].
-
-    Returns:
-        ``(2,)`` [m]: zero of ankles that are strong enough, of joints that others' motors drive, and of what is no leg.
+        end: joint that carries the foot.
+        middle: of the foot, in that joint's frame ``(3,)`` [m].
     """
-    shift, middle = np.zeros(2), corners.mean(axis=0)
-    if robot.mechanism is not None:
+
+    def __init__(self, robot: Robot, end: int, middle: Array) -> None:
+        # Joints that others' motors drive have no torque of their own.
+        self._joints = _beyond_knee(robot, end, middle) if robot.mechanism is None else []
+        self._axes = [robot.model.joints[joint].createData().S[3:].ravel() for joint in self._joints]
+        self._torques = [
+            float(robot.limits.torque[robot.joint_index(robot.model.names[joint])]) for joint in self._joints
+        ]
+
+    def eased(self, placements: Sequence[pin.SE3], point: Array, load: float) -> Array:
+        """The way from a point to the nearest at which a load strains no joint of the ankle by more than :data:`EASY`.
+
+        Seen from above, a load W at a point p asks ``(ẑ × a)·(p − o) W`` of a joint about the axis a through o.
+
+        Args:
+            placements: pinocchio's of the robot's joints, the ground level (``data.oMi``).
+            point: seen from above, in the same frame ``(2,)`` [m].
+            load: that the foot carries [N].
+
+        Returns:
+            ``(2,)`` [m]: zero of ankles that are strong enough, and of what is no leg.
+        """
+        shift = np.zeros(2)
+        for joint, own, torque in zip(self._joints, self._axes, self._torques, strict=True):
+            place = placements[joint]
+            axis = place.rotation @ own
+            lever = np.array([-axis[1], axis[0]])
+            level = float(np.linalg.norm(lever))
+            if level == 0.0:  # it turns the sole and carries none of the load
+                continue
+            along = lever / level
+            reach = EASY * TORQUE_SHARE * torque / (load * level)
+            ahead = float((point - place.translation[:2]) @ along)
+            shift += (np.clip(ahead, -reach, reach) - ahead) * along
         return shift
-    for joint in _beyond_knee(robot, placements, end, middle):
-        place = placements[joint]
-        axis = place.rotation @ robot.model.joints[joint].createData().S[3:].ravel()
-        lever = np.array([-axis[1], axis[0]])
-        level = float(np.linalg.norm(lever))
-        if level == 0.0:  # it turns the sole and carries none of the load
-            continue
-        along = lever / level
-        torque = float(robot.limits.torque[robot.joint_index(robot.model.names[joint])])
-        reach = EASY * TORQUE_SHARE * torque / (load * level)
-        ahead = float((middle[:2] - place.translation[:2]) @ along)
-        shift += (np.clip(ahead, -reach, reach) - ahead) * along
-    return shift
 
 
-def before_knee(parts: Array) -> int:
-    """Which part of a leg is the thigh, of parts from joint to joint to foot ``(n, 3)``: of two longest in a row the
-    first."""
-    sizes = np.linalg.norm(parts, axis=1)
+def before_knee(sizes: Array) -> int:
+    """Which part of a leg is the thigh, of the sizes of its parts from joint to joint to foot: of the two longest in a
+    row the first."""
     return int(np.argmax(sizes[:-1] + sizes[1:]))
 
 
-def _beyond_knee(robot: Robot, placements: Sequence[pin.SE3], end: int, foot: Array) -> list[int]:
-    """The joints between a leg's knee and its foot."""
+def _beyond_knee(robot: Robot, end: int, middle: Array) -> list[int]:
     chain: list[int] = []
     joint = end
     while joint > int(robot.floating):
         chain.insert(0, joint)
         joint = int(robot.model.parents[joint])
-    parts = np.diff([*(placements[j].translation for j in chain), foot], axis=0)
-    return chain[before_knee(parts) + 2 :] if len(parts) > 1 else []
+    parts = [*(robot.model.jointPlacements[j].translation for j in chain[1:]), middle]
+    return chain[before_knee(np.linalg.norm(parts, axis=1)) + 2 :] if len(parts) > 1 else []

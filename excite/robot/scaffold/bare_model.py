@@ -106,7 +106,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     faults = {floating: _faults(root, joints, floating, path) for floating in (False, True)}
     locked = {name: one.value for name, one in held.items()}
     moving, margin = together.moving(held), _margin(free)
-    stand_in = StandIn(path, free, locked, tuple(faults[False]), margin, moving)
+    stand_in = StandIn(path, free, locked, tuple(faults[False]), margin, moving, posture=said.posture or {})
     geometry = stand_in.with_geometry()
     apart = _apart(geometry.robot)
     if apart < stand_in.apart:

@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from excite.arrays import Array
-from excite.robot.legs.ankles import before_knee, eased
+from excite.robot.legs.ankles import Ankle, before_knee
 from excite.robot.scaffold.limbs import Figure, FootGuess, sole_area
 
 
@@ -20,6 +20,14 @@ class Standing:
 
     q: Array
     feet: tuple[FootGuess, ...]
+
+
+class _Leg(NamedTuple):
+    """A leg by the joint at its end, what it stands on, and what holds it over that."""
+
+    end: int
+    foot: FootGuess
+    ankle: Ankle
 
 
 class _Contacts(NamedTuple):
@@ -48,7 +56,7 @@ class Footing:
 
     def stand(self, start: Array, legs: list[int]) -> Standing | None:
         """Inverse kinematics from ``start``; a foot that is no sole touches elsewhere when it turns, so thrice."""
-        q, feet = start, tuple(self._foot(leg, start) for leg in legs)
+        q, on = start, [self._leg(leg, self._foot(leg, start)) for leg in legs]
         limits = self.figure.robot.limits
         low, high = limits.position_lower + 1e-4, limits.position_upper - 1e-4
         flat = self.lower < self.upper
@@ -63,16 +71,23 @@ class Footing:
                 self._residual,
                 np.clip(q, low + 1e-9, high - 1e-9),
                 bounds=(low, high),
-                args=(start, legs, feet),
+                args=(start, on),
                 max_nfev=40,
             )
             q = solved.x
-            again = tuple(self.figure.foot(leg, q) for leg in legs)
-            feet = tuple(new if len(old.sole) < 3 else old for old, new in zip(feet, again, strict=True))
-        heights, tilts, offset = self._contacts(q, legs, feet)
+            on = [
+                leg if len(leg.foot.sole) >= 3 else self._leg(leg.end, self.figure.foot(leg.end, q))
+                for leg in on
+            ]
+        heights, tilts, offset = self._contacts(q, on)
         # Two millimetres and half a degree are below what soles and floors are flat to.
         level = np.ptp(heights) < 2e-3 and np.abs(tilts).max(initial=0.0) < 0.01
+        feet = tuple(leg.foot for leg in on)
         return Standing(q, feet) if level and np.linalg.norm(offset) < 0.02 else None
+
+    def _leg(self, end: int, foot: FootGuess) -> _Leg:
+        middle = np.asarray(self._placement(foot).act(foot.sole.mean(axis=0)))
+        return _Leg(end, foot, Ankle(self.figure.robot, end, middle))
 
     def _foot(self, leg: int, start: Array) -> FootGuess:
         """The larger of the soles that face down at ``start`` and as drawn: a bent leg may point with its toes."""
@@ -98,7 +113,7 @@ class Footing:
         parts = self._parts(leg, foot)
         if len(parts) < 2:
             return np.inf
-        k = before_knee(parts)
+        k = before_knee(np.linalg.norm(parts, axis=1))
         knee = figure.chain(leg)[k + 1]
         turn = pin.getJointJacobian(figure.model, figure.data, knee, pin.LOCAL_WORLD_ALIGNED)
         axis = turn[3:, knee - 1]
@@ -133,12 +148,12 @@ class Footing:
         hip = figure.data.oMi[chain[0]].translation
         return float(slowest / max(np.linalg.norm(tip - hip), 1e-9))
 
-    def _contacts(self, q: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> _Contacts:
+    def _contacts(self, q: Array, on: list[_Leg]) -> _Contacts:
         figure = self.figure
         centre = figure.centre(q)
-        load = figure.beyond[0] * float(np.linalg.norm(figure.model.gravity.linear)) / len(legs)
+        load = figure.beyond[0] * float(np.linalg.norm(figure.model.gravity.linear)) / len(on)
         heights, tilts, middles = [], [], []
-        for leg, foot in zip(legs, feet, strict=True):
+        for leg, foot, ankle in on:
             pose = figure.data.oMi[leg] * self._placement(foot)
             corners = foot.sole @ pose.rotation.T + pose.translation
             middle = corners.mean(axis=0)
@@ -147,7 +162,7 @@ class Footing:
             if len(corners) >= 3:
                 normal = np.linalg.svd(corners - middle)[2][2]
                 tilts += list(normal[:2] * np.sign(normal[2]))
-                middles[-1] = middles[-1] + eased(figure.robot, figure.data.oMi, leg, corners, load)
+                middles[-1] = middles[-1] + ankle.eased(figure.data.oMi, middle[:2], load)
             elif len(corners) == 2:
                 tilts.append((corners[1] - corners[0])[2] / np.linalg.norm(corners[1] - corners[0]))
         return _Contacts(np.array(heights), np.array(tilts), centre[:2] - np.mean(middles, axis=0))
@@ -156,8 +171,8 @@ class Footing:
         model = self.figure.model
         return model.frames[model.getFrameId(foot.link, pin.BODY)].placement
 
-    def _residual(self, q: Array, start: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> Array:
-        heights, tilts, offset = self._contacts(q, legs, feet)
+    def _residual(self, q: Array, start: Array, on: list[_Leg]) -> Array:
+        heights, tilts, offset = self._contacts(q, on)
         return np.concatenate(
             [10.0 * (heights - heights.mean()), 3.0 * tilts, 3.0 * offset, 0.02 * (q - start)]
         )

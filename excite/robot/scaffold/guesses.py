@@ -18,8 +18,9 @@ from excite.robot.urdf.tree import MOVING
 Array = NDArray[np.float64]
 
 _SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
-# A joint that turns less is a stop, a clutch or an exporter's zero: no motion fits in it [rad or m].
-_BLOCKED = 1e-3
+# A joint that turns less is a stop, a clutch or an exporter's zero [rad or m]: no motion fits in it, of which planning
+# keeps 1e-3 at either end. Wrists of ±0.001 refused all of an Atlas's candidates.
+_BLOCKED = 4e-3
 # Velocities that stand for no limit: in the models of robots that were looked at limits end at 111 rad/s, and 1000,
 # 50000 and 1e9 are what exporters write.
 _NO_VELOCITY = 1e3

@@ -80,7 +80,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     touching = postures.touching(q, allowed, _SLACK)
     if touching:
         names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
-        why = "no posture was found that parts them: they are not kept apart"
+        why = "no posture to move from was found that parts them: they are not kept apart"
         notes.append(_said("links that touch at rest", names, why))
     known = set(search.pairs)
     ignored = tuple(dict.fromkeys((*review.ignored, *(p for p in said.ignored if p in known), *touching)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,11 @@ class WithGeometry:
 
 @dataclass(frozen=True)
 class StandIn:
-    """Builds a robot with stand-ins for what a person has not said yet."""
+    """Builds a robot with stand-ins for what a person has not said yet.
+
+    Its loops are closed from ``posture``, the model's own [rad or m]: where all joints are at zero they may fold or
+    stretch, and no motor determines what they do.
+    """
 
     path: Path
     free: tuple[JointGuess, ...]
@@ -48,6 +53,7 @@ class StandIn:
     margin: float
     tied: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     apart: float = APART
+    posture: Mapping[str, float] = field(default_factory=dict)
 
     def with_geometry(self) -> WithGeometry:
         """The robot with the first kind of geometry that can be built, or without any."""
@@ -79,6 +85,14 @@ class StandIn:
             return found
         return WithGeometry(robot, "either", None) if more else found
 
+    def _rest(self) -> dict[str, float]:
+        """The model's own posture, as far as its limits let it."""
+        ends = {g.name: g.position or (-np.inf, np.inf) for g in self.free if g.name in self.posture}
+        return {
+            name: float(np.clip(self.posture[name], low + self.margin, high - self.margin))
+            for name, (low, high) in ends.items()
+        }
+
     def robot(self, geometry: str, shapes: list[dict[str, Any]] | None = None) -> Robot:
         """The robot with geometry of one kind, and authored ``shapes``."""
         said = "stand-in"
@@ -95,7 +109,7 @@ class StandIn:
             "base": "fixed",
             "locked_joints": self.locked,
             **self.tied,
-            "posture": {"joints": {}, "base_height": 0.0, "source": said},
+            "posture": {"joints": self._rest() if self.tied else {}, "base_height": 0.0, "source": said},
             "limits": {
                 "position": {
                     "joints": {g.name: (-np.pi, np.pi) for g in self.free if g.position is None},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -31,6 +32,14 @@ _AGILE = 0.2
 _EASE = 0.8
 # Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
 _TRIES = 300
+
+
+class _Tried(NamedTuple):
+    """A posture on feet, pairs of links that touch in it, and whether its legs are bent."""
+
+    stand: Standing
+    touching: frozenset[tuple[str, str]]
+    bent: bool
 
 
 class Postures:
@@ -129,34 +138,52 @@ class Postures:
         )
 
     def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
-        """A posture with all feet on one plane, the centre of mass where they hold it, and nothing touching."""
-        best = self._best(self.stances.of(legs), legs, ignored, None)
-        if best is None or self._agility(best[1], legs) < _AGILE:
-            best = self._best(self.stances.wide(legs), legs, ignored, best)
-        if best is None:
-            return None
-        return best[1] if best[2] == 0 else self._spread(best[1], legs, ignored)
+        """A posture with all feet on one plane, the centre of mass where they hold it, and nothing touching.
 
-    def _best(
-        self,
-        starts: list[Array],
-        legs: list[int],
-        ignored: frozenset[tuple[str, str]],
-        best: tuple[float, Standing, int] | None,
-    ) -> tuple[float, Standing, int] | None:
-        """The best of what is found from some starts and of ``best``: its score, and how many pairs touch in it."""
+        What links of a leg and of its trunk touch in all postures on bent legs does not count: hulls of hips and ankles
+        are larger than what turns in them, and a robot on straight legs can move nothing but its arms.
+        """
+        tried = self._tried(self.stances.of(legs), legs, ignored)
+        if not tried or self._agility(self._best(tried, legs, ignored).stand, legs) < _AGILE:
+            tried += self._tried(self.stances.wide(legs), legs, ignored)
+        if not tried:
+            return None
+        best, of_hulls = self._best(tried, legs, ignored), self._of_hulls(tried, legs)
+        return self._spread(best.stand, legs, ignored | of_hulls) if best.touching - of_hulls else best.stand
+
+    def _tried(
+        self, starts: list[Array], legs: list[int], ignored: frozenset[tuple[str, str]]
+    ) -> list[_Tried]:
+        """What is found from some starts, up to the first that leaves nothing to wish for."""
+        tried: list[_Tried] = []
         for start in starts:
             found = self.footing.stand(start, legs)
             if found is None:
                 continue
-            touching = len(self.touching(found.q, ignored))
-            room = self._room(found, legs, ignored)
-            score = room - touching
-            if best is None or score > best[0]:
-                best = (score, found, touching)
-            if touching == 0 and room >= 1.0:
+            touching = frozenset(self.touching(found.q, ignored))
+            tried.append(_Tried(found, touching, self._bend(found, legs) >= _BEND))
+            if not touching and self._room(found, legs, ignored) >= 1.0:
                 break
-        return best
+        return tried
+
+    def _best(self, tried: list[_Tried], legs: list[int], ignored: frozenset[tuple[str, str]]) -> _Tried:
+        """The one with the most room, and with the fewest pairs that touch."""
+        of_hulls = self._of_hulls(tried, legs)
+
+        def score(one: _Tried) -> float:
+            return self._room(one.stand, legs, ignored | of_hulls) - len(one.touching - of_hulls)
+
+        return max(tried, key=score)
+
+    def _of_hulls(self, tried: list[_Tried], legs: list[int]) -> frozenset[tuple[str, str]]:
+        """Pairs of links with only joints of legs between them that touch in every posture on bent legs."""
+        bent = [one.touching for one in tried if one.bent]
+        of_legs = {joint for leg in legs for joint in self.figure.chain(leg)}
+        common = frozenset.intersection(*bent) if bent else frozenset[tuple[str, str]]()
+        return frozenset(pair for pair in common if set(self.search.joints_between(pair)) <= of_legs)
+
+    def _bend(self, stand: Standing, legs: list[int]) -> float:
+        return min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
 
     def _agility(self, stand: Standing, legs: list[int]) -> float:
         return min(self.footing.agility(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
@@ -182,8 +209,7 @@ class Postures:
             float(to_limits.min(initial=_ROOM)) / _ROOM,
             min(apart, default=_APART) / _APART,
             min(above, default=_APART) / _APART,
-            min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
-            / _BEND,
+            self._bend(stand, legs) / _BEND,
             self._agility(stand, legs) / _AGILE,
         )
         return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)

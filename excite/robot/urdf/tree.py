@@ -194,13 +194,15 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
 def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: str, path: Path) -> None:
     for attribute in ("effort", "velocity"):
         (value,) = numbers(limit, attribute, 1, path, where, default="0")
-        if value < 0.0:
-            remedy = "give a positive number"
-            raise RobotError(f"is {value}", source=path, field=f"{where}@{attribute}", remedy=remedy)
+        if value == -1.0:  # how some say that there is none, as of the EVE
+            limit.attrib.pop(attribute)
+        elif value < 0.0:
+            fault = {"field": f"{where}@{attribute}", "remedy": "give a positive number"}
+            raise RobotError(f"is {value}", source=path, **fault)
     lower, upper = (numbers(limit, side, 1, path, where, default="0")[0] for side in ("lower", "upper"))
     if lower > upper:
-        what = f"lower {lower} is above upper {upper}"
-        raise RobotError(what, source=path, field=where, remedy="exchange or correct them")
+        fault = {"field": where, "remedy": "exchange or correct them"}
+        raise RobotError(f"lower {lower} is above upper {upper}", source=path, **fault)
     if joint.get("type") == "continuous":
         return
     if joint.get("type") == "revolute" and max(-lower, upper) > MAX_ANGLE:
@@ -217,8 +219,7 @@ def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: 
 def _check_roots(links: dict[str, ElementTree.Element], parents: dict[str, str], path: Path) -> None:
     depth: dict[str, int] = {}
     for link in links:
-        chain: list[str] = []
-        seen: set[str] = set()
+        chain, seen = list[str](), set[str]()
         while link in parents and link not in depth and link not in seen:
             chain.append(link)
             seen.add(link)

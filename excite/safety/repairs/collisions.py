@@ -17,6 +17,10 @@ EXTRA = 0.004
 _SHARE = 0.25
 
 
+# Postures of a path among which the worst is looked for.
+_LOOKED_AT = 40
+
+
 class TooClose(NamedTuple):
     """Two bodies.
 
@@ -24,11 +28,13 @@ class TooClose(NamedTuple):
         pair: ``LINK - LINK``.
         distance: between them [m].
         required: what it has to be [m].
+        posture: in which they are so near ``(nq,)``.
     """
 
     pair: str
     distance: float
     required: float
+    posture: Array
 
 
 class CollisionProbe:
@@ -64,13 +70,25 @@ class CollisionProbe:
         return None
 
     def closest(self, q: Array) -> TooClose:
-        """The two bodies of a configuration ``(nq,)`` that lack most of their distance."""
-        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, q)
-        n_pairs = len(self._geometry.collisionPairs)
-        distance = np.array([pair_distance(self._geometry, self._state, k) for k in range(n_pairs)])
-        required = np.array([self._state.collisionRequests[k].security_margin for k in range(n_pairs)])
-        worst = int(np.argmin(distance - required))
-        pair = self._geometry.collisionPairs[worst]
+        """The two bodies that lack most of their distance in the first of configurations ``(n, nq)``, and how close
+        they come: of the others forty at most are looked at."""
+        self._place(q[0])
+        lacking = [
+            pair_distance(self._geometry, self._state, k) - self._state.collisionRequests[k].security_margin
+            for k in range(len(self._geometry.collisionPairs))
+        ]
+        k = int(np.argmin(lacking))
+        pair = self._geometry.collisionPairs[k]
         names = (self._geometry.geometryObjects[i].name for i in (pair.first, pair.second))
         where = " - ".join(name.rsplit("_", 1)[0] for name in names)
-        return TooClose(where, float(distance[worst]), float(required[worst]))
+        rows = np.unique(np.linspace(0, len(q) - 1, _LOOKED_AT).round().astype(int))
+        distance = np.empty(len(rows))
+        for i, row in enumerate(q[rows]):
+            self._place(row)
+            distance[i] = pair_distance(self._geometry, self._state, k)
+        worst = int(np.argmin(distance))
+        required = float(self._state.collisionRequests[k].security_margin)
+        return TooClose(where, float(distance[worst]), required, q[rows[worst]])
+
+    def _place(self, q: Array) -> None:
+        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, q)

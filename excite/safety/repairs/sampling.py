@@ -49,13 +49,13 @@ class Sampling(Repair):
                 ways = part.q if self.robot.closing is None else self.robot.closing.closed(part.q)
                 collision = self.probe.first(ways)
                 if collision is not None:
-                    pair, distance, required = self.probe.closest(ways[collision])
+                    near = self.probe.closest(ways[collision:])
                     return draft.rejected(
                         "self_collision",
-                        f"transfer, {pair}",
-                        value=distance,
-                        limit=required,
-                        posture=part.q[collision],
+                        f"transfer, {near.pair}",
+                        value=near.distance,
+                        limit=near.required,
+                        posture=near.posture,
                     )
             q, v, a = _joined(there, (q, v, a), back)
             if self.robot.closing is not None:

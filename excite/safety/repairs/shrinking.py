@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.curves import Curve
+from excite.motion.generators.curves import Curve, SplineCurve
 from excite.motion.generators.polynomials import PolynomialCurve
 
 # Shares of a leg motion that are tried in turn; of one on a single leg, for the free foot and for the pelvis, whose
@@ -33,11 +33,12 @@ def shrunk(candidate: Candidate) -> Iterator[Candidate]:
     elif candidate.feet:
         for swing, lean in _ONE_LEG_SHRINKS:
             feet = {name: curve.shrunk(swing) for name, curve in candidate.feet.items()}
-            yield replace(candidate, feet=feet, pelvis=pelvis and pelvis.shrunk(lean))
+            # As low as before: the legs have to reach as far.
+            yield replace(candidate, feet=feet, pelvis=pelvis and _scaled(pelvis, [1.0, lean, lean, lean]))
     elif pelvis is not None:
         for factor in _SHRINKS:
             yield replace(candidate, pelvis=pelvis.shrunk(factor), com=com and com.shrunk(factor))
 
 
 def _scaled(curve: Curve, factors: list[float]) -> Curve:
-    return curve.shrunk(np.array(factors)) if isinstance(curve, PolynomialCurve) else curve
+    return curve.shrunk(np.array(factors)) if isinstance(curve, PolynomialCurve | SplineCurve) else curve

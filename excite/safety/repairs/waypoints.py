@@ -67,8 +67,10 @@ class Waypoints(Repair):
             return draft.rejected(
                 "joint_torque", joint, value=strain, limit=1.0, unit=SHARE_USED, posture=self._last
             )
-        pair, distance, required = self.probe.closest(self._last)
-        return draft.rejected("self_collision", pair, value=distance, limit=required, posture=self._last)
+        near = self.probe.closest(self._last[None])
+        return draft.rejected(
+            "self_collision", near.pair, value=near.distance, limit=near.required, posture=near.posture
+        )
 
     def _shrink(self, candidate: Candidate) -> Curve | None:
         curve = candidate.posture

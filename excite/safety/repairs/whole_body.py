@@ -76,11 +76,11 @@ class WholeBody(Repair):
                     return draft.rejected("mechanism", error.field or "loops")
             low, high = self.robot.limits.position_lower, self.robot.limits.position_upper
             joints = q[:, self.robot.n_base_q :]
-            outside = (joints < low + _LIMIT) | (joints > high - _LIMIT)
-            if outside.any():
-                row, joint = np.argwhere(outside)[0]
+            beyond = np.maximum(low + _LIMIT - joints, joints - high + _LIMIT)
+            if (beyond > 0.0).any():
+                row, joint = np.unravel_index(int(beyond.argmax()), beyond.shape)
                 value = float(joints[row, joint])
-                limit = low[joint] if value < low[joint] + _LIMIT else high[joint]
+                limit = low[joint] if value < 0.5 * (low[joint] + high[joint]) else high[joint]
                 return draft.rejected(
                     "joint_position",
                     self.robot.joint_names[joint],
@@ -93,9 +93,9 @@ class WholeBody(Repair):
             return draft.rejected("foot_ground", foot[0], posture=foot[1])
         collision = self.probe.first(q)
         if collision is not None:
-            pair, distance, required = self.probe.closest(q[collision])
+            near = self.probe.closest(q[collision:])
             return draft.rejected(
-                "self_collision", pair, value=distance, limit=required, posture=q[collision]
+                "self_collision", near.pair, value=near.distance, limit=near.required, posture=near.posture
             )
         return replace(draft, path=MotionPath(self.robot, s, coordinates_of(self.robot, q)))
 
