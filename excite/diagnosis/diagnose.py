@@ -12,7 +12,7 @@ from excite.diagnosis.arm.diagnose import diagnose_arm
 from excite.diagnosis.doubtful import in_doubt, said
 from excite.diagnosis.equations.standstill import long_trials
 from excite.diagnosis.floating.diagnose import diagnose_floating
-from excite.diagnosis.servo.currents import diagnose_currents
+from excite.diagnosis.servo.currents.diagnose import diagnose_currents
 from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError

@@ -31,7 +31,8 @@ class Score:
         placed: whether its place is right.
         firm_wrong: a wrong name without a doubt.
         recall: share of the effects found.
-        extras: effects named that are not there.
+        extras: effects named that the answers do not list.
+        background: whether every joint has more effects, of which the answers list none.
         closed: share of the closable gap that is closed on the validation trials.
         seconds: how long it took.
     """
@@ -44,6 +45,7 @@ class Score:
     firm_wrong: bool
     recall: float
     extras: int
+    background: bool
     closed: float
     seconds: float
 
@@ -87,7 +89,8 @@ def score(case: str, answer: dict, result: Diagnosis, seconds: float) -> Score:
     if result.verdict == "ambiguous":
         said += " among " + "/".join(item.effect for item in result.ambiguous_with)
     truth = ", ".join(f"{n}@{p}" for n, p in hidden)
-    return Score(case, truth, said, named, placed, wrong, recall, extras, closed, seconds)
+    background = answer.get("clutter", 0.0) > 0.0
+    return Score(case, truth, said, named, placed, wrong, recall, extras, background, closed, seconds)
 
 
 def scores(where: Path | None = None, cases: list[str] | None = None) -> list[Score]:
@@ -123,14 +126,23 @@ def rows() -> list[Row]:
         return [Row("practice arms", "", "not found", None)]
     done = scores()
     n = len(done)
+    # Two of the arms have a ripple of 12 periods a turn, a constant and friction under load at every joint besides.
+    bare = [s for s in done if not s.background]
     real = [s for s in done if not s.truth.startswith(("none", "unknown"))]
     return [
         Row.at_least(
             "arms: right name (ambiguous pairs included)", sum(s.named for s in done), 22, f"of {n}"
         ),
         Row.at_least("arms: right place", sum(s.placed for s in done), 22, f"of {n}"),
-        Row.at_most("arms: firmly wrong names", sum(s.firm_wrong for s in done), 0),
-        Row.at_most("arms: effects named that are not there", sum(s.extras for s in done), 0),
+        Row.at_most(
+            "arms: names firmly said first that the answers do not list", sum(s.firm_wrong for s in done), 0
+        ),
+        Row.at_most("arms: effects named that the answers do not list", sum(s.extras for s in done), 0),
+        Row.at_most(
+            f"arms: both, without the {n - len(bare)} with a background at every joint that no answer lists",
+            sum(s.firm_wrong + s.extras for s in bare),
+            0,
+        ),
         Row.at_least("arms: effects found", float(np.mean([s.recall for s in real])), 0.9),
         Row.at_least(
             "arms: share of the closable gap closed, median", float(np.median([s.closed for s in real])), 0.97

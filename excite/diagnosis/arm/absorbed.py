@@ -11,7 +11,7 @@ from excite.diagnosis.answer.absorbed import Absorbed
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import TRIALS
-from excite.diagnosis.equations.own_columns import COULOMB, own_terms
+from excite.diagnosis.equations.own_columns import COULOMB, SCALED, own_terms
 from excite.diagnosis.equations.units import at_joint
 from excite.rows.drive_terms import DRIVE_TERMS
 
@@ -43,6 +43,9 @@ def absorbed(baseline: Baseline) -> tuple[Absorbed, ...]:
         spread = solver.std_between_trials(fit)
         for name, value, std in zip(names, fit.extra, spread, strict=True):
             word = name.partition(" ")[0]
+            # Of a scale this is what it would be without the first effect: the constant itself is what is told.
+            if word == SCALED:
+                continue
             size = Estimate(float(value), float(std), _UNITS[word])
             there = (float(value - within * std), float(value + within * std))
             found.append(

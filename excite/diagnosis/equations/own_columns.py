@@ -62,11 +62,14 @@ CONSTANT = OwnTerm(
     lambda samples, motor, sign: np.ones(len(samples.of_motor("v", motor))),
     once=True,
 )
+# A word that no log says: what its currents are in torques was estimated from the bodies, roughly.
+SCALED = "torque_scale"
+SCALE = OwnTerm((SCALED,), lambda samples, motor, sign: samples.nominal[:, motor], once=True)
 
 
 def own_terms(modelled: Sequence[str]) -> tuple[OwnTerm, ...]:
     """Terms of each joint's own that ``modelled`` asks for, in order."""
-    return tuple(term for term in (VISCOUS, COULOMB, ARMATURE, CONSTANT) if term.asked(modelled))
+    return tuple(term for term in (VISCOUS, COULOMB, ARMATURE, CONSTANT, SCALE) if term.asked(modelled))
 
 
 def coulomb_level(modelled: Sequence[str], own: Array) -> float:

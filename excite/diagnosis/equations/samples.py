@@ -15,6 +15,7 @@ from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.dry_friction.sticking import counted, surely_slips
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
 from excite.logs.signals.sections import both_ways, butterworth_sections
+from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
 from excite.rows.beyond import reached
 
@@ -193,6 +194,12 @@ class ArmSamples:
         if name not in self.kept:
             self.kept[name] = np.concatenate([getattr(trial, name) for trial in self.trials])
         return np.asarray(self.kept[name])
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Torques of the rigid bodies as the model has them, ``(n_samples, n_joints)`` [N·m]."""
+        motion = (self.stacked(name) for name in ("q", "v", "a"))
+        return self.of_joints(inverse_dynamics(self.robot.model, *motion))
 
     def of_joints(self, values: Array) -> Array:
         """Those of ``values (n, nv, …)`` that belong to the joints with torque, no copy where these are all."""

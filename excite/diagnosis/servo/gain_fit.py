@@ -8,18 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.diagnosis.effects.bodies.level_axes import level_axes
 from excite.diagnosis.servo.servo import Servo, Signals
 from excite.logs.log import Log
 from excite.logs.signals.butterworth import lowpass
-from excite.regressor.kernels import joint_torque_regressor
+from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Robot
 
 _ROWS_HZ = 25.0
 _WIDTH = 6e-3
 # A priori deviation of a body's mass from nominal, and of a joint's equation, relative to its torque.
-_MASS, _EQUATION = 0.15, 0.03
+_MASS, EQUATION = 0.15, 0.03
 # Rows that count as one: residuals are correlated.
-_CORRELATED = 10.0
+CORRELATED = 10.0
 _ROUNDS = 5
 # A row in which a joint turns, by the share of its dry friction that speaks there; what holds one that sticks is
 # anything up to all of it. Of a Feetech servo whose 12 bits show it at rest in 53 of 655 rows a gain of 940 N·m/rad
@@ -29,10 +30,19 @@ _TURNING, _ENOUGH = 0.9, 0.25
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Filtered signals ``(n, n_joints)`` by name, and columns of the inertial parameters ``(n, n_joints, p)``."""
+    """What gains are fitted to.
+
+    Attributes:
+        signals: filtered, ``(n, n_joints)`` by name.
+        bodies: columns of the inertial parameters ``(n, n_joints, p)``, each in units of its deviation a priori.
+        unit: these, ``(p,)``.
+        aside: torques of gravity of 1 m/s² along two level axes, ``(n, n_joints, 2)``.
+    """
 
     signals: dict[str, Array]
     bodies: Array
+    unit: Array
+    aside: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +78,7 @@ def gain_rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]], cut_h
     take = slice(edge, -edge, max(1, round(rate / _ROWS_HZ)))
     index = [robot.joint_index(name) for name in log.header.joints]
     stacked: dict[str, list[Array]] = {}
-    bodies = []
+    bodies, aside = [], []
     phi = robot.nominal_parameters
     for s, asked in trials:
         made = {
@@ -93,9 +103,21 @@ def gain_rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]], cut_h
             full[:, index] = values
             motion.append(full[take])
         bodies.append(joint_torque_regressor(robot.model, *motion)[:, index])
+        aside.append(_aside(robot, motion[0])[:, index])
     mass = np.maximum(phi.reshape(-1, 10)[:, 0], 0.02)
-    size = (mass[:, None] * 0.15 ** np.array([0] + [1] * 3 + [2] * 6)).ravel()
-    return Rows({k: np.concatenate(v) for k, v in stacked.items()}, np.concatenate(bodies) * size * _MASS)
+    unit = _MASS * (mass[:, None] * 0.15 ** np.array([0] + [1] * 3 + [2] * 6)).ravel()
+    signals = {k: np.concatenate(v) for k, v in stacked.items()}
+    return Rows(signals, np.concatenate(bodies) * unit, unit, np.concatenate(aside))
+
+
+def _aside(robot: Robot, q: Array) -> Array:
+    """Torques that level gravity of 1 m/s² along two axes asks for, ``(n, nv, 2)``."""
+    model, still = robot.model.copy(), np.zeros((len(q), robot.model.nv))
+    columns = []
+    for axis in level_axes(robot.model.gravity.linear)[:2]:
+        model.gravity.linear = axis
+        columns.append(inverse_dynamics(model, q, still, still))
+    return np.stack(columns, axis=2)
 
 
 def fitted_servo(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> Tried:
@@ -105,7 +127,7 @@ def fitted_servo(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> 
     the position, and a smaller scale of all torques, gains and friction together gains nothing.
     """
     x = rows.signals
-    turning = _turning(x["sign"])
+    turning = turning_rows(x["sign"])
     rate = (x["vc"] if follows else 0.0) - x["v"]
     before = x["nominal"] - (x[kind] if kind != "none" else 0.0)
     delta, found = np.zeros(rows.bodies.shape[2]), (kp, kd)
@@ -118,19 +140,19 @@ def fitted_servo(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> 
             break
         asked = found[0] * x["e"] + found[1] * rate - before
         delta, rest = _bodies(rows, x, asked, sound, turning)
-    bare = [e - b @ _least_squares(b, e) for e, b in ((x["e"][:, j], _beside(x, j)) for j in range(len(kp)))]
+    bare = [e - b @ _least_squares(b, e) for e, b in ((x["e"][:, j], beside(x, j)) for j in range(len(kp)))]
     left = np.where(sound, rest / found[0], np.std(bare, axis=1))
     loss = np.log(np.maximum(left, 1e-15))
     return Tried(Servo(*found, kind, follows), loss)
 
 
-def _turning(sign: Array) -> NDArray[np.bool_]:
+def turning_rows(sign: Array) -> NDArray[np.bool_]:
     """Rows in which each joint turns, ``(n, n_joints)``; all of one that hardly does."""
     turning = np.abs(sign) > _TURNING
     return turning | (turning.mean(axis=0) < _ENOUGH)
 
 
-def _beside(x: dict[str, Array], j: int) -> Array:
+def beside(x: dict[str, Array], j: int) -> Array:
     """Friction, rotor inertia and a constant of a joint, ``(n, 4)``."""
     ones = np.ones(len(x["v"]))
     return np.column_stack([x["sign"][:, j], x["v"][:, j], x["a"][:, j], ones])
@@ -152,19 +174,19 @@ def _gains(
     kp, kd = kp.copy(), kd.copy()
     for j in range(len(kp)):
         here = turning[:, j]
-        e, beside, needs, rates = x["e"][here, j], _beside(x, j)[here], need[here, j], rate[here, j]
+        e, drive, needs, rates = x["e"][here, j], beside(x, j)[here], need[here, j], rate[here, j]
         if not follows and np.isnan(kd[j]):
-            beside = beside[:, [0, 2, 3]]
+            drive = drive[:, [0, 2, 3]]
         if not np.isnan(kp[j]):
             if np.isnan(kd[j]):
-                columns = np.column_stack([rates, beside])
+                columns = np.column_stack([rates, drive])
                 kd[j] = max(float(_least_squares(columns, needs - kp[j] * e)[0]), 0.0)
             continue
         if np.isnan(kd[j]):
-            found = _least_squares(np.column_stack([needs, -rates, beside]), e)
+            found = _least_squares(np.column_stack([needs, -rates, drive]), e)
             ratio = max(float(found[1]), 0.0)
         else:
-            found = _least_squares(np.column_stack([needs - kd[j] * rates, beside]), e)
+            found = _least_squares(np.column_stack([needs - kd[j] * rates, drive]), e)
             ratio = None
         kp[j] = 1.0 / found[0] if found[0] != 0.0 else np.inf
         kd[j] = kd[j] if ratio is None else ratio * kp[j]
@@ -183,12 +205,12 @@ def _bodies(
     parts = []
     for j in range(asked.shape[1]):
         here = turning[:, j]
-        q = np.linalg.qr(_beside(x, j)[here])[0]
+        q = np.linalg.qr(beside(x, j)[here])[0]
         body, torque = rows.bodies[here, j], asked[here, j]
         body, torque = body - q @ (q.T @ body), torque - q @ (q.T @ torque)
         parts.append((body, torque))
         if sound[j]:
-            scale = np.sqrt(_CORRELATED) * _EQUATION * max(float(x["nominal"][:, j].std()), 1e-9)
+            scale = np.sqrt(CORRELATED) * EQUATION * max(float(x["nominal"][:, j].std()), 1e-9)
             gram += body.T @ body / scale**2
             right += body.T @ torque / scale**2
     delta = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)

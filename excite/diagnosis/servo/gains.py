@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.servo.currents.constant_fit import constants_beside_bodies
 from excite.diagnosis.servo.gain_fit import Tried, fitted_servo, gain_rows
 from excite.diagnosis.servo.levels import error_integral
 from excite.diagnosis.servo.servo import Servo, Signals
@@ -84,7 +85,8 @@ def torque_constants(
         log: the log.
         trials: signals of its identification trials by name.
         currents: ``(n, n_joints)`` motor currents by the same names [A].
-        known: ``(n_joints,)`` constants, NaN where they are not stated; those are estimated as gains are.
+        known: ``(n_joints,)`` constants, NaN where they are not stated; those are estimated as gains are, or, where
+            the bodies are given, beside what these may lack.
 
     Returns:
         The constants.
@@ -97,7 +99,11 @@ def torque_constants(
     # No command is involved: the velocity's error is nothing.
     still = {k: replace(s, commanded=s.measured) for k, s in trials.items()}
     rows = gain_rows(robot, log, [(still[k], currents[k]) for k in still], _FIT_HZ)
-    constants = fitted_servo(rows, known, np.zeros_like(known), "none", True).servo.kp
+    if "rigid_body" in log.header.modelled:
+        constants = fitted_servo(rows, known, np.zeros_like(known), "none", True).servo.kp
+    else:
+        told = np.array([joint not in log.header.no_torque for joint in log.header.joints])
+        constants = constants_beside_bodies(robot, rows, known, told)
     weak = [j for j, k in zip(log.header.joints, constants, strict=True) if not abs(k) > 1e-9]
     if weak:
         raise LogError(

@@ -11,6 +11,7 @@ from excite.diagnosis.answer.absorbed import estimated_gains
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.arm.diagnose import diagnose_arm
 from excite.diagnosis.effects.readings.torque_gain import TorqueGain
+from excite.diagnosis.equations.own_columns import SCALED
 from excite.diagnosis.servo.gains import torque_constants
 from excite.diagnosis.servo.servo import read_signals
 from excite.errors import LogError
@@ -23,7 +24,7 @@ def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
 
     Stated torque constants turn currents to torques. Those that are not stated are estimated with the nominal
     masses for a scale; a gain of such a joint is then no effect that could be found, and no other name is taken
-    for it.
+    for it. Where the bodies are given, constants are estimated beside a load and a tilt that nobody knew of.
 
     Args:
         robot: the nominal model.
@@ -50,7 +51,9 @@ def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     currents = {t.name: t.current for t in inside if t.current is not None}
     constants = torque_constants(robot, log, signals, currents, known)
     guessed = [j for j, k in zip(joints, known, strict=True) if np.isnan(k)]
-    modelled = (*log.header.modelled, *((TorqueGain.name,) if guessed else ()))
+    # Constants are as good as what else was fitted with them: beside given bodies their scale stays open.
+    scaled = (SCALED,) if "rigid_body" not in log.header.modelled else ()
+    modelled = (*log.header.modelled, *((TorqueGain.name, *scaled) if guessed else ()))
     header = log.header.model_copy(update={"torque": "motor_side", "modelled": modelled})
     trials = tuple(
         replace(t, tau=t.current * constants, current=None) for t in log.trials if t.current is not None
@@ -61,10 +64,10 @@ def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
         values = ", ".join(
             f"{j} {k:.3g} N·m/A" for j, k in zip(joints, constants, strict=True) if j in guessed
         )
+        hidden = ", and a gap that is the same share of all torques, such as a payload's beside gravity alone, may be "
         said = (
             f"torque constants are not stated and were estimated with the nominal masses for a scale ({values}): "
-            "a torque_gain cannot be seen, and a gap that is the same share of all torques, such as a payload's "
-            "beside gravity alone, may be hidden in them"
+            f"a torque_gain cannot be seen{'' if scaled else f'{hidden}hidden in them'}"
         )
     gains = estimated_gains(robot, joints, "torque_constant", "N·m/A", constants, np.isnan(known))
     return replace(result, warnings=(*result.warnings, said), absorbed=(*gains, *result.absorbed))
