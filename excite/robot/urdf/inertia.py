@@ -26,6 +26,10 @@ Twice what the most careless of 1181 published models has, which put in moments 
 boom of a crane, 60 m, has 17. Moments in kg·mm² make it a thousand times what it is.
 """
 
+# A link of less than this share of the robot's mass stands for a frame, as that of an iiwa's flange with 1e-6 kg and
+# moments of 1 kg·m² does: they were put in for want of better, and say nothing of the file's units.
+_WEIGHTLESS = 1e-3
+
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -81,12 +85,16 @@ def inertial_faults(
     Arguments as for :func:`check_inertials`.
 
     Raises:
-        RobotError: a fault that cannot be acknowledged: a number that is none, a negative mass.
+        RobotError: a fault that cannot be acknowledged: a number that is none, negative mass, moments in another unit.
     """
     inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
+    weightless = _WEIGHTLESS * sum(one.mass for one in inertials.values() if one is not None)
     faults: dict[str, RobotError] = {}
     for name, inertial in inertials.items():
-        fault = None if inertial is None else _impossible(inertial.moments, strict=False)
+        fault = None if inertial is None else _spread(inertial) or _impossible(inertial.moments, strict=False)
+        if fault and inertial is not None and inertial.mass > weightless and _spread(inertial):
+            field, remedy = f"link {name!r}/inertial/inertia", "write moments in kg·m² and masses in kg"
+            raise RobotError(fault, source=path, field=field, remedy=remedy)
         if inertial is not None and inertial.mass == 0.0:
             remedy = _remedy(name, "give a positive mass in kilograms")
             where = f"link {name!r}/inertial/mass@value"
@@ -142,14 +150,6 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     if mass < 0.0:
         remedy = "give a positive mass in kilograms"
         raise RobotError(f"is {mass}", source=path, field=f"{where}/mass@value", remedy=remedy)
-    radius = math.sqrt(max(map(abs, values)) / mass) if mass > 0.0 else 0.0
-    if radius > MAX_GYRATION:
-        raise RobotError(
-            f"spreads {mass:g} kg over a radius of {radius:.3g} m",
-            source=path,
-            field=f"{where}/inertia",
-            remedy="write moments in kg·m² and masses in kg",
-        )
     xx, xy, xz, yy, yz, zz = values
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     rotation = pin.rpy.rpyToMatrix(*rpy)
@@ -157,6 +157,12 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     if mass == 0.0 and not any(values):
         return None
     return _Inertial(mass, np.array(centre), rotation @ moments @ rotation.T)
+
+
+def _spread(inertial: _Inertial) -> str | None:
+    """How far a body reaches that is larger than any is, in words; None where it is not."""
+    radius = math.sqrt(float(np.abs(inertial.moments).max()) / inertial.mass) if inertial.mass > 0.0 else 0.0
+    return f"spreads {inertial.mass:g} kg over a radius of {radius:.3g} m" if radius > MAX_GYRATION else None
 
 
 def _impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:
