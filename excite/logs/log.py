@@ -29,7 +29,6 @@ class LogHeader(HeaderBlock):
     """The whole of ``log.yaml``.
 
     Where ``lowpass_hz`` is stated, all channels went through the same low-pass at that cut-off already.
-
     ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move, but
     their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their joints,
     how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are then the
