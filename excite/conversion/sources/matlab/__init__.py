@@ -1,1 +1,1 @@
-"""Files of MATLAB."""
+"""Files that MATLAB saves, and what in them is no array."""
