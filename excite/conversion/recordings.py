@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from excite.conversion.parts import joined_parts
+from excite.conversion.trial_files import joined_by_trial
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.repairs.drive_state import with_drives_on
 from excite.conversion.repairs.wraps import signed
@@ -85,7 +85,7 @@ def _few(sources: Sequence[str]) -> str:
 
 
 def _joined(recordings: Sequence[Recording]) -> list[Recording]:
-    return joined_parts([part for recording in recordings for part in reshaped(recording)])
+    return joined_by_trial([part for recording in recordings for part in reshaped(recording)])
 
 
 def _files(source: Path) -> list[Path]:
