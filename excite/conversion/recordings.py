@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from excite.conversion.trial_files import joined_by_trial
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.repairs.drive_state import with_drives_on
 from excite.conversion.repairs.wraps import signed
 from excite.conversion.shapes.reshape import reshaped
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
+from excite.conversion.trial_files import joined_by_trial
 from excite.errors import LogError, NothingThereError
 from excite.finding import listed
 
