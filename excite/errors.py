@@ -65,6 +65,10 @@ class LogError(InputError):
     """A log folder is malformed or does not fit the robot."""
 
 
+class NothingThereError(LogError):
+    """A source that holds no numbers over time; among others in a folder it is no recording."""
+
+
 class IllLogError(LogError):
     """A log that cannot be used as it is and that no check could save; ``findings`` say why, worst first."""
 

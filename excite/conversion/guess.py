@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.base_signals import add_base_signals
 from excite.conversion.columns.choice import choose
-from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, pace
+from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, pace, rate_by_velocities
 from excite.conversion.columns.commands import settle_commands
 from excite.conversion.columns.contact_forces import without_contact_forces
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
@@ -40,6 +41,8 @@ from excite.conversion.torques.controller import note_controllers_constants
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
+# What asks for the rate, in which a rate is proposed; columns without names are told apart at it where none is known.
+_RATE_LINE, _ANY_RATE = "log: {{rate_hz: {rate:.3g}}}   # rows a second{why}", 100.0
 
 
 def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "") -> Guesses:
@@ -93,6 +96,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
         chosen |= nameless
     note_controllers_constants(found, chosen, groups, recording)
     _add(found, chosen, nameless)
+    _propose_rate(found, recording)
     ask_for_nameless_torques(found, nameless, recording, mapping)
     add_base(found, recording, left, machine, mapping)
     _ask_for_doubts(found, recording, machine)
@@ -158,7 +162,29 @@ def _without_clock(
     else:
         named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
         but = f" ({named[0]} does not go forward evenly)" if named else ""
-        found.ask_of_all(stream.name, f"no column of times{but}", "log: {rate_hz: 100}   # rows a second")
+        line = _RATE_LINE.format(rate=_ANY_RATE, why="")
+        found.ask_of_all(stream.name, f"no column of times{but}", line)
+
+
+def _propose_rate(found: Guesses, recording: Recording) -> None:
+    """The rate that velocities tell, where a rate has to be asked for."""
+    asked = _RATE_LINE.format(rate=_ANY_RATE, why="")
+    at = next((k for k, question in enumerate(found.questions) if question.line == asked), None)
+    values = {column.name: column.values for stream in recording.streams for column in stream.columns}
+    speeds = {item.target[2:]: values[item.source] for item in found.of("v")}
+    pairs = [
+        (values[item.source], speeds[item.target[2:]])
+        for item in found.of("q")
+        if item.target[2:] in speeds and len(values[item.source]) == len(speeds[item.target[2:]])
+    ]
+    if at is None or not pairs:
+        return
+    q, v = (np.column_stack(side) for side in zip(*pairs, strict=True))
+    whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
+    rate = rate_by_velocities(q[whole], v[whole])
+    if rate is not None:
+        line = _RATE_LINE.format(rate=rate, why=", as the velocities say")
+        found.questions[at] = replace(found.questions[at], line=line)
 
 
 def _add(found: Guesses, chosen: dict[str, Family], nameless: Container[str]) -> None:
@@ -188,8 +214,9 @@ def _without_names(
     columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).mean() > _THERE]
     # Second clocks and counters of rows are smoother than any joint.
     columns = [c for c in columns if not goes_evenly(c.values)]
-    time = found.times(stream)
-    if time is None or len(columns) < len(joints):
+    stamps = found.times(stream)
+    time = np.arange(stream.n_rows) / _ANY_RATE if stamps is None else stamps
+    if len(columns) < len(joints):
         return {}
     values = np.column_stack([column.values for column in columns])
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
@@ -198,7 +225,8 @@ def _without_names(
     understood: Understood | None = understand(
         values[whole], time[whole], machine, tuple(joints), [column.name for column in columns]
     )
-    if understood is None:
+    # How smooth columns are says little where nobody knows for how long.
+    if understood is None or (stamps is None and "v" not in understood.channels):
         return {}
     return understood.families([column.name for column in columns])
 

@@ -48,14 +48,19 @@ def joined_parts(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def _in_step(streams: tuple[Stream, ...]) -> tuple[Stream, ...]:
-    """Streams as they are or, where one has a clock and the others as many rows and none, all as one."""
+    """Streams as they are or, where they have as many rows and at most one a clock, all as one.
+
+    A few rows that some have more, as differences are one less, are cut off at the end.
+    """
     timed = [stream for stream in streams if stream.time is not None or _clock(stream) is not None]
-    if len(timed) != 1 or len({stream.n_rows for stream in streams}) > 1:
+    rows = [stream.n_rows for stream in streams]
+    if len(timed) > 1 or max(rows) - min(rows) > _SAME_ROWS * max(rows):
         return streams
-    columns = tuple(column for stream in streams for column in stream.columns)
+    columns = tuple(column for stream in streams for column in stream.rows(slice(min(rows))).columns)
     if len({column.name for column in columns}) < len(columns):
         return streams
-    return (replace(timed[0], columns=columns),)
+    first = timed[0] if timed else streams[0]
+    return (replace(first.rows(slice(min(rows))), columns=columns),)
 
 
 def _clock(stream: Stream) -> tuple[str, str] | None:

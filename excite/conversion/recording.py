@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.errors import LogError
+from excite.errors import NothingThereError
 
 # How recordings call their rate and their step, letters only.
 _RATES = frozenset(
@@ -128,8 +128,8 @@ def merged_names(recording: Recording) -> Recording:
     return replace(recording, streams=tuple(streams))
 
 
-def nothing_there(path: object) -> LogError:
+def nothing_there(path: object) -> NothingThereError:
     """The error for a source that holds no numbers over time."""
-    return LogError(
+    return NothingThereError(
         "holds no columns of numbers", source=path, remedy="give a recording with one row a sample"
     )

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.repairs.drive_state import with_drives_on
 from excite.conversion.repairs.wraps import signed
 from excite.conversion.shapes.reshape import reshaped
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
-from excite.errors import LogError
+from excite.conversion.trial_files import joined_by_trial
+from excite.errors import LogError, NothingThereError
+from excite.finding import listed
 
 # How far below a folder that is named recordings may have folders of their own: a session's, a trial's.
 _DEPTH = 2
@@ -27,9 +28,9 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
     wrong: list[LogError] = []
     for source in map(Path, sources):
         try:
-            files = _files(source)
-            found += [recording for file in files for recording in read_source(file)]
-            apart += [] if files else _of_folders(source)
+            ours = _read(source, _files(source))
+            found += ours
+            apart += [] if ours else _of_folders(source)
         except LogError as error:
             wrong.append(error)
     if len(wrong) == 1:
@@ -38,6 +39,29 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
         raise _all_of(wrong)
     whole = [*_joined(found), *apart]
     return [with_drives_on(signed(merged_names(recording))) for recording in whole]
+
+
+def _read(source: Path, files: Sequence[Path]) -> list[Recording]:
+    """Recordings of the files that a source stands for; of several, those that hold nothing are named in a note.
+
+    Raises:
+        LogError: a file is damaged, or none of them holds anything and no folder below may.
+    """
+    found: list[Recording] = []
+    empty: list[NothingThereError] = []
+    for file in files:
+        try:
+            found += read_source(file)
+        except NothingThereError as error:
+            empty.append(error)
+    if found and empty:
+        note = (
+            f"nothing was read from {listed([Path(str(e.source)).name for e in empty])}: they hold no numbers"
+        )
+        found[0] = replace(found[0], notes=(*found[0].notes, note))
+    if not found and empty and not (source.is_dir() and _below(source, _DEPTH)):
+        raise empty[0]
+    return found
 
 
 def _all_of(wrong: Sequence[LogError]) -> LogError:
@@ -61,7 +85,7 @@ def _few(sources: Sequence[str]) -> str:
 
 
 def _joined(recordings: Sequence[Recording]) -> list[Recording]:
-    return joined_parts([part for recording in recordings for part in reshaped(recording)])
+    return joined_by_trial([part for recording in recordings for part in reshaped(recording)])
 
 
 def _files(source: Path) -> list[Path]:
@@ -77,7 +101,7 @@ def _of_folders(source: Path) -> list[Recording]:
     """Recordings that have a folder each below one that holds none, called after it; parts in a folder are one."""
     found: list[Recording] = []
     for folder, name in _below(source, _DEPTH):
-        ours = _joined([recording for file in _files(folder) for recording in read_source(file)])
+        ours = _joined(_read(folder, _files(folder)))
         alone = len(ours) == 1
         found += [replace(one, name=name if alone else f"{name}_{one.name}") for one in ours]
     if not found:

@@ -11,6 +11,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.assemble import Table
+from excite.conversion.columns.words import name_tokens
 from excite.conversion.mapping import TrialRules
 from excite.logs.header_blocks import Role
 
@@ -31,7 +32,7 @@ _LATEST_S = 1.0
 _SAME_FORCE = 0.25
 # Share of a single recording that is kept for validation.
 _KEPT = 1.0 / 3.0
-_VALIDATION = re.compile(r"(?<![a-z])(val|vali|valid|validation|test|eval|holdout)(?![a-z])", re.IGNORECASE)
+_VALIDATION = frozenset("val vali valid validation test eval holdout".split())
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +210,7 @@ def _with_roles(pieces: list[Cut], rules: TrialRules, roles: dict[str, Role]) ->
     said = {p.name for p in pieces if roles.get(p.name, roles.get(p.source)) == "validation"}
     if said and len(said) < len(pieces):
         return given("validation", "validation as its source says", said)
-    named = {p.name for p in pieces if _VALIDATION.search(p.name.replace("_", " "))}
+    named = {p.name for p in pieces if not _VALIDATION.isdisjoint(name_tokens(p.name))}
     if named and len(named) < len(pieces):
         return given("validation", "validation by its name", named)
     if len(pieces) == 1:

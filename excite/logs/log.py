@@ -30,13 +30,12 @@ class LogHeader(HeaderBlock):
     """The whole of ``log.yaml``.
 
     Where ``lowpass_hz`` is stated, all channels went through the same low-pass at that cut-off already.
-
-    ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move,
-    but their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their
-    joints, how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are
-    then the motors', reflected through their own gears. ``feet`` are those that carry a floating base whose contact
-    wrenches nobody measures; their flags are the columns ``contact.NAME``. The columns of an ``imu`` make the base's
-    pose unnecessary there. ``guessed`` is what a conversion of somebody's recording took for granted.
+    ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move, but
+    their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their joints,
+    how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are then the
+    motors', reflected through their own gears. ``feet`` are those that carry a floating base whose contact wrenches
+    nobody measures; their flags are the columns ``contact.NAME``. The columns of an ``imu`` make the base's pose
+    unnecessary there. ``guessed`` is what a conversion of somebody's recording took for granted.
     """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
@@ -67,8 +66,9 @@ class LogHeader(HeaderBlock):
 
     @property
     def measures_forces(self) -> bool:
-        """Whether anything can be identified from it: of a fixed base not from commands alone."""
-        return self.free_base or self.torque != "none"
+        """Whether anything can be identified from it: of a fixed base not from commands or bare amperes alone."""
+        known = self.torque != "current" or {*self.joints} <= {*self.no_torque, *self.torque_constants}
+        return self.free_base or (self.torque != "none" and known)
 
     @property
     def measures_contacts(self) -> bool:

@@ -102,6 +102,18 @@ def test_fingers_of_which_some_are_called_otherwise_are_not_left_out():
     assert doubt.joints == tuple(HAND[8:])
 
 
+def test_hands_beside_arms_of_models_without_hands_are_nobodys():
+    """An Inspire hand's fingers were asked about: they might be the hips'."""
+    arms = [f"left_{part}_joint" for part in ("shoulder_pitch", "elbow", "hip_pitch", "hip_roll", "knee")]
+    columns = ["kLeftShoulderPitch", "kLeftElbow", "kLeftHandPinky", "kLeftHandThumbBend"]
+    found = placed(columns, arms)
+    assert found.columns == {arms[0]: columns[0], arms[1]: columns[1]}
+    assert found.left_over == () and found.doubts == ()
+    # Where the model has a hand they are its.
+    thumb = [*arms, "left_hand_thumb_joint"]
+    assert placed(columns[:2] + columns[3:], thumb).columns[thumb[-1]] == columns[3]
+
+
 def test_columns_that_may_be_two_joints_are_none():
     found = placed(["hip_pitch_pos", "left_knee_pos"], LEGS)
     assert found.columns == {"left_knee_joint": "left_knee_pos"}

@@ -113,6 +113,20 @@ def test_lines_that_a_program_printed(heading, data, arm, tmp_path):
     holds(whole(tmp_path / "a.log", arm, tmp_path), data)
 
 
+@pytest.mark.parametrize("joint", ["J{n} ", "{name}: "])
+def test_lines_in_which_each_joint_has_the_same_names(joint, data, arm, tmp_path):
+    """``J1 pos=0.1 eff=2.0 | J2 pos=0.3 eff=1.0``: the first joint's were taken for all."""
+    lines = []
+    for k, t in enumerate(data["time"]):
+        parts = [
+            joint.format(n=j + 1, name=name) + f"pos={data['q'][k, j]:.9f} eff={data['tau'][k, j]:.9f}"
+            for j, name in enumerate(JOINTS)
+        ]
+        lines.append(f"[{1.7e9 + t:.6f}] [INFO] [loop]: {' | '.join(parts)}")
+    (tmp_path / "run.log").write_text("\n".join(lines))
+    holds(whole(tmp_path / "run.log", arm, tmp_path), data)
+
+
 def test_dictionaries_that_python_printed(data, arm, tmp_path):
     lines = [
         str({"t": float(t), "q": q.tolist(), "tau": tau.tolist()})

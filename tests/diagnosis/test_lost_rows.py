@@ -32,7 +32,7 @@ def recorded(folder: Path, rows: int) -> Log:
     return load_log(save_log(two_joint_log(trials), folder / "log"))
 
 
-@pytest.mark.parametrize(("rows", "left_out"), [(0, False), (10, False), (40, True)])
+@pytest.mark.parametrize(("rows", "left_out"), [(0, False), (4, False), (12, True), (40, True)])
 def test_what_was_interpolated_over_a_long_gap_is_left_out(tmp_path: Path, rows: int, left_out: bool):
     log = recorded(tmp_path, rows)
     samples = arm_samples(nominal_robot(log), log, log.trials)

@@ -89,6 +89,16 @@ def test_the_zeros_that_the_model_needs_are_stated(panda, log):
     assert f"add -90° to {JOINTS[3]}" in found.text
 
 
+def test_a_zero_that_no_torque_tells_is_not_moved_along(panda, log):
+    """An upright axis' quarter turn came for nothing with that of the joint beyond it."""
+    shift = 0.5 * np.pi * np.array([0, 1, 0, 0, 0, 0, 0])
+    found = suspicions(panda, changed(log, lambda t: replace(t, q=t.q + shift, tau=t.tau * signs(2))))
+    assert {item.kind: item.places for item in found} == {
+        "zero_position": (JOINTS[1],),
+        "torque_sign": (JOINTS[2],),
+    }
+
+
 def test_exchanged_positions_are_named(panda, log):
     found = suspicions(panda, changed(log, lambda t: replace(t, q=t.q[:, order((2, 4))])))
     assert [item.kind for item in found] == ["order"]

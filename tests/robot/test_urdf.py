@@ -229,6 +229,16 @@ def test_acknowledged_fault_passes_and_idle_acknowledgement_does_not(tmp_path: P
         read_urdf(path, Stated(acknowledged={"lower": "measured", "upper": "for luck"}))
 
 
+def test_moments_of_a_link_that_weighs_next_to_nothing_may_be_acknowledged(tmp_path: Path) -> None:
+    """As an iiwa's flange has them, 1e-6 kg and 1 kg·m²; on links that weigh something their unit is wrong."""
+    moments = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    flange = f'<link name="tool"><inertial><mass value="1e-6"/>{moments}</inertial></link>'
+    path = write(tmp_path, spoiled('<link name="tool"/>', flange))
+    with pytest.raises(RobotError, match=r"spreads 1e-06 kg over a radius of 1e\+03 m.*acknowledged\.tool"):
+        read_urdf(path)
+    assert "tool" in read_urdf(path, Stated(acknowledged={"tool": "stands for a frame"}))
+
+
 def test_small_rounding_of_the_triangle_inequality_is_accepted(tmp_path: Path) -> None:
     sum_of_others = INERTIA.replace('izz="0.002"', 'izz="0.020000001"')
     assert read_urdf(write(tmp_path, spoiled(INERTIA, sum_of_others)))

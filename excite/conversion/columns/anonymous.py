@@ -18,6 +18,8 @@ from excite.conversion.machine import Machine
 _MOST_ROWS = 20_000
 # Correlations of smoothed signals: a command and its position, a derivative and its velocity.
 _TWIN, _DERIVATIVE = 0.98, 0.9
+# By how much more a later one of twins has to resemble a derivative.
+_LATER = 0.01
 # Of 40 drawn motions of three arms (8 to 30 s, noise of up to a fifth of the torques), the fit explained 71 % of the
 # torques or more, 9 % of noise and 40 % of regular ripple at the most. Warming motors it explains up to whole in the
 # shortest, but temperatures are of one sign.
@@ -79,27 +81,23 @@ def understand(
     smooth, rate = _smoothed(part, dt)
     twins = _twins(smooth, moving)
     heads = [group[0] for group in twins]
-    match = _derivatives(smooth, rate, heads)
-    positions = _positions(heads, match, smooth, dt, n)
+    positions = _positions(heads, _derivatives(smooth, rate, heads), smooth, dt, n)
     if positions is None:
         return None
-    rows, partners = linear_sum_assignment(
-        -match[np.ix_([heads.index(p) for p in positions], range(len(heads)))]
-    )
-    velocity = {positions[r]: heads[c] for r, c in zip(rows, partners, strict=True)}
-    derived = all(match[heads.index(p), heads.index(velocity[p])] > _DERIVATIVE for p in positions)
+    velocity = _velocities(smooth, rate, positions, twins)
+    derived = len(velocity) == n
     channels = {"q": positions}
     reasons = {"q": "the smoothest columns" if not derived else "other columns are their derivatives"}
     if derived:
-        channels["v"] = [velocity[p] for p in positions]
+        channels["v"] = velocity
         reasons["v"] = "derivatives of the positions"
-        left = [k for k in heads if k not in positions and k not in channels["v"]]
+        left = [k for k in moving if k not in positions and k not in velocity]
         accelerations = _accelerations(smooth, rate, channels["v"], left)
         # Torques of what gravity does not turn look like accelerations, where nothing else is left.
         if accelerations and len(left) >= 2 * n:
             channels["a"], reasons["a"] = accelerations, "derivatives of the velocities"
     used = {k for columns in channels.values() for k in columns}
-    groups = {group[0]: group for group in twins}
+    groups = {k: group for group in twins for k in group}
     commands = [[k for k in groups[p] if k != p] for p in positions]
     if all(commands):
         channels["q"], channels["q_cmd"] = _measured_first(positions, [c[0] for c in commands], part, dt)
@@ -191,6 +189,24 @@ def _derivatives(smooth: Array, rate: Array, heads: list[int]) -> Array:
     match = _correlations(rate[:, heads], smooth[:, heads])
     np.fill_diagonal(match, 0.0)
     return np.where(match > 0.0, match, 0.0)
+
+
+def _velocities(smooth: Array, rate: Array, positions: list[int], twins: list[list[int]]) -> list[int]:
+    """Columns that are the positions' derivatives, in their order; empty where not every one has its own.
+
+    Joints that move alike have velocities that are twins; of a velocity and its command the first is taken.
+    """
+    taken = {k for group in twins for k in group if group[0] in positions}
+    others = [(k, rank) for group in twins for rank, k in enumerate(group) if k not in taken]
+    if len(others) < len(positions):
+        return []
+    columns = [k for k, _ in others]
+    match = _correlations(rate[:, positions], smooth[:, columns])
+    later = _LATER * np.array([rank for _, rank in others])
+    rows, partners = linear_sum_assignment(later - match)
+    if (match[rows, partners] < _DERIVATIVE).any():
+        return []
+    return [columns[k] for k in partners]
 
 
 def _accelerations(smooth: Array, rate: Array, velocities: list[int], others: list[int]) -> list[int]:

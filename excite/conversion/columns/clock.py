@@ -24,6 +24,8 @@ _FORWARD = 0.9
 _RESET_ROWS = 50.0
 # A run has more rows than this; of more late rows the order is not known.
 _FEWEST_ROWS, _LATE = 20, 0.4
+# Velocities are slopes where they are so alike, smoothed over so many rows, and of one rate where they differ by less.
+_SLOPE, _SMOOTHED, _ONE_RATE = 0.95, 5, 0.1
 # Steps longer than this many usual ones are pauses.
 _PAUSE = 5.0
 
@@ -155,3 +157,29 @@ def row_seconds(time: Array) -> float | None:
     # Stamps of few digits stand several times: what counts is how they go on over many rows, pauses left out.
     going = steps[(steps >= 0.0) & (steps < _PAUSE * pace)]
     return float(going.mean()) if (going == 0.0).any() else pace
+
+
+def rate_by_velocities(positions: Array, velocities: Array) -> float | None:
+    """Rows a second of which velocities are the positions' slopes; None where most of them are not, or not of one.
+
+    Args:
+        positions: ``(n, m)``, of the joints.
+        velocities: ``(n, m)``, the same angles or lengths a second.
+    """
+    if len(positions) < 2 * _SMOOTHED:
+        return None
+    kernel = np.ones(_SMOOTHED) / _SMOOTHED
+    even = [
+        np.column_stack([np.convolve(c, kernel, mode="valid") for c in block.T])
+        for block in (positions, velocities)
+    ]
+    slope, speed = np.gradient(even[0], axis=0), even[1]
+    power = (slope**2).sum(axis=0)
+    alike = (slope * speed).sum(axis=0) / np.sqrt(np.maximum(power * (speed**2).sum(axis=0), 1e-300))
+    told = alike > _SLOPE
+    if 2 * told.sum() <= len(told):
+        return None
+    rates = (slope * speed).sum(axis=0)[told] / power[told]
+    rate = float(np.median(rates))
+    same = np.abs(rates / rate - 1.0).max() < _ONE_RATE
+    return rate if same and _SLOWEST_HZ <= rate <= _FASTEST_HZ else None

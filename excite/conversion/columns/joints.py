@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from excite.conversion.columns.naming.book import Book
 from excite.conversion.columns.naming.match import BY_NAME, Doubt, Match, match
 from excite.conversion.columns.naming.numbers import Name
-from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, NOISE, OF_WORD
+from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, NOISE, OF_HANDS, OF_WORD
 from excite.conversion.columns.words import Clue, name_tokens
 
 
@@ -42,6 +42,7 @@ def place(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str],
         joints: the robot's joints, or those that a map states, in order.
         first: the number of the first joint in this recording's names, 0 or 1.
     """
+    columns = _but_hands(columns, joints)
     if len(columns) == len(joints) == 1:
         named = clues[columns[0]].exact == joints[0]
         return Placed({joints[0]: columns[0]}, BY_NAME if named else "the robot has one joint", named=named)
@@ -57,6 +58,13 @@ def place(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str],
         if all(numbers.get(column) == (own[joint] or (None,))[-1] for joint, column in pairs.items()):
             return Placed(pairs, "the order of the columns")
     return Placed({}, "", tuple(columns))
+
+
+def _but_hands(columns: Sequence[str], joints: Sequence[str]) -> Sequence[str]:
+    """Columns without those of hands, where no joint's name has a word of one and others are there."""
+    if not OF_HANDS.isdisjoint(word for joint in joints for word in name_tokens(joint)):
+        return columns
+    return [column for column in columns if OF_HANDS.isdisjoint(name_tokens(column))] or columns
 
 
 def first_number(clues: Sequence[Clue]) -> int:

@@ -53,6 +53,8 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     ),
 }
 OF_WORD = {word: quantity for quantity, words in QUANTITIES.items() for word in words}
+# Parts of hands, which are recorded beside arms whose models end at the wrist.
+OF_HANDS = frozenset("hand hands finger fingers thumb thumbs pinky palm gripper grippers claw claws".split())
 # KUKA writes AIPos and ASPos for actual and set positions of axes.
 COMMANDED = frozenset(
     "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "

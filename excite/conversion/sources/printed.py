@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import ClassVar
 
@@ -19,6 +20,7 @@ _MAX_BYTES = 512 * 1024 * 1024
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _PAIR = re.compile(rf"([A-Za-z_][\w./]*)'?\s*[:=]\s*(?:[\[({{]([^\])}}]*)[\])}}]|({_NUMBER})(?![\w.:]))")
 _FIRST = re.compile(_NUMBER)
+_WORD = re.compile(r"[A-Za-z_]\w*")
 # Seconds since 1970 in brackets, as ROS writes them; or a date and time of day.
 _EPOCH = re.compile(r"\[(\d{9,10}\.\d+)\]")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d+")
@@ -75,11 +77,19 @@ def _holds(line: str) -> bool:
 
 
 def _values(line: str) -> dict[str, list[float]]:
-    found: dict[str, list[float]] = {}
-    for name, several, one in _PAIR.findall(line):
-        numbers = [float(number) for number in _FIRST.findall(one or several)]
+    """Numbers by their names; by the words before them, too, where a name comes again: ``J1 pos=0.1 | J2 pos=0.2``."""
+    pairs: list[tuple[str, str, list[float]]] = []
+    label, end = "", 0
+    for match in _PAIR.finditer(line):
+        words = _WORD.findall(line[end : match.start()])
+        label, end = words[-1] if words else label, match.end()
+        numbers = [float(number) for number in _FIRST.findall(match[3] or match[2])]
         if numbers:
-            found.setdefault(name, numbers)
+            pairs.append((label, match[1], numbers))
+    times = Counter(name for _, name, _ in pairs)
+    found: dict[str, list[float]] = {}
+    for label, name, numbers in pairs:
+        found.setdefault(f"{label}/{name}" if label and times[name] > 1 else name, numbers)
     return found
 
 

@@ -25,7 +25,7 @@ SOURCES: Registry[Source] = Registry(
         "mcap": "excite.conversion.sources.mcap:McapSource",
         "log": "excite.conversion.sources.log_folder:LogFolderSource",
         "pace": "excite.conversion.sources.pace:PaceSource",
-        "mat": "excite.conversion.sources.mat:MatSource",
+        "mat": "excite.conversion.sources.matlab.mat:MatSource",
         "hdf5": "excite.conversion.sources.hdf5:Hdf5Source",
         "parquet": "excite.conversion.sources.parquet:ParquetSource",
         "pickle": "excite.conversion.sources.pickled:PickleSource",

@@ -18,6 +18,9 @@ _OTHER_UNITS = frozenset(
 _SEPARATORS = (",", ";", "\t", "|", " ")
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$|[+-]?(nan|inf(inity)?)$", re.IGNORECASE)
 
+# Rows of a table of one column: fewer may be a text with a number in it.
+_FEWEST_ALONE = 10
+
 # How the note on names that are not believed begins.
 MISFIT = "its line of names"
 
@@ -74,7 +77,19 @@ def table_habits(lines: list[str]) -> Habits | None:
         return Habits(
             separator, decimal, first, tuple(_unique(names)), tuple(units), named, folded > 0, misfit
         )
-    return None
+    return _single_column(lines)
+
+
+def _single_column(lines: list[str]) -> Habits | None:
+    """Habits of a table of one column, a number a line below a name or none, as times are written beside others."""
+    cells = [line.strip().rstrip(",;").strip('"') for line in lines]
+    numbers = [bool(_NUMBER.match(cell)) and "," not in cell for cell in cells]
+    first = next((k for k, number in enumerate(numbers) if number), len(cells))
+    rows = [number for number, cell in zip(numbers[first:], cells[first:], strict=True) if cell]
+    above = [cell for cell in cells[:first] if cell]
+    if len(rows) < _FEWEST_ALONE or not all(rows) or len(above) > 1:
+        return None
+    return Habits(" ", ".", first, (above[0] if above else "column1",), (), bool(above))
 
 
 def _misfit(above: list[str], width: int) -> str:

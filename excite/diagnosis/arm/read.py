@@ -79,7 +79,9 @@ class Reading:
         ranking = self._scored((*named, *self._likely))[:_LISTED]
         stage = Stage(Context(self.scorer.baseline), ranking, None)
         strange = [term for term in self._terms.values() if term.effect.nameless]
-        stranger = next(iter(self._scored(strange)), None) if structured else None
+        # What has no name is the gap only where it says more than all that has one, each alone.
+        most = max((scored.evidence for scored in ranking), default=0.0)
+        stranger = next((s for s in self._scored(strange) if structured and s.evidence > most), None)
         if stranger is not None:
             place = stranger.location
             structured = (place, *(name for name in structured if name != place))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import product
 
 import numpy as np
 import scipy
 
+from excite.arrays import Array
 from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
@@ -21,6 +22,8 @@ _QUARTER, _NEAR_QUARTER = 0.5 * np.pi, 0.12
 _TOGETHER = 2
 # What a coarse step has to bring before it is refined, half the logarithm of the residual's power over all joints.
 _PROMISES = 0.2
+# Zeros whose quarter turns change it by less are in no torque at all, but for rounding.
+_QUARTERS, _FELT = np.array([0.0, 1.0, 2.0, 3.0]) * _QUARTER, 1e-6
 
 
 class ZeroPosition(Mistake[Samples]):
@@ -36,18 +39,23 @@ class ZeroPosition(Mistake[Samples]):
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         start = float(samples.left(reading).sum())
         turning = [j for j in range(len(samples.joints)) if not samples.slides(j)]
+        felt = []
         for j in turning:
-            found = self._best(samples, reading, j, start)
+            by_zero = samples.by_zero(reading, j)
+            found = self._best(samples, reading, j, start, by_zero)
             if found is not None:
                 yield found
-        for j, k in ((j, k) for j in turning for k in turning if 0 < k - j <= self._together):
+            # What an upright first axis turns to from is in no torque: as one of two its zero would come for nothing.
+            if np.ptp(by_zero(_QUARTERS).sum(axis=1)) > _FELT:
+                felt.append(j)
+        for j, k in ((j, k) for j in felt for k in felt if 0 < k - j <= self._together):
             for a, b in product((1, -1, 2), repeat=2):
                 moved = reading.with_position(j, zero=a * _QUARTER).with_position(k, zero=b * _QUARTER)
                 yield self._said(samples, moved, {j: a * _QUARTER, k: b * _QUARTER})
 
-    def _best(self, samples: Samples, reading: Reading, joint: int, start: float) -> Correction | None:
-        by_zero = samples.by_zero(reading, joint)
-
+    def _best(
+        self, samples: Samples, reading: Reading, joint: int, start: float, by_zero: Callable[[Array], Array]
+    ) -> Correction | None:
         def left(angle: float) -> float:
             return float(by_zero(np.array([angle])).sum())
 

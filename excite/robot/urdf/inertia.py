@@ -26,6 +26,10 @@ Twice what the most careless of 1181 published models has, which put in moments 
 boom of a crane, 60 m, has 17. Moments in kg·mm² make it a thousand times what it is.
 """
 
+# A link of less than this share of the robot's mass stands for a frame, as that of an iiwa's flange with 1e-6 kg and
+# moments of 1 kg·m² does: they were put in for want of better, and say nothing of the file's units.
+_WEIGHTLESS = 1e-3
+
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -34,6 +38,11 @@ class _Inertial:
     mass: float
     centre: NDArray[np.float64]
     moments: NDArray[np.float64]
+
+    @property
+    def size(self) -> float:
+        """Largest of the moments and products of inertia, without its sign [kg·m²]."""
+        return float(np.abs(self.moments).max())
 
 
 def check_inertials(
@@ -81,13 +90,20 @@ def inertial_faults(
     Arguments as for :func:`check_inertials`.
 
     Raises:
-        RobotError: a fault that cannot be acknowledged: a number that is none, a negative mass.
+        RobotError: a fault that cannot be acknowledged: a number that is none, negative mass, moments in another unit.
     """
     inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
-    _check_gyration(inertials, path)
+    known = [one for one in inertials.values() if one is not None]
+    weightless = _WEIGHTLESS * sum(one.mass for one in known)
+    # Frames that an exporter gave a mass of next to nothing may have any moments that are next to nothing.
+    least = TOLERANCE * max((one.size for one in known), default=0.0)
     faults: dict[str, RobotError] = {}
     for name, inertial in inertials.items():
-        fault = None if inertial is None else _impossible(inertial.moments, strict=False)
+        spread = None if inertial is None else _spread(inertial, least)
+        fault = None if inertial is None else spread or _impossible(inertial.moments, strict=False)
+        if spread and inertial is not None and inertial.mass > weightless:
+            field, remedy = f"link {name!r}/inertial/inertia", "write moments in kg·m² and masses in kg"
+            raise RobotError(spread, source=path, field=field, remedy=remedy)
         if inertial is not None and inertial.mass == 0.0:
             remedy = _remedy(name, "give a positive mass in kilograms")
             where = f"link {name!r}/inertial/mass@value"
@@ -152,20 +168,12 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     return _Inertial(mass, np.array(centre), rotation @ moments @ rotation.T)
 
 
-def _check_gyration(inertials: Mapping[str, _Inertial | None], path: Path) -> None:
-    """Refuse moments in another unit; a frame that was given a mass of next to nothing may have any."""
-    sizes = {name: float(np.abs(one.moments).max()) for name, one in inertials.items() if one is not None}
-    for name, one in inertials.items():
-        if one is None or one.mass == 0.0 or sizes[name] <= TOLERANCE * max(sizes.values()):
-            continue
-        radius = math.sqrt(sizes[name] / one.mass)
-        if radius > MAX_GYRATION:
-            raise RobotError(
-                f"spreads {one.mass:g} kg over a radius of {radius:.3g} m",
-                source=path,
-                field=f"link {name!r}/inertial/inertia",
-                remedy="write moments in kg·m² and masses in kg",
-            )
+def _spread(inertial: _Inertial, least: float) -> str | None:
+    """How far a body reaches that is larger than any is, in words; None where it is not, or has ``least`` moments."""
+    if inertial.mass <= 0.0 or inertial.size <= least:
+        return None
+    radius = math.sqrt(inertial.size / inertial.mass)
+    return f"spreads {inertial.mass:g} kg over a radius of {radius:.3g} m" if radius > MAX_GYRATION else None
 
 
 def _impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:

@@ -1,4 +1,4 @@
-"""MATLAB's ``.mat``: variables, structs taken apart, version 7.3 through HDF5; ``timeseries`` exported as structs."""
+"""MATLAB's ``.mat``: variables, structs and tables taken apart, version 7.3 through HDF5; ``timeseries`` as structs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from excite.conversion.columns.words import name_tokens
 from excite.conversion.recording import Recording
 from excite.conversion.sources.hdf5 import hdf5_arrays, recordings_of
+from excite.conversion.sources.matlab.objects import tables_of
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
@@ -40,6 +41,8 @@ class MatSource(Source):
 
         try:
             content = loadmat(path, simplify_cells=True)
+            workspace = content.get("__function_workspace__")
+            tables = {} if workspace is None else tables_of(path, workspace)
         except (
             OSError,
             ValueError,
@@ -52,7 +55,7 @@ class MatSource(Source):
         ) as error:
             raise damaged(path, error, "a .mat file") from error
         found: dict[str, Any] = {}
-        for name, value in content.items():
+        for name, value in [*content.items(), *tables.items()]:
             if not name.startswith("__"):
                 _collect(name, value, found, 0)
         return recordings_of(path, found)

@@ -1,0 +1,1 @@
+"""Files that MATLAB saves, and what in them is no array."""
