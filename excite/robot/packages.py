@@ -32,7 +32,9 @@ def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path
     near, far = ([*_called(name, folders)] for folders in (given, outer))
     clone = next(((folder,) for folder in outer if (folder / ".git").exists()), ())
     said = (place for place in (*near, *far, *outer) if _name(place) == name)
-    inside = (place for folder in (*given, *clone) for place in _packages(folder, _DEEP) if _name(place) == name)
+    inside = (
+        place for folder in (*given, *clone) for place in _packages(folder, _DEEP) if _name(place) == name
+    )
     unsaid_near, unsaid_far = ([place for place in places if _name(place) is None] for places in (near, far))
     return next(chain(said, unsaid_near, inside, unsaid_far), None)
 
