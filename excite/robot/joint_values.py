@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,27 @@ from excite.errors import RobotError
 from excite.robot.description import FREE_BASES, RobotDescription
 from excite.robot.per_joint import PerJoint
 from excite.robot.quantities import MAX_TRAVEL, in_radians, looks_like_degrees
-from excite.robot.robot import Limits
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Limits of the actuated joints, each of shape ``(n_joints,)``.
+
+    Attributes:
+        position_lower: [rad or m]
+        position_upper: [rad or m]
+        velocity: [rad/s or m/s]
+        acceleration: [rad/s² or m/s²]
+        jerk: [rad/s³ or m/s³]
+        torque: [N·m or N]
+    """
+
+    position_lower: Array
+    position_upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array
 
 
 def check_joints(

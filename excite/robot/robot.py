@@ -13,30 +13,10 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.robot.description import FREE_BASES, RobotDescription
+from excite.robot.joint_values import Limits
 from excite.robot.mechanisms.building import limb_columns
 from excite.robot.mechanisms.mechanism import Mechanism
 from excite.shown import count
-
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """Limits of the actuated joints, each of shape ``(n_joints,)``.
-
-    Attributes:
-        position_lower: [rad or m]
-        position_upper: [rad or m]
-        velocity: [rad/s or m/s]
-        acceleration: [rad/s² or m/s²]
-        jerk: [rad/s³ or m/s³]
-        torque: [N·m or N]
-    """
-
-    position_lower: Array
-    position_upper: Array
-    velocity: Array
-    acceleration: Array
-    jerk: Array
-    torque: Array
 
 
 @dataclass(frozen=True, eq=False)

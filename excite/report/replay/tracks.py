@@ -16,7 +16,8 @@ from excite.errors import ExciteError
 from excite.motion.motion import Motion
 from excite.report.replay.nearest import nearest_pairs
 from excite.report.replay.packed import packed, packed_indices
-from excite.robot.robot import Limits, Robot
+from excite.robot.joint_values import Limits
+from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model, geometry_data
 from excite.safety.checks.balance import ZMP_MARGIN, support_margin
 from excite.safety.checks.sweep import Sweep

@@ -11,7 +11,8 @@ from excite.arrays import Array
 from excite.logs.columns import BASE_POSE
 from excite.report.replay.packed import packed
 from excite.report.replay.tracks import FRAMES_HZ, bounds
-from excite.robot.robot import Limits, Robot
+from excite.robot.joint_values import Limits
+from excite.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
