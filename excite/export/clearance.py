@@ -92,7 +92,7 @@ def clear_motions(
         raise UnsafeMotionError(
             broken.summary(),
             verdicts=failed,
-            remedy="nothing was written, and for no reason: nobody can run it",
+            remedy="nothing was written, and no reason would change that: nobody can run it",
         )
     if failed and unsafe_anyway is None:
         more = (

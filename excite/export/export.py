@@ -207,7 +207,7 @@ def _read(file: Path, robot: Robot) -> Motion:
         raise UnsafeMotionError(
             verdict.summary(),
             verdicts=[verdict],
-            remedy="nothing was written, and for no reason: its joints differ",
+            remedy="nothing was written, and no reason would change that: its joints differ",
         ) from error
 
 

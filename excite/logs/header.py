@@ -24,7 +24,13 @@ _CONTROLLER_NUMBERS = ("rate_hz", "delay_s")
 
 
 def header_path(log: str | Path) -> Path:
-    """The ``log.yaml`` of a log, given as a folder or as that file itself."""
+    """The ``log.yaml`` of a log, given as a folder or as that file itself; raises LogError for what is no path."""
+    if not isinstance(log, str | Path):
+        raise LogError(
+            f"is a {type(log).__name__}",
+            field="log",
+            remedy="give a log folder or a loaded log; excite.recordings.join_logs makes one log of several",
+        )
     # Not Path.is_dir, which raises for names that no file can have.
     return Path(log) / "log.yaml" if os.path.isdir(log) else Path(log)
 

@@ -56,6 +56,10 @@ def test_a_robot_by_its_name_is_as_good_as_a_loaded_one(planned: Path, log: Path
     assert models.differences.is_file()
     with pytest.raises(InputError, match="is a int; give a Robot"):
         excite.diagnose(log, 7)  # type: ignore[arg-type]
+    with pytest.raises(
+        InputError, match=r"is a list; give a log folder .*join_logs makes one log of several"
+    ):
+        excite.identify(robot, [log])  # type: ignore[arg-type]
 
 
 def test_what_is_no_robot_is_said_in_one_line() -> None:

@@ -64,7 +64,7 @@ def test_the_terminal_says_of_an_interval_what_the_page_says(tmp_path: Path) -> 
     )
     found = replace(whole, budget=replace(whole.budget, channels={"shoulder": twice, "elbow": elbow}))
     text = found.summary()
-    assert len(re.findall(r" -48… 248%  torque bias at shoulder \[1\]\n", text)) == 2
+    assert len(re.findall(r" -48…248%  torque bias at shoulder \[1\]\n", text)) == 2
     assert re.search(r"coulomb friction at shoulder\n", text) and "nan" not in text
     assert re.search(r"-5% .* backlash at shoulder \[2\]\n", text)
     assert re.search(r"10% +backlash at elbow\n", text)
