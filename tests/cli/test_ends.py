@@ -197,29 +197,6 @@ def test_an_interrupted_command_names_what_it_has_written(tmp_path: Path) -> Non
     assert run.stderr == "at work\nexcite: interrupted; complete by then: augmented.xml\n"
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
-def test_ctrl_c_is_how_a_view_ends(number: int, code: int, tmp_path: Path) -> None:
-    serving = """
-import sys, time
-import excite.viewer.serve as viewer
-def serve(thing, port, ready):
-    print("at work", file=sys.stderr, flush=True)
-    time.sleep(60)
-viewer.serve = serve
-import excite.viewer.thing
-excite.viewer.thing.read_thing = lambda *given: None
-from excite.cli.main import program
-program()
-"""
-    run = subprocess.Popen(
-        [sys.executable, "-c", serving, "view", "log"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-    )
-    assert run.stderr is not None and run.stderr.readline() == "at work\n"
-    run.send_signal(number)
-    rest = run.communicate(timeout=10)[1]
-    assert run.returncode == code and rest.startswith("excite: interrupted") == bool(code)
-
-
 def test_a_second_interrupt_ends_at_once(tmp_path: Path) -> None:
     code = """
 import sys, time

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from excite.cli.session.interruption import exit_code_of_interruption
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.output import emit
 
@@ -58,9 +56,4 @@ def command(
         document = {"schema": "excite.view/1", "address": address, "motions": len(shown.clips)}
         emit(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document, as_json=as_json)
 
-    try:
-        serve(shown, port, ready)
-    except KeyboardInterrupt:
-        # Ctrl-C is how it ends, not a break of it.
-        if exit_code_of_interruption() != 128 + signal.SIGINT:
-            raise
+    serve(shown, port, ready)
