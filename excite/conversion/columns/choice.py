@@ -47,10 +47,7 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             continue
         if _told_by_a_word(found, chosen, family, other):
             continue
-        found.ask(
-            f"{family.target} may be {other.columns[0]} … or {family.columns[0]} …",
-            f'columns: {{{family.target}: "{_pattern(other)}"}}',
-        )
+        _ask_which(found, other, family)
     known = set(chosen) | {item.channel for item in found.mapped}
     _ask_for_measured(found, chosen, known)
     _ask_for_set_points(found, chosen)
@@ -62,6 +59,17 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
     return chosen
+
+
+def _ask_which(found: Guesses, first: Family, other: Family) -> None:
+    """Which of two families a channel is, or which of more."""
+    line = f'columns: {{{first.target}: "{_pattern(first)}"}}'
+    more = f"or {other.columns[0]} …"
+    for k, question in enumerate(found.questions):
+        if question.line == line:
+            found.questions[k] = replace(question, what=f"{question.what} {more}")
+            return
+    found.ask(f"{first.target} may be {first.columns[0]} … {more}", line)
 
 
 def _ask_for_measured(found: Guesses, chosen: dict[str, Family], known: set[str]) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.conversion.assemble import Table
 from excite.errors import LogError
+from excite.logs.signals.resample import resample_smooth
 
 # Longer than this nothing is made up between two samples [s].
 _LONGEST_S = 0.05
@@ -57,7 +58,7 @@ def whole_rows(table: Table, source: object) -> Table:
         )
         rows = rows[near]
         columns[name] = values.copy()
-        columns[name][rows] = np.interp(time[rows], time[there], values[there])
+        columns[name][rows] = _between(name, time[there], values[there], time[rows])
         filled += len(rows)
     whole = np.ones(len(time), dtype=bool)
     for values in columns.values():
@@ -75,6 +76,14 @@ def whole_rows(table: Table, source: object) -> Table:
     if not whole.all() or not known.all():
         notes.append(f"{int((~whole).sum() + (~known).sum())} rows with missing values were left out")
     return replace(table, columns=_where(whole, columns), notes=tuple(notes))
+
+
+def _between(name: str, time: Array, values: Array, at: Array) -> Array:
+    """A channel between its samples: positions by a spline, as straight lines between them have no accelerations."""
+    if not name.startswith("q."):
+        return np.interp(at, time, values)
+    stamps, first = np.unique(time, return_index=True)
+    return resample_smooth(stamps, values[first], at)
 
 
 def _where(rows: NDArray[np.bool_], columns: dict[str, Array]) -> dict[str, Array]:
