@@ -54,12 +54,14 @@ def command(
     check_replaceable(out or Path("log"))
     loaded = excite.load_robot(robot)
     with claimed(out or Path("log")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
+        moves, planned = excite.load_motions(motions, loaded), planned_roles(motions)
         experiment = excite.simulate(
             loaded,
-            excite.load_motions(motions, loaded),
+            moves,
             inject=tuple(inject or ()),
             nominal=nominal,
-            roles=planned_roles(motions) or None,
+            # Some of a plan's motions are run without the others.
+            roles={move.name: planned[move.name] for move in moves if move.name in planned} or None,
             seed=seed,
             jobs=crew,
             progress=progress,

@@ -98,6 +98,8 @@ def test_check_rank_export_simulate_identify(
     assert code == 0
     assert all((planned / "ros" / file).exists() for file in json.loads(exported)["files"])
     assert here("simulate", "ur10", "plan", "--out", "log", "--json", "--jobs", 1)[0] == 0
+    one = json.loads((planned / "plan" / "plan.json").read_text())["selected"][0]["motion"]
+    assert here("simulate", "ur10", f"plan/{one}", "--out", "one", "--json", "--jobs", 1)[0] == 0
     identified = excite("identify", "ur10", "log", "--json", "--out", "id", cwd=planned)
     assert identified.returncode == 0, identified.stderr
     document = json.loads(identified.stdout)
