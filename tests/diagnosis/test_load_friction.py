@@ -76,16 +76,6 @@ def test_its_size_is_the_slope_of_the_straight_line_that_comes_nearest() -> None
     )
 
 
-def test_a_motor_drives_or_holds_back_however_slowly_friction_changes_sign() -> None:
-    """An encoder of coarse steps has joints creep within the width of that change; their load is no smaller for it."""
-    rng = np.random.default_rng(3)
-    load, sign = rng.uniform(-4.0, 4.0, 2000), rng.choice([-1.0, 1.0], 2000)
-    slow = sign * rng.uniform(0.05, 0.3, 2000)
-    form, theta = MotorLoadFriction(), (1.4, 0.2)
-    fast, slowed = (form.shape(at(load, s), "joint", theta).columns[0][:, 0] for s in (sign, slow))
-    np.testing.assert_allclose(slowed / slow, fast / sign, rtol=1e-9)
-
-
 def test_what_does_not_grow_with_the_load_has_no_size() -> None:
     """A joint that hardly carries anything, its motor busy with dry friction."""
     level = np.full(300, 1e-9)

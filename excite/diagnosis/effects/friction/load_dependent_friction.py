@@ -131,8 +131,7 @@ class MotorLoadFriction(CurvedLoadFriction):
     def load(self, context: Context, location: str, theta: Theta) -> Array:
         j, base = context.row(location), context.baseline
         level = coulomb_level(base.modelled, base.fit.own[j])
-        # A motor that creeps drives or holds back as one that runs does, though its friction changes sign smoothly.
-        return motor_torque(base.rigid[:, j], np.sign(context.sign(j)), level, theta[1])
+        return motor_torque(base.rigid[:, j], context.sign(j), level, theta[1])
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         return theta[1] <= _OWN * beta[0] and super().admissible(context, location, theta, beta)
