@@ -60,7 +60,7 @@ def find_robot(name_or_path: str | Path) -> Path:
             source=path,
             remedy="convert it to URDF (of an SDF: sdformat_urdf or gz-sdf), or let its name end in what it is",
         )
-    if os.path.isdir(path):
+    if str(name_or_path) and os.path.isdir(path):
         remedy = "name the URDF, xacro or MJCF, or the robot.yaml that excite init-robot makes of it"
         raise RobotError("is a folder without a robot.yaml", source=path, remedy=remedy)
     raise UnknownNameError("robot", str(name_or_path), [*bundled_robots(), "a path to a robot.yaml"])
