@@ -32,15 +32,7 @@ class Parameters(Section):
         )
         warnings = [paragraph(text, "note") for text in identification["warnings"]]
         base = identification["base_parameters"]
-        rows: list[tuple[Cell, ...]] = [
-            (
-                row["expression"],
-                row["value"],
-                row["std"],
-                Said(row["rsd_percent"], said_rsd(row["rsd_percent"])),
-            )
-            for row in base
-        ]
+        rows = [_row(item) for item in base]
         values = folded(
             f"{len(base)} base parameters",
             table(("base parameter (SI)", "value", "standard deviation", "RSD"), rows),
