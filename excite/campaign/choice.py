@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from excite.campaign.on_disk import OnDisk, write_value
@@ -17,7 +17,7 @@ from excite.progress import Progress
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.legs.upright import too_soft_to_stand
 from excite.robot.robot import Robot
-from excite.safety.refusals import RefusalTally
+from excite.safety.refusals import tallied
 from excite.safety.repairs.draft import Rejection
 
 # Motions kept back for cross-validation.
@@ -128,7 +128,7 @@ def _choose(
         if fallen and not left.entries:
             raise _AllFall(
                 f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
-                f"mass on its back: {_commonest(robot, fallen.values())}",
+                f"mass on its back: {tallied(robot, fallen.values())[0].sentence}",
                 best=left.motions,
                 remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
             )
@@ -142,15 +142,6 @@ def _choose(
         outcomes = rehearse(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
         for i, refused in zip(new, outcomes, strict=True):
             known.found[names[i], load] = refused
-
-
-def _commonest(robot: Robot, fallen: Iterable[Rejection]) -> str:
-    """What went wrong with most, in words."""
-    tally = RefusalTally(robot)
-    for refused in fallen:
-        tally.add(refused, None)
-    first = tally.refused()[0]
-    return f"{first.candidates} are refused by {first}"
 
 
 def _selected(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Selection:

@@ -80,7 +80,7 @@ def rehearse(
     # Motions that are on disk are read where they are run.
     tasks: Sequence[Motion | Path] = motions.files if isinstance(motions, OnDisk) else motions
     shared = (robot, load)
-    return tuple(in_order(_stands, tasks, jobs=jobs, shared=shared, stage="rehearse", progress=progress))
+    return tuple(in_order(_rehearsed, tasks, jobs=jobs, shared=shared, stage="rehearse", progress=progress))
 
 
 def can_fall(robot: Robot) -> bool:
@@ -93,7 +93,7 @@ def may_slip_m(robot: Robot) -> float:
     return MAX_SLIP_SHARE * support_reach(robot, robot.feet)
 
 
-def _stands(shared: tuple[Robot, float], task: Motion | Path) -> Rejection | None:
+def _rehearsed(shared: tuple[Robot, float], task: Motion | Path) -> Rejection | None:
     robot, load = shared
     motion = read_value(task) if isinstance(task, Path) else task
     # Soles that slip turn and stop; legs on points that slip lose the ground that the motion counts on.

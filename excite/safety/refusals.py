@@ -73,6 +73,11 @@ class Refused:
             "posture": None if self.posture is None else [round(x, 5) for x in self.posture],
         }
 
+    @property
+    def sentence(self) -> str:
+        """How many candidates it refuses, and what it is."""
+        return f"{self.candidates} {'is' if self.candidates == 1 else 'are'} refused by {self}"
+
     def __str__(self) -> str:
         text = f"{self.reason} of {self.where}"
         if self.worst is not None and self.limit is not None:
@@ -137,6 +142,14 @@ class RefusalTally:
             yield Refused(
                 item.kind, where, 1, item.value, item.limit, unit, item.time_s, rejection.candidate, posture
             )
+
+
+def tallied(robot: Robot, rejections: Iterable[Rejection]) -> tuple[Refused, ...]:
+    """What refuses candidates of which no verdict says more, the commonest first."""
+    tally = RefusalTally(robot)
+    for rejection in rejections:
+        tally.add(rejection, None)
+    return tally.refused()
 
 
 def joined_refusals(one: Iterable[Refused], other: Iterable[Refused]) -> tuple[Refused, ...]:

@@ -16,7 +16,7 @@ from excite.motion.generators.proposal import Proposal
 from excite.parallel.jobs import Jobs
 from excite.robot.robot import Robot
 from excite.safety.filter_report import FilterReport
-from excite.safety.refusals import RefusalTally, Refused, joined_refusals, refusals_table
+from excite.safety.refusals import Refused, joined_refusals, refusals_table, tallied
 from excite.safety.remedy import TRIED, Remedy, find_remedy
 from excite.safety.repairs.draft import Rejection
 
@@ -130,22 +130,16 @@ def refusals_of(
     """What refuses a plan's candidates, those that do not stand their rehearsal too; where few are safe, changes are
     tried on some that the filter refused, unless the user broke off."""
     few = len(report.kept) - len(fallen) < _FEW * report.generated
-    tally = RefusalTally(robot)
-    for rejection in fallen:
-        tally.add(rejection, None)
     remedy = None
     if few and not report.interrupted:
         again = [first.held[index] for index in report.first_refused if index < len(first.held)]
         remedy = find_remedy(robot, report.refused, again[:TRIED], jobs=jobs)
-    return Refusals(report.generated, joined_refusals(report.refused, tally.refused()), few, remedy)
+    return Refusals(report.generated, joined_refusals(report.refused, tallied(robot, fallen)), few, remedy)
 
 
 def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:
     """The error of a plan without any safe candidate: in one line the first cause and the change."""
-    cause = ""
-    if refusals.refused:
-        first = refusals.refused[0]
-        cause = f": {first.candidates} {'is' if first.candidates == 1 else 'are'} refused by {first}"
+    cause = f": {refusals.refused[0].sentence}" if refusals.refused else ""
     n = refusals.generated
     none = "the one candidate is not safe" if n == 1 else f"none of {n} candidates is safe"
     return NothingSafeError(
