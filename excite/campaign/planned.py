@@ -8,6 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from excite.atomic import all_or_nothing
 from excite.campaign.candidates.refusal import REFUSALS_FILE, Refusals
 from excite.campaign.expected.forecast import TARGET_RSD, Forecast
@@ -168,7 +170,7 @@ class Plan(Tabled):
             f"{count(len(self.selection.indices), 'motion')} chosen, {self.duration_s:.0f} s in total",
         ]
         if len(self.selection.indices) < len(self.pool.entries):
-            lines += [f"chosen:   {self.conditioning.summary()}", f"unchosen: {self.unchosen.summary()}"]
+            lines += [f"chosen: {self.conditioning.summary()}", f"gained: {self._gain_of_choice()}"]
         else:
             lines += [f"all that were accepted: {self.conditioning.summary()}"]
             lines += ["none is left to validate on: plan more candidates"]
@@ -193,6 +195,24 @@ class Plan(Tabled):
             lines.append("excited by no single motion: " + ", ".join(self.selection.unserved))
         lines += [f"assumed: {one}" for one in self.robot.description.assumed]
         return "\n".join(lines)
+
+    def _gain_of_choice(self) -> str:
+        """What choosing gains over as many seconds of accepted motions taken as they come.
+
+        The mean is the geometric one over the axes of the confidence ellipsoid: its volume goes with the root of the
+        information's determinant.
+        """
+        chosen, unchosen = self.conditioning, self.unchosen
+        if unchosen.rank < chosen.rank:
+            return f"rank {chosen.rank}, as many seconds unchosen have {unchosen.rank}"
+        if not np.isfinite(chosen.log_det):
+            return "no rank: as many seconds unchosen excite as many base parameters"
+        ratio = np.exp((unchosen.log_det - chosen.log_det) / (2.0 * chosen.rank))
+        change = f"{abs(1.0 - ratio):.1%} {'smaller' if ratio <= 1.0 else 'larger'}"
+        return (
+            f"standard deviations {change} in the mean than of as many seconds unchosen "
+            f"(log-determinant {unchosen.log_det:.4g})"
+        )
 
     def report_data(self) -> ReportData:
         """What the report shows beside the JSON."""

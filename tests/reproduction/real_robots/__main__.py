@@ -1,7 +1,7 @@
 """Diagnoses of real robots: ``python -m tests.reproduction.real_robots [--only NAME] [--write]``.
 
 Prints the page, or writes ``docs/real_robots.md`` and its pictures; fails where the diagnosis misses something that
-is known from elsewhere, and nobody has said why. The recordings are looked for in ``$EXCITE_DATA``.
+is known from elsewhere. The recordings are looked for in ``$EXCITE_DATA``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def main() -> int:
             write_text(PAGE, page(entries))
     if not given.write:
         print(page(entries))
-    missed = [(e.title, bar) for e in entries for bar in e.bars if not bar.met and not bar.reason]
+    missed = [(e.title, bar) for e in entries for bar in e.bars if not bar.met]
     for title, bar in missed:
         print(f"missed: {title}: {bar.what}: {bar.reached}", file=sys.stderr)
     return 1 if missed else 0

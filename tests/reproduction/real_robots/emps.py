@@ -11,6 +11,7 @@ from tests.reproduction.real_robots.entry import FRICTION, RIGID, Bar, Entry, na
 
 SOURCE = "Janot, Gautier, Brunot: Data set and reference models of EMPS, Eindhoven 2019."
 _TRIALS = "The first two thirds of the 16 s were fitted, the last third judges."
+_SHORT = "least squares by hand of the same 10.7 s is as far off"
 _VALUE = {item.name.split("(")[0]: item for item in PUBLISHED}
 
 
@@ -28,9 +29,9 @@ def _without_friction(log: Log) -> Entry:
     keys = {"viscous_friction": "coefficient", "coulomb_friction": "level"}
     for name, item in (("viscous_friction", viscous), ("coulomb_friction", level)):
         value = found[name].parameters[keys[name]].value if name in found else float("nan")
-        close = abs(value / item.value - 1.0) < 0.1
+        close = abs(value / item.value - 1.0) < 0.05
         off = f"{value:.1f}, {100 * (value / item.value - 1):+.0f} %"
-        bars.append(Bar(f"{item.what}: {item.value:.1f} within 10 %", off, close))
+        bars.append(Bar(f"{item.what}: {item.value:.1f} within 5 %", off, close, "" if close else _SHORT))
     return Entry(
         title="EMPS, friction left out",
         source=SOURCE,

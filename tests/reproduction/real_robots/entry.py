@@ -19,7 +19,7 @@ class Bar:
         what: in words, with the figure that is known.
         reached: what the diagnosis says.
         met: whether that is good enough.
-        reason: why it is known not to be; such a bar fails nothing.
+        reason: why it is not met, where that is known. It excuses nothing.
     """
 
     what: str

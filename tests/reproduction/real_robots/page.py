@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from excite.diagnosis.answer.candidate import Candidate, in_words, measured
-from tests.reproduction.real_robots.entry import Entry, said
+from tests.reproduction.real_robots.entry import Bar, Entry, said
 
 _HEAD = """# Diagnoses of real robots
 
@@ -14,7 +14,8 @@ What `excite.diagnose` says of public recordings of real machines, beside what t
 
 Gaps are root mean squares, over joints, of measured minus predicted torque on trials that were not fitted, in percent
 of the torque's standard deviation. Evidence is in nats: a log-likelihood ratio over effective samples, less the price
-of the parameters and of the candidates tried. A tick is something known from elsewhere that the diagnosis says too.
+of the parameters and of the candidates tried. A tick is something
+known from elsewhere that the diagnosis says too, a cross something known from elsewhere that it misses.
 """
 _MARK = {True: "✓", False: "✗"}
 _LISTED = 4
@@ -48,7 +49,10 @@ def section(entry: Entry) -> str:
     if d.next_experiment is not None:
         lines.append(f"- **Next:** {d.next_experiment.why}.")
     lines += ["", *_candidates(entry), "", *_channels(entry), ""]
-    lines += [f"{_MARK[bar.met]} {bar.what}: {bar.reached}{_why(bar.reason)}  " for bar in entry.bars]
+    lines += [
+        f"{_MARK[bar.met]} {bar.what}: {bar.reached}{'' if bar.met else _why(bar.reason)}  "
+        for bar in entry.bars
+    ]
     if entry.picture is not None:
         file, text = entry.picture
         lines += ["", f"![{text}](images/{file})"]
@@ -77,8 +81,9 @@ def _interval(entry: Entry) -> str:
     return f"; {100 * gap.share_closed:.0f} % of it closed (90 %: {100 * low:.0f} to {100 * high:.0f} %)."
 
 
-def _why(reason: str) -> str:
-    return f" ({reason})" if reason else ""
+def _why(bar: Bar) -> str:
+    """Why a bar is missed, where that is known."""
+    return f" ({bar.reason})" if bar.reason and not bar.met else ""
 
 
 def _candidates(entry: Entry) -> list[str]:

@@ -44,6 +44,12 @@ def entries(data: Path, folder: Path) -> list[Entry]:
                     ", ".join(f"{value:.0f} ms" for value in late) or "no delay",
                     any(_DELAY[0] <= 1e-3 * value <= _DELAY[1] for value in late),
                 ),
+                Bar(
+                    "play named",
+                    ", ".join(f"{e.effect} at {e.location}" for e in d.effects)
+                    or f"{d.verdict}: nothing named",
+                    any(e.effect == "backlash" for e in d.effects),
+                ),
             ),
             remark=" ".join(f"{text[0].upper()}{text[1:]}." for text in said),
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.diagnose import diagnose
 from tests.reproduction.real_robots.entry import FRICTION, RIGID, Bar, Entry, with_modelled
 from tests.reproduction.real_robots.pictures import LOAD
@@ -70,6 +71,16 @@ def _bare(data: Path, folder: Path) -> Entry:
     )
 
 
+def _inside(first: Candidate | None, mass: float) -> Bar:
+    """Whether the mass as weighed lies in the 90 % interval of the diagnosis."""
+    std = first.parameters["mass"].std if first is not None and "mass" in first.parameters else None
+    what = f"{MASS} kg inside the 90 % interval"
+    if std is None:
+        return Bar(what, "no interval", met=False)
+    half = 1.645 * std
+    return Bar(what, f"{mass:.3f} ± {half:.3f} kg", abs(mass - MASS) <= half)
+
+
 def _loaded(data: Path, folder: Path, gains: Mapping[str, float], which: str, expected: float) -> Entry:
     log = loaded_log(data, folder, gains)
     d = diagnose(log, bare_arm(data, folder, gains))
@@ -98,6 +109,7 @@ def _loaded(data: Path, folder: Path, gains: Mapping[str, float], which: str, ex
                 d.location == "wrist_3_link" and len(d.tied_locations) == 1,
             ),
             Bar(f"{expected} kg within 3 %", f"{mass:.3f} kg, {off:+.1f} %", abs(off) <= 3.0),
+            *([_inside(first, mass)] if expected == MASS else []),
         ),
         picture=LOAD if expected == MASS else None,
         remark=(
