@@ -37,8 +37,8 @@ SHORT = (
 HEAD = """# Measured
 
 Every figure with its bar; a cross is a bar that is missed. `python -m tests.benchmarks --all --write` makes this page,
-`--only NAME --write` one part of it. Under each part: when it was measured, of which commit, on which machine. A part is
-**stale** where the code that it runs through, or its benchmark, has changed since: its figures are those of the commit.
+`--only NAME --write` one part of it. Under each part: when it was measured, of which commit, on which machine. A part
+is **stale** where the code that it runs through, or its benchmark, changed since: its figures are of the commit.
 """
 
 

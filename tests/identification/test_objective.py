@@ -235,10 +235,18 @@ def test_the_distance_is_the_root_of_twice_the_gap():
         left = moved.z - target - constraints.matrix.T @ usable
         gap = 0.5 * left @ left + abs(usable @ (constraints.matrix @ moved.z - constraints.bound))
         assert distance_to_optimum(target, constraints, moved) == pytest.approx(np.sqrt(2.0 * gap))
-    inside = ProjectionAnswer(answer.z + 0.3 * constraints.matrix[2:].sum(axis=0), answer.multipliers)
-    feasible = constraints.violations(inside.z)[2:].max() == 0.0
-    if feasible:
-        assert distance_to_optimum(target, constraints, inside) >= np.linalg.norm(inside.z - answer.z)
+
+
+def test_the_distance_of_a_feasible_point_is_no_less_than_its_way_to_the_optimum():
+    target, constraints = boxed()
+    answer = project(target, constraints)
+    # Another feasible point is the projection of another target; the multipliers stay those of the first.
+    elsewhere = project(target + np.random.default_rng(0).normal(size=len(target)), constraints)
+    assert constraints.violations(elsewhere.z)[2:].max() < 1e-12
+    away = np.linalg.norm(elsewhere.z - answer.z)
+    assert away > 1e-2
+    moved = ProjectionAnswer(elsewhere.z, answer.multipliers)
+    assert distance_to_optimum(target, constraints, moved) >= away * (1.0 - 1e-9)
 
 
 # --- What is recomputed of an answer
