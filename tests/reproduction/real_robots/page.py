@@ -49,10 +49,7 @@ def section(entry: Entry) -> str:
     if d.next_experiment is not None:
         lines.append(f"- **Next:** {d.next_experiment.why}.")
     lines += ["", *_candidates(entry), "", *_channels(entry), ""]
-    lines += [
-        f"{_MARK[bar.met]} {bar.what}: {bar.reached}{'' if bar.met else _why(bar.reason)}  "
-        for bar in entry.bars
-    ]
+    lines += [f"{_MARK[bar.met]} {bar.what}: {bar.reached}{_why(bar)}  " for bar in entry.bars]
     if entry.picture is not None:
         file, text = entry.picture
         lines += ["", f"![{text}](images/{file})"]
