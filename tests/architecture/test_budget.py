@@ -41,6 +41,8 @@ def test_what_is_counted(tmp_path: Path):
     assert (found["lines"], found["functions"], found["ifs"], found["one_word_functions"]) == (12, 1, 2, 1)
     assert (found["constants"], found["deciding_constants"], found["bare_tuples"]) == (3, 2, 1)
     laid_out = tmp_path / "laid_out.py"
-    laid_out.write_text(file.read_text().replace("= 3", "=  3  # many").replace("\n\n\n", "\n\n\n\n"))
+    laid_out.write_text(
+        file.read_text().replace("_UNUSED = 1", "_UNUSED =  1  # many").replace("\n\n\n", "\n\n\n\n")
+    )
     other = budget._weighed(laid_out)
     assert other["tokens"] == found["tokens"] == 63 and other["lines"] > found["lines"]
