@@ -19,9 +19,7 @@ from excite.blind.hidden import Answer, HiddenEffect
 from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
-from excite.simulation.effects.friction.bristles import BristleLaw
-from excite.simulation.effects.friction.coulomb_asymmetry import AsymmetryLaw
-from excite.simulation.effects.friction.friction_drift import WarmingLaw
+from excite.simulation.effects.friction import AsymmetryLaw, BristleLaw, WarmingLaw
 from excite.simulation.execution import execute
 from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header

@@ -10,19 +10,24 @@ import numpy as np
 
 from excite.blind.arm import Arm
 from excite.blind.hidden import HiddenEffect
-from excite.simulation.effects.bodies.base_tilt import Tilt
-from excite.simulation.effects.bodies.link_length_error import Shift
-from excite.simulation.effects.forces.disturbances import GripLaw, HoseLaw, PulseLaw
-from excite.simulation.effects.forces.external_force import PokeLaw
-from excite.simulation.effects.forces.joint_spring import SpringLaw, StopLaw
-from excite.simulation.effects.forces.torque_ripple import RippleLaw
-from excite.simulation.effects.friction.bristles import BristleLaw
-from excite.simulation.effects.friction.coulomb_asymmetry import AsymmetryLaw
-from excite.simulation.effects.friction.friction_drift import WarmingLaw
-from excite.simulation.effects.friction.load_dependent_friction import LoadFrictionLaw
-from excite.simulation.effects.friction.stribeck import StribeckLaw
-from excite.simulation.effects.gears.gear import GearLaw, LooseGear
-from excite.simulation.effects.readings.actuator_lag import LagLaw, disconnect
+from excite.simulation.effects.bodies import Shift, Tilt
+from excite.simulation.effects.drives import GearLaw, LagLaw, LooseGear, disconnect
+from excite.simulation.effects.forces import (
+    GripLaw,
+    HoseLaw,
+    PokeLaw,
+    PulseLaw,
+    RippleLaw,
+    SpringLaw,
+    StopLaw,
+)
+from excite.simulation.effects.friction import (
+    AsymmetryLaw,
+    BristleLaw,
+    LoadFrictionLaw,
+    StribeckLaw,
+    WarmingLaw,
+)
 from excite.simulation.effects.registry import INJECTED_EFFECTS
 from excite.simulation.plant import Law
 from excite.simulation.true_parameters import AddedPart, with_part

@@ -145,31 +145,19 @@ class ToyEstimator(Estimator[WlsSettings]):
         ),
     ),
     "injected effect": Toy(
-        "simulation/effects/forces/toy.py",
-        '''
-from excite.simulation.effects.effect import InjectedEffect
-from excite.simulation.effects.forces.joint_spring import SpringLaw
+        "simulation/effects/toy.py",
+        """
+from excite.simulation.effects.forces import SpringLaw
 
-
-class Toy(InjectedEffect):
-    """A spring by another name."""
-
-    name = "toy"
-    what = "a spring"
-    unit = "N·m/rad"
-    lower, upper = 0.0, 100.0
-
-    def locations(self, virtual):
-        return virtual.robot.joint_names
-
-    def default(self, virtual, location):
-        return 5.0
-
-    def apply(self, virtual, location, value):
-        return virtual.with_law(SpringLaw(virtual.robot.joint_index(location), value))
-''',
+ToyLaw = SpringLaw
+""",
         registered(
-            "simulation/effects/registry.py", "simulation.effects.forces.toy", "Toy", "Toy()", "    )"
+            "simulation/effects/registry.py",
+            "simulation.effects.toy",
+            "ToyLaw",
+            '_E("toy", "a spring", "N·m/rad", 0.0, 100.0, _joints, _constant(5.0),'
+            " lambda v, name, x: v.with_law(ToyLaw(_joint(v, name), x)))",
+            "    # readings",
         ),
     ),
     "diagnosed effect": Toy(

@@ -14,9 +14,7 @@ from excite.blind.floating.site import Site
 from excite.blind.floating.truth import Truth, happens
 from excite.blind.hidden import HiddenEffect
 from excite.logs.columns import WRENCH_AXES
-from excite.simulation.effects.readings.base_orientation_bias import Misaligned
-from excite.simulation.effects.readings.sensor_bias import WrenchBias
-from excite.simulation.effects.readings.sensor_frame_offset import Misplaced
+from excite.simulation.effects.readings import Misaligned, Misplaced, WrenchBias
 from excite.simulation.effects.registry import INJECTED_EFFECTS
 from excite.simulation.inertial import box_parameters, deformed
 from excite.simulation.virtual_robot import Reading, nominal_robot

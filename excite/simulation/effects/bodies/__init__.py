@@ -1,1 +1,0 @@
-"""Injected effects of bodies and their placement."""

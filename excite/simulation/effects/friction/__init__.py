@@ -1,1 +1,0 @@
-"""Injected effects of friction in the joints."""

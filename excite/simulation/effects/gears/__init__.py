@@ -1,1 +1,0 @@
-"""Injected effects of gears: play, elasticity."""
