@@ -32,6 +32,7 @@ class Margins(Block):
     joint_acceleration_rad_s2: Maybe = Field(
         default=None, description="to the acceleration limit [rad/s² or m/s²]"
     )
+    joint_jerk_rad_s3: Maybe = Field(default=None, description="to the jerk limit [rad/s³ or m/s³]")
     joint_torque_nm: Maybe = Field(default=None, description="to the torque limit [N·m or N]")
     self_collision_m: Maybe = Field(default=None, description="smallest distance between two bodies [m]")
     zmp_m: Maybe = Field(default=None, description="zero-moment point to the edge of the support polygon [m]")
