@@ -57,6 +57,15 @@ class Nearest(Block):
     unit: Name = Field(description="of the margin")
 
 
+class Rehearsal(Block):
+    """What a motion of a standing robot did in simulation, without any load."""
+
+    stands: bool = Field(description="whether it did not fall")
+    slip_m: Number = Field(description="largest slip of a foot that stands [m]")
+    touches: bool = Field(description="whether parts other than soles touched each other or the ground")
+    drive_share: Number = Field(description="largest torque of a drive, of its limit [no unit]")
+
+
 class CheckedMotion(Block):
     """The verdict on one motion."""
 
@@ -74,6 +83,9 @@ class CheckedMotion(Block):
     )
     violations: Annotated[list[Violation], Field(max_length=_MOST_VIOLATIONS)] = Field(
         description="in the order of time"
+    )
+    rehearsal: Rehearsal | None = Field(
+        default=None, description="what it did in simulation; left out where that was not tried"
     )
 
 

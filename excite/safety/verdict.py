@@ -102,6 +102,7 @@ class Verdict:
         not_applicable: margins that mean nothing for this robot (``zmp_m`` of a robot without feet).
         readable: False where the motion is so broken that nothing could be computed from it.
         nearest: by margin of joints, the nearest to its limit in each unit: metres and radians are not compared.
+        rehearsal: what it did in simulation, as it stands in the document; None where that was not tried.
     """
 
     motion: str
@@ -110,6 +111,7 @@ class Verdict:
     not_applicable: tuple[str, ...] = ()
     readable: bool = True
     nearest: Mapping[str, tuple[Nearest, ...]] = field(default_factory=dict)
+    rehearsal: Mapping[str, Any] | None = None
 
     @property
     def safe(self) -> bool:
@@ -135,6 +137,7 @@ class Verdict:
 
     def to_json(self) -> dict[str, Any]:
         """The motion's entry in an ``excite.check/1`` document, ``not_applicable`` and ``nearest``."""
+        rehearsal = {} if self.rehearsal is None else {"rehearsal": dict(self.rehearsal)}
         return {
             "motion": self.motion,
             "safe": self.safe,
@@ -142,6 +145,7 @@ class Verdict:
             "nearest": {name: [asdict(one) for one in items] for name, items in self.nearest.items()},
             "not_applicable": list(self.not_applicable),
             "violations": [asdict(violation) for violation in self.violations],
+            **rehearsal,
         }
 
     def margins_in_words(self) -> str:
