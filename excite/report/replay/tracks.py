@@ -195,6 +195,11 @@ def _limits(robot: Robot, motion: Motion, torque: Array) -> Iterator[Margin]:
         ),
         "joint_velocity_rad_s": ("joint velocity", "rad/s", limits.velocity - np.abs(v)),
         "joint_acceleration_rad_s2": ("joint acceleration", "rad/s²", limits.acceleration - np.abs(a)),
+        "joint_jerk_rad_s3": (
+            "joint jerk",
+            "rad/s³",
+            limits.jerk - np.abs(np.gradient(a, motion.time, axis=0)),
+        ),
         "joint_torque_nm": ("joint torque", "N·m", limits.torque - np.abs(torque)),
     }
     for name, (title, unit, room) in left.items():
