@@ -178,11 +178,11 @@ def _goal(arm: Arm, rng: np.random.Generator, kind: str, folder: Path) -> Proble
 
 def _swing(beyond: dict[str, float]) -> None:
     """Leave undecided what is near its limit where accelerations switch between samples: polynomials through these swing
-    by up to half of that.
+    by up to half of that, of which their control points make a whole; and the switch itself is half a sample away.
     """
     for name in ("joint_acceleration", "joint_torque"):
-        if beyond[name] > -0.4:
-            beyond[name] = max(beyond[name], 0.0)
+        if -0.55 < beyond[name] < 0.1:
+            beyond[name] = 0.0
 
 
 def _through_file(robot: Robot, time: np.ndarray, stated: dict[str, np.ndarray], folder: Path) -> Motion:
@@ -223,8 +223,8 @@ def _limited(arm: Arm, rng: np.random.Generator, values: list[np.ndarray]) -> tu
     reached = {"velocity": values[1], "acceleration": values[2], "jerk": values[3], "torque": torque}
     drawn = {}
     for name, value in reached.items():
-        most = np.maximum(np.abs(value).max(axis=0), 1e-3)
-        drawn[name] = most * np.exp(rng.uniform(-0.1, 0.8, len(most)))
+        most = np.abs(value).max(axis=0)
+        drawn[name] = np.maximum(most, 1e-3) * np.exp(rng.uniform(-0.1, 0.8, len(most)))
         beyond[f"joint_{name}"] = float((most / drawn[name]).max() - 1.0)
     room = rng.uniform(-0.02, 0.2, (2, len(limits.velocity)))
     low, high = values[0].min(axis=0) - room[0], values[0].max(axis=0) + room[1]

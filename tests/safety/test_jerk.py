@@ -109,7 +109,7 @@ def test_between_setpoints_the_curve_is_judged(arm: Robot, share: float, safe: b
 
 
 def test_parts_of_a_chain_go_on_with_the_acceleration_they_have(arm: Robot) -> None:
-    whole = switched(arm, 0.2, 500.0, 0.1)
+    whole = switched(arm, 0.1, 500.0, 0.1)
     first, second = slice(0, 151), slice(150, None)
     parts = []
     for part, name, chain in ((first, "a", {"following": "b"}), (second, "b", {"previous": "a"})):

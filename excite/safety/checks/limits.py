@@ -77,7 +77,7 @@ class JointJerkCheck(Check):
 
     def judge(self, sweep: Sweep) -> CheckResult:
         motion, own = sweep.motion, (sweep.motion.n_samples - 1) / sweep.motion.duration
-        if own * FINER < MIN_RATE_HZ:
+        if own * FINER < MIN_RATE_HZ * (1.0 - _ROUNDING):
             motion = sweep.fine
             values = jerk_bounds(motion)
         else:
