@@ -64,7 +64,11 @@ def thinned(motion: Motion, every: int) -> Motion:
     """
     from scipy.interpolate import CubicSpline
 
-    rows = np.r_[np.arange(0, motion.n_samples - 1, every)[: (motion.n_samples - 1) // every], motion.n_samples - 1]
+    rows = np.r_[
+        np.arange(0, motion.n_samples - 1, every)[: (motion.n_samples - 1) // every], motion.n_samples - 1
+    ]
     time, a = motion.time[rows], motion.a[rows]
-    a[:, motion.a.shape[1] - len(motion.joint_names) :] = CubicSpline(time, motion.joint_positions()[rows])(time, 2)
+    a[:, motion.a.shape[1] - len(motion.joint_names) :] = CubicSpline(time, motion.joint_positions()[rows])(
+        time, 2
+    )
     return replace(motion, time=time, q=motion.q[rows], v=motion.v[rows], a=a)

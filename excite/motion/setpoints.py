@@ -50,7 +50,9 @@ def stated_curve(names: Sequence[str], time: Array, *, goal: bool, floating: boo
     return "linear" if goal else "spline"
 
 
-def sampled_curve(columns: Mapping[str, Array], joints: Sequence[str], curve: Curve, path: Path) -> dict[str, Array]:
+def sampled_curve(
+    columns: Mapping[str, Array], joints: Sequence[str], curve: Curve, path: Path
+) -> dict[str, Array]:
     """Columns of a cubic or linear curve at 200 Hz, with its own derivatives; others as they are.
 
     At a setpoint acceleration or velocity jumps from the value of one polynomial to that of the next. The samples
@@ -71,7 +73,10 @@ def sampled_curve(columns: Mapping[str, Array], joints: Sequence[str], curve: Cu
     h = np.diff(time)
     if time[-1] - time[0] > LONGEST_GOAL_S:
         raise MotionError(
-            f"lasts {time[-1] - time[0]:.3g} s", source=path, field="time", remedy="check that time is in seconds"
+            f"lasts {time[-1] - time[0]:.3g} s",
+            source=path,
+            field="time",
+            remedy="check that time is in seconds",
         )
     cells = np.ceil(h * _CURVE_RATE_HZ - 1e-9).astype(int)
     index = np.repeat(np.arange(len(h)), cells)
@@ -112,7 +117,7 @@ def _rounded_corners(
     time: Array, values: tuple[Array, Array, Array], index: NDArray[np.intp]
 ) -> tuple[Array, tuple[Array, Array, Array]]:
     """Lines with one more sample at each setpoint, where the acceleration that turns them is largest."""
-    q, v, a = values
+    q, v, _ = values
     before = np.flatnonzero(np.diff(index))
     width, turn = (time[before + 1] - time[before])[:, None], v[before + 1] - v[before]
     middle = (

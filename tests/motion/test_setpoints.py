@@ -42,7 +42,9 @@ def setpoints(arm: Robot, points: int = 11) -> dict[str, np.ndarray]:
 
 
 def written(columns: dict[str, np.ndarray], path: Path) -> Path:
-    np.savetxt(path, np.column_stack(list(columns.values())), "%.12g", ",", header=",".join(columns), comments="")
+    np.savetxt(
+        path, np.column_stack(list(columns.values())), "%.12g", ",", header=",".join(columns), comments=""
+    )
     return path
 
 
@@ -51,7 +53,9 @@ def goal(columns: dict[str, np.ndarray], arm: Robot, path: Path) -> Path:
     fields = {"q": "positions", "v": "velocities", "a": "accelerations"}
     lines = ["trajectory:", f"  joint_names: [{', '.join(arm.joint_names)}]", "  points:"]
     for row, time in enumerate(columns["time"]):
-        lines.append(f"  - time_from_start: {{sec: {int(time + 1e-9)}, nanosec: {round(1e9 * (time % 1.0)) % 10**9}}}")
+        lines.append(
+            f"  - time_from_start: {{sec: {int(time + 1e-9)}, nanosec: {round(1e9 * (time % 1.0)) % 10**9}}}"
+        )
         for prefix, name in fields.items():
             if f"{prefix}.{arm.joint_names[0]}" in columns:
                 values = ", ".join(f"{columns[f'{prefix}.{joint}'][row]:.12g}" for joint in arm.joint_names)
@@ -68,7 +72,9 @@ def kinds(arm: Robot, motion: Motion) -> set[str]:
     return {violation.kind for violation in check_motion(arm, motion).violations}
 
 
-def test_a_goal_with_accelerations_is_safe_and_its_quintic_is_what_is_judged(arm: Robot, tmp_path: Path) -> None:
+def test_a_goal_with_accelerations_is_safe_and_its_quintic_is_what_is_judged(
+    arm: Robot, tmp_path: Path
+) -> None:
     columns = setpoints(arm)
     for path in (written(columns, tmp_path / "goal.csv"), goal(columns, arm, tmp_path / "goal.yaml")):
         motion = load_motion(path, arm)

@@ -30,7 +30,9 @@ def disagreements(seed: int, numbers: range, counts: Counter[str]) -> Iterator[s
             said = problem.disagreement()
             counts[problem.kind] += 1
             counts["decided"] += problem.decided
-            counts["unsafe"] += any(excess > 0.0 for excess in problem.beyond.values()) or bool(problem.certain)
+            counts["unsafe"] += any(excess > 0.0 for excess in problem.beyond.values()) or bool(
+                problem.certain
+            )
             if said:
                 yield f"seed {seed}, number {number}: {said}"
 

@@ -51,7 +51,11 @@ def draw_arm(rng: np.random.Generator, folder: Path) -> Arm:
         parts.append(_link(f"link{k}", radii[k + 1], ends, rng))
     urdf = f'<robot name="arm">{"".join(parts)}</robot>'
     (folder / "arm.urdf").write_text(urdf)
-    (folder / "robot.yaml").write_text(YAML.replace("elbow: 0.3", f"{names[-1]}: 0.3").replace("margin: 0.01,", "margin: 0.01, table_height: null,"))
+    (folder / "robot.yaml").write_text(
+        YAML.replace("elbow: 0.3", f"{names[-1]}: 0.3").replace(
+            "margin: 0.01,", "margin: 0.01, table_height: null,"
+        )
+    )
     compiler = '<mujoco><compiler fusestatic="false" strippath="false"/></mujoco></robot>'
     model = mujoco.MjModel.from_xml_string(urdf.replace("</robot>", compiler))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT

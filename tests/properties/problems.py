@@ -8,6 +8,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
@@ -54,7 +55,9 @@ class Problem:
         found = {violation.kind for violation in verdict.violations}
         missed = {k for k, excess in self.beyond.items() if excess > UNDECIDED[k]} - found
         missed |= set(self.certain) - found
-        invented = {k for k in found if self.beyond.get(k, -np.inf) < -UNDECIDED.get(k, 0.0)} - set(self.certain)
+        invented = {k for k in found if self.beyond.get(k, -np.inf) < -UNDECIDED.get(k, 0.0)} - set(
+            self.certain
+        )
         if self.certain:
             # Of a broken motion nothing else need be told.
             invented = set()
@@ -177,8 +180,8 @@ def _goal(arm: Arm, rng: np.random.Generator, kind: str, folder: Path) -> Proble
 
 
 def _swing(beyond: dict[str, float]) -> None:
-    """Leave undecided what is near its limit where accelerations switch between samples: polynomials through these swing
-    by up to half of that, of which their control points make a whole; and the switch itself is half a sample away.
+    """Leave undecided what is near its limit where accelerations switch: polynomials through samples
+    swing by up to half of that, of which their control points make a whole; and the switch itself is half a sample away.
     """
     for name in ("joint_acceleration", "joint_torque"):
         if -0.55 < beyond[name] < 0.1:
@@ -189,20 +192,25 @@ def _through_file(robot: Robot, time: np.ndarray, stated: dict[str, np.ndarray],
     names = [f"{prefix}.{joint}" for prefix in stated for joint in robot.joint_names]
     path = folder / "goal.csv"
     np.savetxt(
-        path, np.column_stack([time, *stated.values()]), "%.17g", ",", header=",".join(["time", *names]), comments=""
+        path,
+        np.column_stack([time, *stated.values()]),
+        "%.17g",
+        ",",
+        header=",".join(["time", *names]),
+        comments="",
     )
     return load_motion(path, robot)
 
 
 def _pieces(time: np.ndarray, ends: list[np.ndarray]) -> list[tuple[np.ndarray, float]]:
-    """Polynomials between points, coefficients ``(degree + 1, joints)`` of ``t``, that meet derivatives at both ends."""
+    """Polynomials between points that meet derivatives at both ends: coefficients ``(degree + 1, joints)``, duration."""
     found, orders = [], len(ends)
     for k, h in enumerate(np.diff(time)):
         rows, right = [], []
         for at in (0.0, h):
             for order in range(orders):
-                powers = np.polynomial.polynomial.polyder(np.eye(2 * orders), order, axis=0) if order else np.eye(2 * orders)
-                rows.append(np.polynomial.polynomial.polyval(at, powers))
+                powers = polyder(np.eye(2 * orders), order, axis=0)
+                rows.append(polyval(at, powers))
                 right.append(ends[order][k + (at > 0.0)])
         found.append((np.linalg.solve(np.array(rows), np.array(right)), float(h)))
     return found
@@ -211,8 +219,8 @@ def _pieces(time: np.ndarray, ends: list[np.ndarray]) -> list[tuple[np.ndarray, 
 def _derivatives(piece: np.ndarray, h: float, share: np.ndarray | None = None) -> list[np.ndarray]:
     """Position to jerk along one piece, each ``(n, joints)``."""
     time = h * (np.linspace(0.0, 1.0, 41) if share is None else share)
-    ways = [piece] + [np.polynomial.polynomial.polyder(piece, order, axis=0) for order in (1, 2, 3)]
-    return [np.polynomial.polynomial.polyval(time, way).T for way in ways]
+    ways = [piece] + [polyder(piece, order, axis=0) for order in (1, 2, 3)]
+    return [polyval(time, way).T for way in ways]
 
 
 def _limited(arm: Arm, rng: np.random.Generator, values: list[np.ndarray]) -> tuple[Robot, dict[str, float]]:
@@ -235,7 +243,7 @@ def _limited(arm: Arm, rng: np.random.Generator, values: list[np.ndarray]) -> tu
 
 
 def _simulated(arm: Arm, values: list[np.ndarray]) -> tuple[np.ndarray, float]:
-    """Torques ``(n, joints)`` that MuJoCo finds along a motion, and the least distance of balls that may not touch [m]."""
+    """Torques ``(n, joints)`` that MuJoCo finds, and the least distance of balls that may not touch [m]."""
     model, rows = arm.model, range(0, len(values[2]), 3)
     data, torque, least = mujoco.MjData(model), np.empty((len(rows), model.nv)), np.inf
     n_balls = len(arm.radii)

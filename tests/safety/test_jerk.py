@@ -65,7 +65,9 @@ def test_a_recorded_reversal_at_nineteen_times_the_limit_is_not_safe(arm: Robot)
 
 
 @pytest.mark.parametrize("decimals", [6, 9])
-def test_positions_alone_tell_a_switch_and_rounding_is_none(arm: Robot, decimals: int, tmp_path: Path) -> None:
+def test_positions_alone_tell_a_switch_and_rounding_is_none(
+    arm: Robot, decimals: int, tmp_path: Path
+) -> None:
     """Six decimals at 500 Hz are some 500 rad/s³ from sample to sample, three times the limit."""
     time = np.arange(1001) / 500.0
     wave = 0.2 * (0.375 - 0.5 * np.cos(np.pi * time) + 0.125 * np.cos(2.0 * np.pi * time))

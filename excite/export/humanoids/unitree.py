@@ -120,8 +120,8 @@ class UnitreeExporter(Exporter):
         above = np.flatnonzero(gains > cap.high)
         if len(above):
             raise InputError(
-                f"is {gains[above[0]]:g} {cap.unit} at {self.robot.joint_names[above[0]]} in the robot's description, a "
-                f"virtual robot's, and may be at most {cap.high:g}",
+                f"is {gains[above[0]]:g} {cap.unit} at {self.robot.joint_names[above[0]]} in the robot's description, "
+                f"a virtual robot's, and may be at most {cap.high:g}",
                 source=self.name,
                 field=name,
                 remedy=f"write the machine's own under controller in robot.yaml, or give --set {name}=NUMBER",
