@@ -180,8 +180,10 @@ def _goal(arm: Arm, rng: np.random.Generator, kind: str, folder: Path) -> Proble
 
 
 def _swing(beyond: dict[str, float]) -> None:
-    """Leave undecided what is near its limit where accelerations switch: polynomials through samples
-    swing by up to half of that, of which their control points make a whole; and the switch itself is half a sample away.
+    """Leave undecided what is near its limit where accelerations switch.
+
+    Polynomials through samples swing by up to half of what switches between these, of which their control points make a
+    whole; and the switch itself is half a sample away.
     """
     for name in ("joint_acceleration", "joint_torque"):
         if -0.55 < beyond[name] < 0.1:
