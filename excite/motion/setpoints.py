@@ -43,11 +43,10 @@ def stated_curve(names: Sequence[str], time: Array, *, goal: bool, floating: boo
     """
     if any(name.startswith("a.") for name in names):
         return "quintic"
-    if floating or not is_sparse(time):
-        return "spline"
-    if any(name.startswith("v.") for name in names):
-        return "cubic"
-    return "linear" if goal else "spline"
+    velocities, sparse = any(name.startswith("v.") for name in names), is_sparse(time) and not floating
+    if velocities:
+        return "cubic" if sparse else "quintic"
+    return "linear" if sparse and goal else "spline"
 
 
 def sampled_curve(

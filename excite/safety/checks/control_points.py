@@ -59,7 +59,8 @@ def jerk_bounds(motion: Motion) -> Array:
     q, v, a = motion.joint_positions(), motion.joint_velocities() / 5.0, motion.joint_accelerations() / 20.0
     slopes = _slopes(h, np.diff(q, axis=0), v, a)
     bends = [after - before for before, after in pairwise(slopes)]
-    return 60.0 * _most([np.abs(after - before) for before, after in pairwise(bends)]) / (h * h * h)
+    peaks = _most([np.abs(after - before) for before, after in pairwise(bends)])
+    return np.asarray(60.0 * peaks / (h * h * h))
 
 
 def _bounded(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
