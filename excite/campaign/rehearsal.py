@@ -129,7 +129,7 @@ class Rehearsal:
         stands: whether it did not fall.
         slip_m: largest slip of a foot that stands [m].
         touches: whether parts other than soles touched each other or the ground.
-        drive_share: largest torque of a drive, of its limit; one where it would have needed more.
+        drive_share: largest torque of a drive, of its limit; one or more where it had no more to give.
         refused: why the motion is not safe, None if it is.
     """
 
@@ -158,11 +158,11 @@ def rehearse_alone(robot: Robot, motion: Motion) -> Rehearsal:
         return Rehearsal(False, 0.0, False, 0.0, refused)
     replay, recording = run.replay, run.recording
     shares = np.where(recording.clipped, 1.0, np.abs(recording.tau_motor) / robot.limits.torque)
-    if refused is None and recording.clipped.any():
-        row, joint = (int(k) for k in np.argwhere(recording.clipped)[0])
+    if refused is None and (shares >= 1.0).any():
+        row, joint = (int(k) for k in np.argwhere(shares >= 1.0)[0])
         limit = float(robot.limits.torque[joint])
         name, time = robot.joint_names[joint], float(recording.time[row])
-        refused = Rejection(motion.name, AT_LIMIT, name, time, limit, limit)
+        refused = Rejection(motion.name, AT_LIMIT, name, time, float(shares[row, joint]) * limit, limit)
     return Rehearsal(
         not replay.fell, replay.max_slip_m, replay.self_collided, float(shares.max(initial=0.0)), refused
     )

@@ -37,12 +37,14 @@ def test_an_arm_is_not_rehearsed_nor_is_what_is_unsafe_anyway(g1: Robot, squat: 
 
 
 def test_a_drive_at_its_limit_without_a_load_refuses_the_motion(g1: Robot, squat: Motion) -> None:
-    """Inverse dynamics leave every joint a thousandth; a servo that follows needs more than that somewhere."""
-    torque = 1.001 * np.abs(drive_torques(Sweep(g1, squat))).max(axis=0)
+    """Inverse dynamics leave the ankles a tenth; servos that hold the robot on soles need half as much again."""
+    torque = g1.limits.torque.copy()
+    ankles = [g1.joint_index(f"{side}_ankle_pitch_joint") for side in ("left", "right")]
+    torque[ankles] = 1.1 * np.abs(drive_torques(Sweep(g1, squat))).max(axis=0)[ankles].max()
     weak = replace(g1, limits=replace(g1.limits, torque=torque))
     assert check_motion(weak, squat).safe
     alone = rehearse_alone(weak, squat)
-    assert alone.drive_share == 1.0 and alone.refused is not None
+    assert alone.stands and alone.drive_share >= 1.0 and alone.refused is not None
     report = excite.check(weak, [squat])
     (verdict,) = report.verdicts
     assert not report.safe and verdict.reason.startswith(f"{AT_LIMIT} of ")
