@@ -205,7 +205,7 @@ def _through_file(robot: Robot, time: np.ndarray, stated: dict[str, np.ndarray],
 
 
 def _pieces(time: np.ndarray, ends: list[np.ndarray]) -> list[tuple[np.ndarray, float]]:
-    """Polynomials between points that meet derivatives at both ends: coefficients ``(degree + 1, joints)``, duration."""
+    """Polynomials that meet derivatives at both ends, ``(degree + 1, joints)`` each, and durations."""
     found, orders = [], len(ends)
     for k, h in enumerate(np.diff(time)):
         rows, right = [], []

@@ -24,8 +24,7 @@ _POWERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 _FINER, _HIGHEST_RATE_HZ = 2, 400.0
 # Samples whose rows are looked at together: a megabyte of them stays in the processor's cache.
 _BLOCK = 256
-# Times that a motion is slowed down until the jerk between its samples fits; of 240 motions of eight robots none needs
-# more than three.
+# Times at most that a motion is slowed down until the jerk between its samples fits.
 _ROUNDS = 8
 # Shares of a limit that rounding leaves where motion uses none of it.
 _STILL = 1e-12
