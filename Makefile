@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export PYTHONDONTWRITEBYTECODE :=
 JOBS ?= 2
 
-.PHONY: demo manual test test-all test-fast bench bench-all reproduce lint format fuzz licences mutation report clean
+.PHONY: check-properties demo manual test test-all test-fast bench bench-all reproduce lint format fuzz licences mutation report clean
 
 # pip fetches and unpacks one package after the other, 85 s where uv takes 25. Where uv cannot be had, or does not reach
 # the index that pip is set up for, pip does it.
@@ -61,6 +61,11 @@ lint: $(VENV)/.ready
 
 format: $(VENV)/.ready
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix .
+
+# Every night: half an hour.
+PROBLEMS ?= 150000
+check-properties: $(VENV)/.ready
+	$(BIN)/python -m tests.properties --problems $(PROBLEMS)
 
 FUZZ_SECONDS ?= 300
 fuzz: $(VENV)/.ready

@@ -6,7 +6,8 @@ and judged by the independent check as they were read; what the written file no 
 travels in the file.
 
 ``--judge`` leaves the motions as they are and judges them anew, for a robot whose description has changed or a check
-that has: a set of which one motion no longer passes has to be made anew.
+that has. What is beyond the jerk limit alone runs that much slower; a set of which a motion still does not pass has to
+be made anew.
 """
 
 from __future__ import annotations
@@ -31,13 +32,14 @@ from excite.json_document import write_json
 from excite.motion.content import with_verdict
 from excite.motion.files import load_motion, save_motion
 from excite.motion.generators.mixture import plan_candidates
-from excite.motion.motion import Motion
+from excite.motion.motion import Motion, jerk_peaks
 from excite.reading.json_document import read_json
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.report.plots.snapshots import choose_motions, draw_snapshots
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidates
+from excite.safety.repairs.shares import Shares
 from excite.safety.verdict import Verdict, check_document
 
 LIBRARY = Path(__file__).resolve().parents[1] / "motion_library"
@@ -162,15 +164,39 @@ def _judged(robot: Robot, path: Path) -> Verdict | None:
     return verdict
 
 
+def _slower(robot: Robot, path: Path) -> Verdict | None:
+    """Run a motion whose only fault is its jerk as much slower as the limit asks, and judge that."""
+    motion = load_motion(path, robot)
+    found = check_motion(robot, motion).violations
+    if {one.kind for one in found} != {"joint_jerk"}:
+        return None
+    peaks = jerk_peaks(
+        motion.time, motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()
+    )
+    k = float((peaks / (Shares().jerk * robot.limits.jerk)).max()) ** (1.0 / 3.0)
+    slower = replace(motion, time=k * motion.time, v=motion.v / k, a=motion.a / k**2)
+    save_motion(slower, path, single=True)
+    return _judged(robot, path) if rehearse(robot, [load_motion(path, robot)]) == (None,) else None
+
+
 def judge(name: str) -> str:
     """Judge one robot's set anew; returns a line about it."""
     robot, folder = excite.load_robot(name), LIBRARY / name
-    verdicts = []
-    for entry in read_json(folder / "conditioning.json")["motions"]:
-        verdict = _judged(robot, folder / entry["motion"])
+    verdicts, document = [], read_json(folder / "conditioning.json")
+    for entry in document["motions"]:
+        verdict = _judged(robot, folder / entry["motion"]) or _slower(robot, folder / entry["motion"])
         if verdict is None:
             raise SystemExit(f"{entry['motion']} is no longer safe: make the set of {name} anew")
         verdicts.append(verdict)
+    motions = [load_motion(folder / entry["motion"], robot) for entry in document["motions"]]
+    durations = [motion.duration for motion in motions]
+    if durations != [entry["duration_s"] for entry in document["motions"]]:
+        factors = [motion_factor(robot, motion) for motion in motions]
+        found = conditioning(robot, factors, structural_base_parameters(robot))
+        document["conditioning"] = dict(found.to_json())
+        for entry, duration in zip(document["motions"], durations, strict=True):
+            entry["duration_s"] = duration
+        write_json(document, folder / "conditioning.json")
     write_json(check_document(verdicts), folder / "check.json")
     return f"{name}: {len(verdicts)} motions, all safe"
 

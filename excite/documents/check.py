@@ -32,6 +32,7 @@ class Margins(Block):
     joint_acceleration_rad_s2: Maybe = Field(
         default=None, description="to the acceleration limit [rad/s² or m/s²]"
     )
+    joint_jerk_rad_s3: Maybe = Field(default=None, description="to the jerk limit [rad/s³ or m/s³]")
     joint_torque_nm: Maybe = Field(default=None, description="to the torque limit [N·m or N]")
     self_collision_m: Maybe = Field(default=None, description="smallest distance between two bodies [m]")
     zmp_m: Maybe = Field(default=None, description="zero-moment point to the edge of the support polygon [m]")
@@ -56,6 +57,15 @@ class Nearest(Block):
     unit: Name = Field(description="of the margin")
 
 
+class Rehearsal(Block):
+    """What a motion of a standing robot did in simulation, without any load."""
+
+    stands: bool = Field(description="whether it did not fall")
+    slip_m: Number = Field(description="largest slip of a foot that stands [m]")
+    touches: bool = Field(description="whether parts other than soles touched each other or the ground")
+    drive_share: Number = Field(description="largest torque of a drive, of its limit [no unit]")
+
+
 class CheckedMotion(Block):
     """The verdict on one motion."""
 
@@ -73,6 +83,9 @@ class CheckedMotion(Block):
     )
     violations: Annotated[list[Violation], Field(max_length=_MOST_VIOLATIONS)] = Field(
         description="in the order of time"
+    )
+    rehearsal: Rehearsal | None = Field(
+        default=None, description="what it did in simulation; left out where that was not tried"
     )
 
 

@@ -13,9 +13,10 @@ from excite.export.exporter import Exporter
 from excite.export.grid import on_grid
 from excite.motion.content import with_verdict
 from excite.motion.motion import Motion, interpolate
+from excite.motion.setpoints import SLOWEST_SAMPLES_HZ
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.checks.sampling import MIN_RATE_HZ, coordinate_names
+from excite.safety.checks.sampling import coordinate_names
 from excite.safety.verdict import Verdict
 from excite.shown import percent
 
@@ -141,12 +142,12 @@ def _cleared(
 
 
 def _check_rate(motion: Motion, rate_hz: float) -> None:
-    if rate_hz < MIN_RATE_HZ:
+    if rate_hz < SLOWEST_SAMPLES_HZ:
         raise InputError(
-            f"is {rate_hz:g} Hz, and below {MIN_RATE_HZ:g} Hz nobody can tell what a controller would do",
+            f"is {rate_hz:g} Hz, and below {SLOWEST_SAMPLES_HZ:g} Hz nobody can tell what a controller would do",
             source=motion.name,
             field="rate_hz",
-            remedy=f"give at least {MIN_RATE_HZ:g} Hz",
+            remedy=f"give at least {SLOWEST_SAMPLES_HZ:g} Hz",
         )
 
 

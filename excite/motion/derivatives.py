@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.errors import MotionError
+from excite.motion.motion import Motion
 
 # What a spline needs for its end conditions.
 _LEAST_SAMPLES = 4
@@ -54,3 +56,19 @@ def with_derivatives(columns: Mapping[str, Array], joints: Sequence[str], path: 
             accelerations = spline(found["time"], 2)
             found |= {f"a.{joint}": accelerations[:, i] for i, joint in enumerate(joints)}
     return found
+
+
+def thinned(motion: Motion, every: int) -> Motion:
+    """Every so manieth sample of a motion and the last, accelerations those of the cubic spline through the joints'
+    positions: rounding of positions makes third derivatives wrong by its size over the step's cube.
+    """
+    from scipy.interpolate import CubicSpline
+
+    rows = np.r_[
+        np.arange(0, motion.n_samples - 1, every)[: (motion.n_samples - 1) // every], motion.n_samples - 1
+    ]
+    time, a = motion.time[rows], motion.a[rows]
+    a[:, motion.a.shape[1] - len(motion.joint_names) :] = CubicSpline(time, motion.joint_positions()[rows])(
+        time, 2
+    )
+    return replace(motion, time=time, q=motion.q[rows], v=motion.v[rows], a=a)

@@ -30,6 +30,7 @@ from excite.motion.motion import Motion, MotionMetadata
 from excite.motion.parquet import narrowed, write_parquet
 from excite.motion.readers.npz import METADATA
 from excite.motion.readers.registry import read_motion
+from excite.motion.setpoints import sampled_curve, stated_curve
 from excite.reading.json_document import checked
 from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
@@ -139,6 +140,9 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
     check_joints(columns, robot, path, "" if said is None else said.robot)
     check_time(columns, path)
     digest = content_hash(columns) if said is not None and said.content_hash else ""
+    curve = stated_curve(list(columns), columns["time"], goal=raw.goal, floating=robot.floating)
+    stacked(columns, [f"q.{joint}" for joint in joints], path)
+    columns = sampled_curve(columns, joints, curve, path)
     columns = with_derivatives(columns, joints, path)
     q, v, a = (stacked(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
     contacts = {}
@@ -173,6 +177,7 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
         a=a,
         contacts=contacts,
         metadata=_metadata(said, digest),
+        curve=curve if curve == "spline" else "quintic",
     )
 
 

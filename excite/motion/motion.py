@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import MotionError
 from excite.motion import quintics
+from excite.motion.setpoints import Curve, is_sparse
 from excite.robot.robot import Robot
 from excite.shown import count
 
@@ -60,6 +61,7 @@ class Motion:
         a: ``(n, nv)`` accelerations.
         contacts: by foot name, ``(n,)`` booleans: True while the foot carries load on the ground.
         metadata: where it comes from.
+        curve: what runs between samples; quintic polynomials unless its file stated too little for them.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Motion:
     a: Array
     contacts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     metadata: MotionMetadata = field(default_factory=MotionMetadata)
+    curve: Curve = "quintic"
 
     def __repr__(self) -> str:
         return (
@@ -104,6 +107,11 @@ class Motion:
     def joint_accelerations(self) -> Array:
         """Accelerations of the actuated joints, ``(n, n_joints)`` [rad/s² or m/s²]."""
         return self.a[:, self.a.shape[1] - len(self.joint_names) :]
+
+    @property
+    def is_goal(self) -> bool:
+        """Whether its samples are setpoints of a controller that runs a curve through them."""
+        return not self.floating and self.curve != "spline" and is_sparse(self.time)
 
     def renamed(self, name: str) -> Motion:
         """The same motion under another name."""
@@ -195,6 +203,22 @@ def _quintic(h: Array, step: Array, v0: Array, v1: Array, a0: Array, a1: Array) 
     r1 = h * v1 - c1 - 2 * c2
     r2 = (h * h) * a1 - 2 * c2
     return [c1, c2, 10 * r0 - 4 * r1 + 0.5 * r2, -15 * r0 + 7 * r1 - r2, 6 * r0 - 3 * r1 + 0.5 * r2]
+
+
+def jerk_peaks(time: Array, q: Array, v: Array, a: Array) -> Array:
+    """Largest magnitude of the third derivative of the quintic between samples, ``(n-1, m)``.
+
+    Args:
+        time: ``(n,)`` [s].
+        q: ``(n, m)`` [rad or m].
+        v: ``(n, m)`` [rad/s or m/s].
+        a: ``(n, m)`` [rad/s² or m/s²].
+    """
+    h = np.diff(time)[:, None]
+    _, _, c3, c4, c5 = _quintic(h, np.diff(q, axis=0), v[:-1], v[1:], a[:-1], a[1:])
+    turn = np.clip(np.divide(-c4, 5.0 * c5, out=np.zeros_like(c5), where=c5 != 0.0), 0.0, 1.0)
+    at = [np.abs(6.0 * c3 + s * (24.0 * c4 + s * 60.0 * c5)) for s in (0.0, turn, 1.0)]
+    return np.asarray(np.max(at, axis=0) / h**3)
 
 
 def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:

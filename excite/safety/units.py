@@ -10,6 +10,7 @@ _UNITS = {
     "foot_below_ground": "m",
     "foot_slip": "m",
     "slipped_in_rehearsal": "m",
+    "drive_at_limit_in_rehearsal": "N·m",
     "foot_slip_speed": "m/s",
     "joint_position": "rad",
     "joint_velocity": "rad/s",

@@ -56,13 +56,14 @@ class Nearest:
 class Margins:
     """Smallest margins over a whole motion; None where one could not be computed or does not apply.
 
-    The first four are what is left to the nearest limit, negative beyond it. The last two are distances as
+    The first five are what is left to the nearest limit, negative beyond it. The last two are distances as
     they are: what a robot requires of them stands in the limit of the violation.
 
     Attributes:
         joint_position_rad: to the nearest end of the range [rad or m].
         joint_velocity_rad_s: to the velocity limit [rad/s or m/s].
         joint_acceleration_rad_s2: to the acceleration limit [rad/s² or m/s²].
+        joint_jerk_rad_s3: to the jerk limit [rad/s³ or m/s³].
         joint_torque_nm: to the torque limit [N·m or N].
         self_collision_m: smallest distance between two bodies, or a body and the table [m].
         zmp_m: smallest distance of the zero-moment point from the edge of the support polygon,
@@ -72,6 +73,7 @@ class Margins:
     joint_position_rad: float | None = None
     joint_velocity_rad_s: float | None = None
     joint_acceleration_rad_s2: float | None = None
+    joint_jerk_rad_s3: float | None = None
     joint_torque_nm: float | None = None
     self_collision_m: float | None = None
     zmp_m: float | None = None
@@ -81,6 +83,7 @@ _IN_WORDS = {
     "joint_position_rad": ("position", "rad"),
     "joint_velocity_rad_s": ("velocity", "rad/s"),
     "joint_acceleration_rad_s2": ("acceleration", "rad/s²"),
+    "joint_jerk_rad_s3": ("jerk", "rad/s³"),
     "joint_torque_nm": ("torque", "N·m"),
     "self_collision_m": ("bodies apart", "m"),
     "zmp_m": ("zero-moment point inside", "m"),
@@ -99,6 +102,7 @@ class Verdict:
         not_applicable: margins that mean nothing for this robot (``zmp_m`` of a robot without feet).
         readable: False where the motion is so broken that nothing could be computed from it.
         nearest: by margin of joints, the nearest to its limit in each unit: metres and radians are not compared.
+        rehearsal: what it did in simulation, as it stands in the document; None where that was not tried.
     """
 
     motion: str
@@ -107,6 +111,7 @@ class Verdict:
     not_applicable: tuple[str, ...] = ()
     readable: bool = True
     nearest: Mapping[str, tuple[Nearest, ...]] = field(default_factory=dict)
+    rehearsal: Mapping[str, Any] | None = None
 
     @property
     def safe(self) -> bool:
@@ -132,6 +137,7 @@ class Verdict:
 
     def to_json(self) -> dict[str, Any]:
         """The motion's entry in an ``excite.check/1`` document, ``not_applicable`` and ``nearest``."""
+        rehearsal = {} if self.rehearsal is None else {"rehearsal": dict(self.rehearsal)}
         return {
             "motion": self.motion,
             "safe": self.safe,
@@ -139,6 +145,7 @@ class Verdict:
             "nearest": {name: [asdict(one) for one in items] for name, items in self.nearest.items()},
             "not_applicable": list(self.not_applicable),
             "violations": [asdict(violation) for violation in self.violations],
+            **rehearsal,
         }
 
     def margins_in_words(self) -> str:

@@ -17,6 +17,8 @@ from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_file, check_motion
+from excite.safety.checks.sweep import Sweep
+from excite.safety.checks.torque import drive_torques
 from excite.safety.repairs.route import route
 from excite.safety.repairs.transfers import transfer
 
@@ -82,6 +84,19 @@ def test_ways_of_any_length_keep_their_share_of_the_limits(size: float, arm: Rob
     assert (np.abs(part.a) <= 0.501 * arm.limits.acceleration).all()
     np.testing.assert_allclose(part.q[-1], arm.rest + way, atol=1e-12)
     assert not part.v[-1].any()
+
+
+def test_a_slower_way_is_the_same_way_run_slower(arm: Robot, away: Motion) -> None:
+    """Where the drives are too weak for half of the limits: velocities and accelerations belong to the positions."""
+    usual = with_approach(arm, away)
+    peak = np.abs(drive_torques(Sweep(arm, usual))).max(axis=0)
+    held = np.abs(drive_torques(Sweep(arm, away))).max(axis=0)
+    weak = replace(arm, limits=replace(arm.limits, torque=np.maximum(1.02 * held, 0.97 * peak)))
+    slow = with_approach(weak, away)
+    assert check_motion(weak, slow).safe and not check_motion(weak, usual).safe
+    assert slow.duration - away.duration > 1.8 * (usual.duration - away.duration)
+    np.testing.assert_allclose(np.gradient(slow.v, slow.time, axis=0), slow.a, atol=0.2)
+    np.testing.assert_allclose(np.gradient(slow.q, slow.time, axis=0), slow.v, atol=0.005)
 
 
 def test_an_unsafe_way_does_not_leave(arm: Robot, away: Motion, tmp_path: Path) -> None:

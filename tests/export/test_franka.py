@@ -90,6 +90,26 @@ def test_limits_hold_to_the_last_digit_and_no_farther(model: str) -> None:
             assert (found == set(names)) if beyond else not found
 
 
+def test_limits_are_those_of_the_makers_page(arm: Robot) -> None:
+    """Franka Control Interface documentation, *Robot and interface specifications*, limits in joint space."""
+    panda, research = LIMITS["panda"], LIMITS["fr3"]
+    assert panda.velocity == (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61)
+    assert panda.acceleration == (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
+    assert panda.jerk == (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0)
+    assert research.velocity == (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26)
+    assert research.acceleration == (10.0,) * 7
+    assert research.jerk == (5000.0,) * 7
+    # The bundled robot says the same, positions and torques of the same page in its URDF.
+    ends = (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
+    for found, said in (
+        (arm.limits.acceleration, panda.acceleration),
+        (arm.limits.jerk, panda.jerk),
+        (arm.limits.torque, (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)),
+        (arm.limits.position_upper + 0.05, ends),
+    ):
+        np.testing.assert_allclose(found, said, rtol=1e-6)
+
+
 def test_a_research_3_slows_down_towards_its_ends() -> None:
     limits, names = LIMITS["fr3"], tuple("abcdefg")
     q = np.array([[2.6, 0.0, 0.0, -1.6, 0.0, 2.5, 0.0]])

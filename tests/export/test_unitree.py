@@ -124,6 +124,7 @@ def test_a_rate_other_than_500_hz_may_be_asked_for(g1: Robot, squat: Motion, tmp
         ({"kp": "60,60", "kd": 2}, "kp: has 2 values for 29 motors"),
         ({"kp": "60,,60", "kd": 2}, "kp: is ''; choose"),
         ({"kp": 6000, "kd": 2}, "kp: is 6000"),
+        ({"kp": "model", "kd": 2}, "kp: is 8000 N·m/rad at .* virtual robot's, and may be at most 5000"),
     ],
 )
 def test_gains_of_a_virtual_robot_are_not_sent_to_a_machine_unasked(

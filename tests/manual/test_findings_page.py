@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
+from excite.campaign.rehearsal import AT_LIMIT, FELL, SLIPPED, TOUCHED
 from excite.doctor.mistakes.registry import OF_TORQUES, OF_WRENCHES
 from excite.doctor.registry import CHECKS
 from excite.safety.checks.registry import CHECKS as SAFETY_CHECKS
@@ -77,7 +77,7 @@ def in_the_program() -> set[str]:
     codes = {code for path in (ROOT / "excite").rglob("*.py") for code in made_in(path)}
     codes |= {kind for check in CHECKS for kind in check.kinds}
     codes |= {mistake.name for mistake in (*OF_TORQUES, *OF_WRENCHES)}
-    return codes | {FELL, SLIPPED, TOUCHED}
+    return codes | {AT_LIMIT, FELL, SLIPPED, TOUCHED}
 
 
 def test_every_code_of_the_program_is_on_the_page_and_no_other() -> None:

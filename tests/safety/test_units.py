@@ -68,7 +68,9 @@ def test_a_robot_whose_joints_all_turn_says_one_unit() -> None:
     still = joint_motion(robot, time, np.tile(robot.rest, (len(time), 1)))
     said = check_motion(robot, still).margins_in_words()
     assert re.match(
-        r"position [\d.]+ rad, velocity [\d.]+ rad/s, acceleration [\d.]+ rad/s², torque [\d.]+ N·m", said
+        r"position [\d.]+ rad, velocity [\d.]+ rad/s, acceleration [\d.]+ rad/s², jerk [\d.]+ rad/s³, "
+        r"torque [\d.]+ N·m",
+        said,
     )
 
 

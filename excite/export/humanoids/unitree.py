@@ -98,8 +98,7 @@ class UnitreeExporter(Exporter):
         """Gains by column of the motion, ``(n_joints,)``."""
         text = self.word(name)
         if text == MODEL:
-            drives = nominal_drives(self.robot)
-            return drives.kp if name == "kp" else drives.kd
+            return self._own_gains(name)
         values = [float(_GAINS[name].read(part, self.name)) for part in text.split(",")] if text else []
         if len(values) not in {1, len(order)}:
             found = f"has {len(values)} values for {len(order)} motors" if values else "is not given"
@@ -112,4 +111,19 @@ class UnitreeExporter(Exporter):
             )
         gains = np.empty(len(order))
         gains[order] = values
+        return gains
+
+    def _own_gains(self, name: str) -> Array:
+        """Gains of the robot's description; raises InputError where one is more than may be given as a number."""
+        drives, cap = nominal_drives(self.robot), _GAINS[name]
+        gains = drives.kp if name == "kp" else drives.kd
+        above = np.flatnonzero(gains > cap.high)
+        if len(above):
+            raise InputError(
+                f"is {gains[above[0]]:g} {cap.unit} at {self.robot.joint_names[above[0]]} in the robot's description, "
+                f"a virtual robot's, and may be at most {cap.high:g}",
+                source=self.name,
+                field=name,
+                remedy=f"write the machine's own under controller in robot.yaml, or give --set {name}=NUMBER",
+            )
         return gains

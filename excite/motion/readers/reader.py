@@ -27,10 +27,12 @@ class RawMotion:
     Attributes:
         columns: ``(n,)`` each, by the names of ``excite.motion/1``; more may be there.
         metadata: what the file says of itself; empty for files that were made elsewhere.
+        goal: whether rows are setpoints, through which a controller runs a curve of its own.
     """
 
     columns: Mapping[str, NDArray[Any]]
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    goal: bool = False
 
 
 class MotionReader(ABC):

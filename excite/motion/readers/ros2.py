@@ -43,7 +43,7 @@ class Ros2Reader(MotionReader):
         columns, metadata = in_child(
             "excite.motion.readers.ros2:read_bag", path, source=path, error=MotionError, memory_gb=16.0
         )
-        return RawMotion(columns, metadata)
+        return RawMotion(columns, metadata, goal=True)
 
 
 def read_bag(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:

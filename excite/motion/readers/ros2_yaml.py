@@ -51,7 +51,7 @@ class Ros2YamlReader(MotionReader):
             seconds=120.0,
             memory_gb=16.0,
         )
-        return RawMotion(columns, of_robot(stated_in_comments(_goals(path)[0])))
+        return RawMotion(columns, of_robot(stated_in_comments(_goals(path)[0])), goal=True)
 
 
 def _goals(path: Path) -> list[Path]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import ExciteError
-from excite.motion.motion import Motion
+from excite.motion.motion import Motion, jerk_peaks
 from excite.report.replay.nearest import nearest_pairs
 from excite.report.replay.packed import packed, packed_indices
 from excite.robot.joint_values import Limits
@@ -187,6 +187,7 @@ def tracks(robot: Robot, motion: Motion) -> Tracks:
 def _limits(robot: Robot, motion: Motion, torque: Array) -> Iterator[Margin]:
     limits = robot.limits
     q, v, a = motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()
+    peaks = jerk_peaks(motion.time, q, v, a)
     left = {
         "joint_position_rad": (
             "joint position",
@@ -195,6 +196,11 @@ def _limits(robot: Robot, motion: Motion, torque: Array) -> Iterator[Margin]:
         ),
         "joint_velocity_rad_s": ("joint velocity", "rad/s", limits.velocity - np.abs(v)),
         "joint_acceleration_rad_s2": ("joint acceleration", "rad/s²", limits.acceleration - np.abs(a)),
+        "joint_jerk_rad_s3": (
+            "joint jerk",
+            "rad/s³",
+            limits.jerk - np.maximum(np.vstack([peaks[:1], peaks]), np.vstack([peaks, peaks[-1:]])),
+        ),
         "joint_torque_nm": ("joint torque", "N·m", limits.torque - np.abs(torque)),
     }
     for name, (title, unit, room) in left.items():

@@ -11,6 +11,7 @@ _MARGINS = {
     "joint_position_rad": ("joint position", "rad"),
     "joint_velocity_rad_s": ("joint velocity", "rad/s"),
     "joint_acceleration_rad_s2": ("joint acceleration", "rad/s²"),
+    "joint_jerk_rad_s3": ("joint jerk", "rad/s³"),
     "joint_torque_nm": ("joint torque", "N·m"),
     "self_collision_m": ("distance between bodies", "m"),
     "zmp_m": ("ZMP to the edge of support", "m"),
@@ -64,7 +65,7 @@ def _margin(motion: Document, column: _Column) -> tuple[float | None, str]:
     name, unit = column
     nearest = motion["nearest"].get(name, ())
     if not nearest:
-        return motion["margins"][name], ""
+        return motion["margins"].get(name), ""
     return next(((one["value"], one["where"]) for one in nearest if one["unit"] == unit), (None, ""))
 
 

@@ -94,7 +94,13 @@ class Values:
             value=f"{span(f'{low:g}', f'{high:g}')} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
             consequence="motions may be slower than the robot allows, or faster than its maker does",
         )
-        return block, [*self.said, *more, rule]
+        low, high = 20.0 * low, 20.0 * high
+        jerk = Assumed(
+            what="jerk limits",
+            value=f"{span(f'{low:g}', f'{high:g}')} rad/s³ or m/s³, full acceleration within 0.05 s",
+            consequence="motions may start and turn softer than the robot has to, or harder than its maker lets it",
+        )
+        return block, [*self.said, *more, rule, jerk]
 
     def feet(self) -> list[dict[str, Any]]:
         """The block ``feet``: sole, radius and friction of each."""

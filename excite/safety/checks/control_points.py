@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -49,19 +49,39 @@ def joint_bounds(motion: Motion) -> JointBounds:
     return JointBounds(*found)
 
 
+def jerk_bounds(motion: Motion) -> Array:
+    """What the magnitude of each joint's jerk does not pass on each interval, ``(n-1, n_joints)`` [rad/s³ or m/s³].
+
+    Jerk is a parabola there, whose three control points are third differences of the position's six. Positions that
+    are rounded by δ make it wrong by up to 120 δ over the interval's cube: of use where samples are not dense.
+    """
+    h = np.diff(motion.time)[:, None]
+    q, v, a = motion.joint_positions(), motion.joint_velocities() / 5.0, motion.joint_accelerations() / 20.0
+    slopes = _slopes(h, np.diff(q, axis=0), v, a)
+    bends = [after - before for before, after in pairwise(slopes)]
+    peaks = _most([np.abs(after - before) for before, after in pairwise(bends)])
+    return np.asarray(60.0 * peaks / (h * h * h))
+
+
 def _bounded(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
     """Bounds between samples ``(m + 1, n_joints)`` that are ``h`` ``(m, 1)`` apart, each ``(m, n_joints)``."""
-    step, v, a = np.diff(q, axis=0), v / 5.0, a / 20.0
-    # Of the position, from where the interval starts: six, the first of which is zero. Those of its derivatives are
-    # the differences of the points before, times the degree over the interval.
-    first, last = h * v[:-1], step - h * v[1:]
-    second, third = 2.0 * first + h * h * a[:-1], last - h * v[1:] + h * h * a[1:]
-    position = np.zeros_like(step), first, second, third, last, step
+    velocity = _slopes(h, np.diff(q, axis=0), v / 5.0, a / 20.0)
+    position = list(accumulate(velocity, initial=np.zeros_like(velocity[0])))
     lowest, highest = _least(position), _most(position)
-    velocity = (first, second - first, third - second, last - third, step - last)
     fastest = _most([np.abs(point) for point in velocity])
     hardest = _most([np.abs(after - before) for before, after in pairwise(velocity)])
     return q[:-1] + lowest, q[:-1] + highest, 5.0 * fastest / h, 20.0 * hardest / (h * h)
+
+
+def _slopes(h: Array, step: Array, v: Array, a: Array) -> tuple[Array, ...]:
+    """Differences of the position's six control points; ``v`` is a fifth of the velocity, ``a`` a twentieth of the
+    acceleration.
+
+    Control points of derivatives are the differences of those before, times the degree over the interval.
+    """
+    first, last = h * v[:-1], step - h * v[1:]
+    second, third = 2.0 * first + h * h * a[:-1], last - h * v[1:] + h * h * a[1:]
+    return first, second - first, third - second, last - third, step - last
 
 
 def _least(points: Sequence[Array]) -> Array:

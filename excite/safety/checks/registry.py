@@ -7,7 +7,12 @@ from excite.safety.checks.base import Check
 from excite.safety.checks.collision import SelfCollisionCheck
 from excite.safety.checks.foot import FootCheck
 from excite.safety.checks.identity import IdentityCheck
-from excite.safety.checks.limits import JointAccelerationCheck, JointPositionCheck, JointVelocityCheck
+from excite.safety.checks.limits import (
+    JointAccelerationCheck,
+    JointJerkCheck,
+    JointPositionCheck,
+    JointVelocityCheck,
+)
 from excite.safety.checks.mechanism import MechanismCheck
 from excite.safety.checks.rest import RestCheck
 from excite.safety.checks.sampling import SamplingCheck
@@ -23,6 +28,7 @@ CHECKS: dict[str, type[Check]] = {
         JointPositionCheck,
         JointVelocityCheck,
         JointAccelerationCheck,
+        JointJerkCheck,
         FootCheck,
         ZeroMomentPointCheck,
         CentreOfMassCheck,

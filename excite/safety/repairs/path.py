@@ -10,6 +10,7 @@ import scipy
 
 from excite.arrays import Array
 from excite.robot.robot import Robot
+from excite.safety.repairs.time_law import TimeLaw
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +87,34 @@ class MotionPath:
             twist=np.hstack([linear, omega, dx[:, 6:]]),
             curvature=np.hstack([linear_rate, omega_rate, ddx[:, 6:]]),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class RunPath:
+    """Samples of a path that is run.
+
+    Attributes:
+        time: ``(n,)`` [s], from 0.
+        s: ``(n,)`` path parameters.
+        q: ``(n, nq)`` configurations.
+        v: ``(n, nv)`` velocities.
+        a: ``(n, nv)`` accelerations.
+    """
+
+    time: Array
+    s: Array
+    q: Array
+    v: Array
+    a: Array
+
+
+def run_path(path: MotionPath, law: TimeLaw, rate_hz: float) -> RunPath:
+    """A path run by a time law that takes a whole number of samples at ``rate_hz``."""
+    time = np.arange(round(law.duration * rate_hz) + 1) / rate_hz
+    s, speed, acceleration = (law.evaluate(time, order) for order in range(3))
+    sample = path.sample(s)
+    a = sample.twist * acceleration[:, None] + sample.curvature * speed[:, None] ** 2
+    return RunPath(time, s, sample.q, sample.twist * speed[:, None], a)
 
 
 def coordinates_of(robot: Robot, q: Array) -> Array:

@@ -13,6 +13,7 @@ from excite.arrays import Array
 from excite.motion.generators.bodyparts import rest_joints
 from excite.motion.motion import Motion, MotionMetadata
 from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.path import run_path
 from excite.safety.repairs.transfers import Transfer, transfer
 
 _VERSIONS = ("excite", "pin", "placo", "toppra", "ruckig", "numpy", "scipy")
@@ -34,14 +35,9 @@ class Sampling(Repair):
         if draft.path is None or draft.law is None:
             return draft.rejected("no_time_law", "path")
         rate = self.robot.description.sensors.rate_hz
-        n = round(draft.law.duration * rate)
-        time = np.arange(n + 1) / rate
-        s, speed, acceleration = (draft.law.evaluate(time, order) for order in range(3))
-        sample = draft.path.sample(s)
-        q = sample.q
-        v = sample.twist * speed[:, None]
-        a = sample.twist * acceleration[:, None] + sample.curvature * speed[:, None] ** 2
-        contacts = {foot.name: draft.candidate.supports(s, foot.name) for foot in self.robot.feet}
+        moved = run_path(draft.path, draft.law, rate)
+        time, q, v, a = moved.time, moved.q, moved.v, moved.a
+        contacts = {foot.name: draft.candidate.supports(moved.s, foot.name) for foot in self.robot.feet}
         rest = rest_joints(self.robot)
         if not self.robot.floating and np.abs(q[0] - rest).max() > _NEAR:
             there, back = transfer(self.robot, rest, q[0], rate), transfer(self.robot, q[-1], rest, rate)

@@ -35,7 +35,7 @@ class Shares:
     acceleration: float = 0.92
     torque: float = TORQUE_SHARE
     leg_torque: float = 0.6
-    jerk: float = 1.0
+    jerk: float = 0.97
     friction: float = 0.6
     friction_one_foot: float = 0.4
     weight: float = 0.5

@@ -8,8 +8,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from excite.arrays import Array
+from excite.motion.motion import jerk_peaks
 from excite.safety.repairs.draft import Draft, Rejection, Repair
-from excite.safety.repairs.path import PathSample
+from excite.safety.repairs.path import MotionPath, PathSample, run_path
 from excite.safety.repairs.rows import PathLimits
 from excite.safety.repairs.time_law import TimeLaw
 
@@ -23,6 +24,8 @@ _POWERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 _FINER, _HIGHEST_RATE_HZ = 2, 400.0
 # Samples whose rows are looked at together: a megabyte of them stays in the processor's cache.
 _BLOCK = 256
+# Times at most that a motion is slowed down until the jerk between its samples fits.
+_ROUNDS = 8
 # Shares of a limit that rounding leaves where motion uses none of it.
 _STILL = 1e-12
 
@@ -78,7 +81,21 @@ class TimeScaling(Repair):
             )
         fastest = 1.0 if draft.candidate.speed is not None else _FASTEST
         samples = int(np.ceil(draft.law.duration / min(scaling.factor, fastest) * rate))
-        return replace(draft, law=draft.law.faster(draft.law.duration * rate / samples))
+        for _ in range(_ROUNDS):
+            law = draft.law.faster(draft.law.duration * rate / samples)
+            share = self._jerk_share(draft.limits.path, law, rate)
+            if share <= 1.0:
+                break
+            samples = max(samples + 1, int(np.ceil(samples * share ** (1.0 / 3.0))))
+        return replace(draft, law=law)
+
+    def _jerk_share(self, path: MotionPath, law: TimeLaw, rate: float) -> float:
+        """Largest jerk between the samples that will be written, of what may be used: kinks of the path or the law
+        fall between them as it happens, whatever the law's own jerk is.
+        """
+        moved, n = run_path(path, law, rate), self.robot.n_base_v
+        peaks = jerk_peaks(moved.time, moved.q[:, self.robot.n_base_q :], moved.v[:, n:], moved.a[:, n:])
+        return float((peaks / (self.shares.jerk * self.robot.limits.jerk)).max())
 
     def _excess(self, scaling: Scaling) -> _Excess:
         """What is exceeded at the slowest speed that is worth it.

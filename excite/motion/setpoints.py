@@ -1,0 +1,130 @@
+"""Curves that controllers run through setpoints: by which derivatives stand with the positions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.errors import MotionError
+
+Curve = Literal["quintic", "cubic", "linear", "spline"]
+"""Between samples: quintic and cubic polynomials that meet them and their derivatives, straight lines, or nothing that
+a controller would run: a spline through positions, of which v and a are derivatives."""
+# Slowest sampling at which a spline through positions still says what a controller would do [Hz]; what is slower and
+# states velocities is a goal.
+SLOWEST_SAMPLES_HZ = 20.0
+# Rate at which curves are sampled that jump in a derivative where they pass a setpoint [Hz].
+_CURVE_RATE_HZ = 200.0
+# Longest goal that is looked at [s]: goals last seconds, and an hour of seven joints fills 120 MB at that rate.
+LONGEST_GOAL_S = 3600.0
+
+
+def is_sparse(time: Array) -> bool:
+    """Whether instants ``(n,)`` [s] are too far apart to be samples of a motion."""
+    return float(np.median(np.diff(time))) > (1.0 + 1e-9) / SLOWEST_SAMPLES_HZ
+
+
+def stated_curve(names: Sequence[str], time: Array, *, goal: bool, floating: bool) -> Curve:
+    """The curve that a file's columns mean.
+
+    Controllers of ROS 2 run the polynomial of least degree that meets all that a goal states (``joint_trajectory_
+    controller``, page *Trajectory Representation*): quintic for accelerations, cubic for velocities, else lines.
+
+    Args:
+        names: of the columns that the file has.
+        time: ``(n,)`` [s].
+        goal: whether the file is a goal of such a controller.
+        floating: whether it moves a free base, which no such controller does.
+    """
+    if any(name.startswith("a.") for name in names):
+        return "quintic"
+    velocities, sparse = any(name.startswith("v.") for name in names), is_sparse(time) and not floating
+    if velocities:
+        return "cubic" if sparse else "quintic"
+    return "linear" if sparse and goal else "spline"
+
+
+def sampled_curve(
+    columns: Mapping[str, Array], joints: Sequence[str], curve: Curve, path: Path
+) -> dict[str, Array]:
+    """Columns of a cubic or linear curve at 200 Hz, with its own derivatives; others as they are.
+
+    At a setpoint acceleration or velocity jumps from the value of one polynomial to that of the next. The samples
+    stand half a step before and after, between which the jump happens: so fast it comes to a controller of that rate.
+
+    Args:
+        columns: ``(n,)`` each, ``time`` [s] and ``q.JOINT`` [rad or m] of all joints among them, ``v.JOINT`` if cubic.
+        joints: of the robot.
+        curve: what runs through the setpoints.
+        path: the file, for errors.
+
+    Raises:
+        MotionError: it lasts longer than any motion.
+    """
+    if curve not in ("cubic", "linear"):
+        return dict(columns)
+    time = columns["time"]
+    h = np.diff(time)
+    if time[-1] - time[0] > LONGEST_GOAL_S:
+        raise MotionError(
+            f"lasts {time[-1] - time[0]:.3g} s",
+            source=path,
+            field="time",
+            remedy="check that time is in seconds",
+        )
+    cells = np.ceil(h * _CURVE_RATE_HZ - 1e-9).astype(int)
+    index = np.repeat(np.arange(len(h)), cells)
+    within = np.arange(len(index)) - np.repeat(np.cumsum(cells) - cells, cells)
+    index = np.r_[0, index, len(h) - 1]
+    share = np.r_[0.0, (within + 0.5) / cells[index[1:-1]], 1.0]
+    q = np.column_stack([columns[f"q.{joint}"] for joint in joints])
+    slope = np.diff(q, axis=0) / h[:, None]
+    v = np.column_stack([columns[f"v.{joint}"] for joint in joints]) if curve == "cubic" else None
+    values = _polynomials(q, slope, v, h, index, share[:, None])
+    instants = time[index] + share * h[index]
+    if v is None:
+        instants, values = _rounded_corners(instants, values, index)
+    found = {"time": instants}
+    for name, value in zip("qva", values, strict=True):
+        found |= {f"{name}.{joint}": value[:, i] for i, joint in enumerate(joints)}
+    return found
+
+
+def _polynomials(
+    q: Array, slope: Array, v: Array | None, h: Array, index: NDArray[np.intp], s: Array
+) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations at shares ``(m, 1)`` of intervals."""
+    length = h[index][:, None]
+    if v is None:
+        return q[index] + s * length * slope[index], slope[index], np.zeros((len(index), q.shape[1]))
+    # Hermite: what is missing from the mean slope at either end.
+    first, last = v[index] - slope[index], v[index + 1] - slope[index]
+    square, cube = -2.0 * first - last, first + last
+    return (
+        q[index] + length * s * (slope[index] + first + s * (square + s * cube)),
+        slope[index] + first + s * (2.0 * square + 3.0 * s * cube),
+        (2.0 * square + 6.0 * s * cube) / length,
+    )
+
+
+def _rounded_corners(
+    time: Array, values: tuple[Array, Array, Array], index: NDArray[np.intp]
+) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Lines with one more sample at each setpoint, where the acceleration that turns them is largest."""
+    q, v, _ = values
+    before = np.flatnonzero(np.diff(index))
+    width, turn = (time[before + 1] - time[before])[:, None], v[before + 1] - v[before]
+    middle = (
+        q[before] + width * (0.5 * v[before] + turn / 12.0),
+        0.5 * (v[before] + v[before + 1]),
+        2.0 * turn / width,
+    )
+    instants = np.insert(time, before + 1, 0.5 * (time[before] + time[before + 1]))
+    return instants, tuple(  # type: ignore[return-value]
+        np.insert(old, before + 1, new, axis=0) for old, new in zip(values, middle, strict=True)
+    )

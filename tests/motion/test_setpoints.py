@@ -1,0 +1,137 @@
+"""Goals: the curve that a controller runs through setpoints, as files state them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+import excite
+from excite.errors import MotionError
+from excite.motion.files import load_motion
+from excite.motion.motion import Motion
+from excite.robot.robot import Robot
+from excite.safety.check import check_motion
+
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "cases"
+STEP_S = 0.1
+
+
+@pytest.fixture(scope="module")
+def arm() -> Robot:
+    return excite.load_robot("ur10")
+
+
+def setpoints(arm: Robot, points: int = 11) -> dict[str, np.ndarray]:
+    """A slow way of the wrist from rest to rest, with its derivatives."""
+    time = STEP_S * np.arange(points)
+    rate = np.pi / time[-1]
+    shape = {
+        "q": 0.15 * (0.375 - 0.5 * np.cos(2 * rate * time) + 0.125 * np.cos(4 * rate * time)),
+        "v": 0.15 * rate * (np.sin(2 * rate * time) - 0.5 * np.sin(4 * rate * time)),
+        "a": 0.15 * rate**2 * (2 * np.cos(2 * rate * time) - 2 * np.cos(4 * rate * time)),
+    }
+    found = {"time": time}
+    for prefix, values in shape.items():
+        for k, joint in enumerate(arm.joint_names):
+            rest = arm.rest[k] if prefix == "q" else 0.0
+            found[f"{prefix}.{joint}"] = rest + (values if joint == "wrist_3_joint" else 0.0 * values)
+    return found
+
+
+def written(columns: dict[str, np.ndarray], path: Path) -> Path:
+    np.savetxt(
+        path, np.column_stack(list(columns.values())), "%.12g", ",", header=",".join(columns), comments=""
+    )
+    return path
+
+
+def goal(columns: dict[str, np.ndarray], arm: Robot, path: Path) -> Path:
+    """The same as a FollowJointTrajectory goal."""
+    fields = {"q": "positions", "v": "velocities", "a": "accelerations"}
+    lines = ["trajectory:", f"  joint_names: [{', '.join(arm.joint_names)}]", "  points:"]
+    for row, time in enumerate(columns["time"]):
+        lines.append(
+            f"  - time_from_start: {{sec: {int(time + 1e-9)}, nanosec: {round(1e9 * (time % 1.0)) % 10**9}}}"
+        )
+        for prefix, name in fields.items():
+            if f"{prefix}.{arm.joint_names[0]}" in columns:
+                values = ", ".join(f"{columns[f'{prefix}.{joint}'][row]:.12g}" for joint in arm.joint_names)
+                lines.append(f"    {name}: [{values}]")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def only(columns: dict[str, np.ndarray], *prefixes: str) -> dict[str, np.ndarray]:
+    return {name: values for name, values in columns.items() if name[0] in ("t", *prefixes)}
+
+
+def kinds(arm: Robot, motion: Motion) -> set[str]:
+    return {violation.kind for violation in check_motion(arm, motion).violations}
+
+
+def test_a_goal_with_accelerations_is_safe_and_its_quintic_is_what_is_judged(
+    arm: Robot, tmp_path: Path
+) -> None:
+    columns = setpoints(arm)
+    for path in (written(columns, tmp_path / "goal.csv"), goal(columns, arm, tmp_path / "goal.yaml")):
+        motion = load_motion(path, arm)
+        assert motion.is_goal and motion.n_samples == 11
+        verdict = check_motion(arm, motion)
+        assert verdict.safe, verdict.reason
+    # A velocity asked for at one point makes the curve swing between it and its neighbours.
+    columns["v.wrist_3_joint"][5] += 3.0
+    found = kinds(arm, load_motion(written(columns, tmp_path / "goal.csv"), arm))
+    assert {"joint_acceleration", "joint_jerk"} <= found and "rate_too_low" not in found
+
+
+def test_a_planners_goal_from_a_file_is_judged(tmp_path: Path) -> None:
+    folder = SHARED / "c07_jtc_10hz"
+    if not folder.is_dir():
+        pytest.skip("no shared data")
+    robot = excite.load_robot(folder / "arm.urdf")
+    verdict = check_motion(robot, load_motion(folder / "goal.csv", robot))
+    assert verdict.safe, verdict.reason
+
+
+def test_velocities_alone_make_cubics_whose_acceleration_jumps(arm: Robot, tmp_path: Path) -> None:
+    columns = setpoints(arm)
+    motion = load_motion(written(only(columns, "q", "v"), tmp_path / "goal.csv"), arm)
+    cubic = CubicHermiteSpline(columns["time"], columns["q.wrist_3_joint"], columns["v.wrist_3_joint"])
+    wrist = arm.joint_index("wrist_3_joint")
+    np.testing.assert_allclose(motion.q[:, wrist], cubic(motion.time), atol=1e-9)
+    np.testing.assert_allclose(motion.v[:, wrist], cubic(motion.time, 1), atol=1e-9)
+    np.testing.assert_allclose(motion.a[:-1, wrist], cubic(motion.time[:-1], 2), atol=1e-6)
+    assert kinds(arm, motion) == set()
+    # Velocities that are not the way's make the acceleration jump at every point.
+    columns["v.wrist_3_joint"] *= 1.15
+    jumping = load_motion(written(only(columns, "q", "v"), tmp_path / "goal.csv"), arm)
+    assert "joint_jerk" in kinds(arm, jumping)
+
+
+def test_positions_alone_are_lines_in_a_goal_and_samples_in_a_table(arm: Robot, tmp_path: Path) -> None:
+    columns = only(setpoints(arm), "q")
+    assert kinds(arm, load_motion(written(columns, tmp_path / "table.csv"), arm)) == {"rate_too_low"}
+    lines = load_motion(goal(columns, arm, tmp_path / "goal.yaml"), arm)
+    slope = np.diff(columns["q.wrist_3_joint"]) / STEP_S
+    assert np.abs(lines.v).max() == pytest.approx(np.abs(slope).max())
+    turn = np.abs(np.diff(slope)).max()
+    assert np.abs(lines.a).max() == pytest.approx(2.0 * turn * 200.0)
+    assert {"joint_acceleration", "joint_jerk"} <= kinds(arm, lines)
+    assert not kinds(arm, lines) & {"velocity_not_derivative", "acceleration_not_derivative", "rate_too_low"}
+
+
+def test_uneven_setpoints_and_long_waits(arm: Robot, tmp_path: Path) -> None:
+    """Sixty seconds of rest are no gap; a month is no goal."""
+    columns = setpoints(arm)
+    waited = {**columns, "time": columns["time"] + np.where(np.arange(11) == 10, 60.0, 0.0)}
+    for prefix in "va":
+        waited[f"{prefix}.wrist_3_joint"][9] = 0.0
+    waited["q.wrist_3_joint"][9] = waited["q.wrist_3_joint"][10]
+    assert "time_gap" not in kinds(arm, load_motion(written(waited, tmp_path / "goal.csv"), arm))
+    month = {**columns, "time": 1e5 * np.arange(11.0)}
+    assert kinds(arm, load_motion(written(month, tmp_path / "goal.csv"), arm)) == {"time_gap"}
+    with pytest.raises(MotionError, match="lasts 1e"):
+        load_motion(written(only(month, "q", "v"), tmp_path / "goal.csv"), arm)
