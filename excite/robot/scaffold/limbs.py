@@ -49,12 +49,11 @@ class Figure:
 
     Attributes:
         robot: with a fixed base.
-        guessed: whether its shapes are guesses, none of which says where a sole is.
         points: points at joint 0 and every other one, in the joint's frame, of which one is the lowest.
     """
 
-    def __init__(self, robot: Robot, *, guessed: bool = False) -> None:
-        self.robot, self.model, self.guessed = robot, robot.model, guessed
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.model = robot, robot.model
         self.data = robot.model.createData()
         self.shapes = collision_shapes(robot)
 
@@ -62,6 +61,11 @@ class Figure:
         """Height of the lowest point on each joint that has shapes, by joint [m]."""
         pin.forwardKinematics(self.model, self.data, q)
         return lowest_points(self.shapes, self.data)
+
+    def is_guessed(self, joints: list[int]) -> bool:
+        """Whether shapes on one of some joints stand in for others: none says where a sole is."""
+        stand_ins = self.robot.description.collision.stand_ins
+        return any(shape.joint in joints and shape.link in stand_ins for shape in self.shapes)
 
     def chain(self, joint: int) -> list[int]:
         """Joints from the root to ``joint``."""

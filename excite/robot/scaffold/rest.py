@@ -108,14 +108,14 @@ def _stood(
     """The search from a posture ``(n_joints,)``, the legs that it has in it, and how it stands on them."""
     postures = Postures(figure, search, wanted, rng)
     legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
-    return postures, legs, postures.standing(legs, allowed) if legs and not figure.guessed else None
+    return postures, legs, postures.standing(legs, allowed) if legs and not figure.is_guessed(legs) else None
 
 
 def _unsteady(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:
     """Why a robot that ought to stand on legs is held; empty where it stands."""
     if not legs:
         return "no legs were found that it could stand on: hold it still"
-    if figure.guessed:
+    if figure.is_guessed(legs):
         return "no geometry says where its soles are: hold the robot up, legs free"
     if standing is None:
         return "no standing posture was found: hold the robot up, legs free"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -133,6 +135,21 @@ def shape_pairs(
     return pairs
 
 
+def mesh_points(
+    links: list[Element], kind: str, partial: frozenset[str] = frozenset()
+) -> dict[Path, Array]:
+    """Corners of the meshes of links; those of links in ``partial`` as far as they can be read."""
+    needed, others = list[Path](), list[Path]()
+    for link in links:
+        files = [Path(mesh.get("filename", "")) for mesh in link.iterfind(f"{kind}/geometry/mesh")]
+        (others if link.get("name", "") in partial else needed).extend(files)
+    points = read_meshes(needed)
+    for file in set(others) - set(needed):
+        with suppress(RobotError):
+            points |= read_meshes([file])
+    return dict(upright(links, kind, points))
+
+
 def _ignored(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str]]:
     links = {shape.link for shape in shapes}
     for pair in robot.description.collision.ignored_pairs:
@@ -161,11 +178,11 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     if block.geometry != "authored":
         links = fromstring(robot.urdf).findall("link")
         for kind, shown in links_by_kind(links, block.geometry).items():
-            meshes = (mesh for link in shown for mesh in link.iterfind(f"{kind}/geometry/mesh"))
-            points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-            points = dict(upright(shown, kind, points))
+            points = mesh_points(shown, kind, frozenset(block.stand_ins))
             for link in shown:
-                shapes += link_shapes(robot, link, kind, points)
+                shapes += link_shapes(
+                    robot, link, kind, points, partial=link.get("name", "") in block.stand_ins
+                )
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
         number = sum(shape.link == authored.link for shape in shapes)

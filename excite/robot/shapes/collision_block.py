@@ -29,13 +29,15 @@ class CollisionBlock(Block):
     ``geometry`` names the elements of the URDF: ``either`` takes ``collision``, and ``visual`` of links without any.
     ``hull_corners`` is how many corners a hull may have; more of them hug the mesh closer, which parts need that
     pass each other within millimetres. ``ignored_pairs`` are pairs of links that may touch or that cannot reach
-    each other. ``table_height`` is that of the ground or a table [m, in the base's frame]; null: there is none. Where a
+    each other. ``stand_ins`` are links whose geometry is missing in whole or in part: what cannot be read of it is passed
+    over, and their ``shapes`` stand in for it. ``table_height`` is that of the ground or a table [m, in the base's frame]; null: there is none. Where a
     fixed base does not say, it is the plane that it is mounted on.
     """
 
     geometry: Literal["collision", "visual", "either", "authored"]
     hull_corners: Annotated[int, Field(ge=32, le=MAX_HULL_CORNERS)] = 96
     shapes: tuple[CollisionShape, ...] = ()
+    stand_ins: tuple[str, ...] = ()
     ignored_pairs: tuple[tuple[str, str], ...] = ()
     margin: Margin
     table_height: Coordinate | None = None
