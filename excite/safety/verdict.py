@@ -99,6 +99,7 @@ class Verdict:
         not_applicable: margins that mean nothing for this robot (``zmp_m`` of a robot without feet).
         readable: False where the motion is so broken that nothing could be computed from it.
         nearest: by margin of joints, the nearest to its limit in each unit: metres and radians are not compared.
+        as_far_as: what has to hold of the robot's shapes, of which some are not known.
     """
 
     motion: str
@@ -107,6 +108,7 @@ class Verdict:
     not_applicable: tuple[str, ...] = ()
     readable: bool = True
     nearest: Mapping[str, tuple[Nearest, ...]] = field(default_factory=dict)
+    as_far_as: tuple[str, ...] = ()
 
     @property
     def safe(self) -> bool:
@@ -131,10 +133,11 @@ class Verdict:
         return f"could not compute {', '.join(self.not_computed)}" if self.not_computed else ""
 
     def to_json(self) -> dict[str, Any]:
-        """The motion's entry in an ``excite.check/1`` document, ``not_applicable`` and ``nearest``."""
+        """The motion's entry in an ``excite.check/1`` document, with the other fields too."""
         return {
             "motion": self.motion,
             "safe": self.safe,
+            "as_far_as": list(self.as_far_as),
             "margins": asdict(self.margins),
             "nearest": {name: [asdict(one) for one in items] for name, items in self.nearest.items()},
             "not_applicable": list(self.not_applicable),
@@ -158,7 +161,15 @@ class Verdict:
 
     def summary(self) -> str:
         """One line for a person."""
-        return f"{self.motion}: safe" if self.safe else f"{self.motion}: unsafe, {self.reason}"
+        if not self.safe:
+            return f"{self.motion}: unsafe, {self.reason}"
+        return f"{self.motion}: safe{conditions(self.as_far_as)}"
+
+
+def conditions(as_far_as: Iterable[str]) -> str:
+    """What a verdict holds under, to follow the word safe; empty where that is nothing."""
+    said = " and ".join(as_far_as)
+    return f", as far as {said}" if said else ""
 
 
 def check_document(verdicts: Iterable[Verdict]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ the room.
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import lru_cache
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -18,6 +19,7 @@ from defusedxml.ElementTree import fromstring
 
 from excite.arrays import Array
 from excite.errors import RobotError
+from excite.finding import first_names
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_shapes, mesh_points
@@ -70,6 +72,19 @@ def links_without_shape(robot: Robot) -> tuple[str, ...]:
         centre = np.asarray(placement.act(inertial.centre))
         if not any(shape.joint == joint and _contains(shape, centre) for shape in shapes):
             found.append(name)
+    return tuple(found)
+
+
+@lru_cache(maxsize=4)
+def shape_conditions(robot: Robot) -> tuple[str, ...]:
+    """What has to hold of shapes that are not known, for a motion in which nothing touches to be free of collision."""
+    block, found = robot.description.collision, list[str]()
+    boxes = [shape.link for shape in block.shapes if shape.link in block.stand_ins]
+    if boxes:
+        found.append(f"boxes stand for the missing geometry of {first_names(boxes, 3)}")
+    bare = links_without_shape(robot)
+    if bare:
+        found.append(f"nothing touches {first_names(bare, 3)}, of weight and without shape")
     return tuple(found)
 
 
@@ -128,8 +143,8 @@ def _contains(shape: Shape, point: Array) -> bool:
 def _box(root: Element, name: str, inertial: Inertial | None) -> tuple[Array, pin.SE3] | None:
     """Sides of the box in place of a link, and its pose in the link's frame; None where nothing says how large it is.
 
-    It is that of its inertia, or, where that is longer than the link can be, a stick from its joint to its farthest
-    end; either is grown to the volume of its mass.
+    It is that of its inertia, or, where that is longer than the link can be, a stick from its joint to its end, or a box
+    about its joint and all its ends; each is grown to the volume of its mass.
     """
     centre, mass = (np.zeros(3), 0.0) if inertial is None else (inertial.centre, inertial.mass)
     ends = _ends(root, name, centre)
@@ -144,14 +159,19 @@ def _box(root: Element, name: str, inertial: Inertial | None) -> tuple[Array, pi
         if sides.max() <= max(longest, _THINNEST):
             sides = np.maximum(sides, _THINNEST)
             return sides * max(1.0, float(np.cbrt(volume / sides.prod()))), pin.SE3(axes, centre)
-    end = max(ends, key=lambda one: float(np.linalg.norm(one)), default=np.zeros(3))
-    length = float(np.linalg.norm(end))
+    length = max((float(np.linalg.norm(end)) for end in ends), default=0.0)
     if length < _THINNEST:
         side = max(_THINNEST, float(np.cbrt(volume)))
         return None if mass <= 0.0 else (np.full(3, side), pin.SE3(np.eye(3), centre))
-    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), end / length).matrix()
+    if len(ends) > 1:
+        corners = np.array([np.zeros(3), *ends])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        sides = np.maximum(high - low, _SLENDER * length)
+        grown = max(1.0, float(np.cbrt(volume / sides.prod())))
+        return sides * grown, pin.SE3(np.eye(3), 0.5 * (low + high))
+    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), ends[0] / length).matrix()
     width = max(_SLENDER * length, float(np.sqrt(volume / length)), _THINNEST)
-    return np.array([length, width, width]), pin.SE3(turn, 0.5 * end)
+    return np.array([length, width, width]), pin.SE3(turn, 0.5 * ends[0])
 
 
 def _ends(root: Element, name: str, centre: Array) -> list[Array]:
