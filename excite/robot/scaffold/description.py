@@ -151,12 +151,14 @@ def _collision(model: BareModel, rest: Rest, ground: float | None) -> dict[str, 
     built = "convex hulls of the model's geometry" if model.geometry.kind else ""
     boxes = "boxes of the links' inertia where there is none" if block.stand_ins else ""
     shapes = ", ".join(filter(None, (built, boxes)))
+    near = [{"links": list(pair), "distance": distance} for pair, distance in rest.near.items()]
     return {
         "geometry": model.geometry.kind or "authored",
         **({"shapes": model.authored} if model.authored else {}),
         **({"stand_ins": list(block.stand_ins)} if block.stand_ins else {}),
         "margin": block.margin,
         **({} if ground is None else {"table_height": round(ground, 4)}),
+        **({"near_pairs": near} if near else {}),
         "ignored_pairs": [list(p) for p in _ignored(rest, model.figure, ground)],
         "source": f"{shapes}; pairs computed by excite.robot.shapes.ignored_pairs",
     }
