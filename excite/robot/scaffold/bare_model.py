@@ -20,7 +20,7 @@ from excite.robot.shapes.collision import collision_shapes
 from excite.robot.shapes.ground import reach
 from excite.robot.shapes.stand_ins import box_shapes, links_without_shape
 from excite.robot.urdf.inertia import inertial_faults
-from excite.robot.urdf.ranges import stated_ranges
+from excite.robot.urdf.limits import stated_ranges
 from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
 from excite.robot.urdf.tree import check_tree
 from excite.robot.weights import check_weights

@@ -26,6 +26,7 @@ def assumed_structure(
     ground: float | None,
     figure: Figure,
     ranged: tuple[str, ...] = (),
+    unlimited: tuple[str, ...] = (),
 ) -> list[Assumed]:
     """Joints held or kept in a range, inertia, geometry and ground (or soles' friction) as they were assumed."""
     found = held_still(held)
@@ -35,6 +36,14 @@ def assumed_structure(
                 what="joints called continuous that do not turn on and on",
                 value=first_names(ranged),
                 consequence="the limits that the model states of them are kept: state limits.position if they are none",
+            )
+        )
+    if unlimited:
+        found.append(
+            Assumed(
+                what="position limits of joints that turn without end",
+                value=f"half a turn either way: {first_names(unlimited)}",
+                consequence="nothing stops the joint there: state limits.position, and wider ones if cables allow",
             )
         )
     if faults:

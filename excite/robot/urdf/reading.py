@@ -23,7 +23,7 @@ from excite.robot.urdf.free_root import declare_world, drop_free_root, hold_plan
 from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import check_inertials
 from excite.robot.urdf.numbers import numbers
-from excite.robot.urdf.ranges import keep_stated_ranges
+from excite.robot.urdf.limits import keep_stated_limits
 from excite.robot.urdf.tree import MOVING, check_tree
 
 # The deepest element known, a mesh of a link, is the sixth.
@@ -79,7 +79,8 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
 def parse_urdf(path: Path) -> ElementTree.Element:
     """The ``robot`` element of a URDF file, without solids that are points and without a free root, with its world.
 
-    Continuous joints that state a range are revolute in it, a planar root is fixed.
+    Continuous joints that state a range are revolute in it, limits that stand elsewhere in the file hold where they are
+    the tighter ones, a planar root is fixed.
 
     Raises:
         RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
@@ -105,7 +106,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     declare_world(root)
     drop_free_root(root)
     hold_planar_root(root)
-    keep_stated_ranges(root, path)
+    keep_stated_limits(root, path)
     return root
 
 
