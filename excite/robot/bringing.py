@@ -19,7 +19,8 @@ from excite.temporary_folder import TemporaryFolder, in_temporary_folder
 RobotLike = Robot | str | Path
 """A robot, or what :func:`load_robot` makes one of."""
 
-_MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
+# What an SDF is, its reader says.
+_MODELS = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
 
 
 def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:

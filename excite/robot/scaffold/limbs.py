@@ -63,9 +63,13 @@ class Figure:
         return lowest_points(self.shapes, self.data)
 
     def is_guessed(self, joints: list[int]) -> bool:
-        """Whether shapes on one of some joints stand in for others: none says where a sole is."""
+        """Whether all shapes on one of some joints stand in for others: none says where a sole is."""
+        return any(not self._known(joint) for joint in joints)
+
+    def _known(self, joint: int) -> list[Shape]:
+        """Shapes on a joint that stand in for no others."""
         stand_ins = self.robot.description.collision.stand_ins
-        return any(shape.joint in joints and shape.link in stand_ins for shape in self.shapes)
+        return [shape for shape in self.shapes if shape.joint == joint and shape.link not in stand_ins]
 
     def chain(self, joint: int) -> list[int]:
         """Joints from the root to ``joint``."""
@@ -147,7 +151,7 @@ class Figure:
         """
         pin.forwardKinematics(self.model, self.data, q)
         pose = self.data.oMi[joint]
-        own = [shape for shape in self.shapes if shape.joint == joint]
+        own = self._known(joint)
         best, largest = self._touch(own, pose), -1.0
         if len(self.chain(joint)) >= _STEERED:
             for turn in _turns(np.vstack([bottom(shape, pose) for shape in own])):

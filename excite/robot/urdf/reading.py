@@ -29,6 +29,26 @@ from excite.robot.urdf.tree import MOVING, check_tree
 # The deepest element known, a mesh of a link, is the sixth.
 MAX_NESTING = 32
 
+_FRAGMENT, _SDF = "a part of a MuJoCo model", "an SDF model"
+# Of the converters looked at one is a command in a wheel; it reads SDF by Gazebo's own library.
+SDF_REMEDY = (
+    "make an MJCF of it with `sdf2mjcf model.sdf model.xml` (pip install sdformat-mjcf, with Gazebo's python3-sdformat13)"
+)
+# What a file of another outermost element is, and what to do with it.
+_KINDS = {
+    "mujoco": "a MuJoCo model",
+    "sdf": _SDF,
+    **dict.fromkeys(
+        "mujocoinclude worldbody body default asset actuator sensor compiler option contact equality tendon".split(),
+        _FRAGMENT,
+    ),
+}
+_REMEDIES = {
+    "a MuJoCo model": "give it to excite init-robot, which makes a URDF of it",
+    _FRAGMENT: "give the file that includes it, whose outermost element is <mujoco>",
+    _SDF: SDF_REMEDY,
+}
+
 
 @dataclass(frozen=True)
 class Stated:
@@ -87,20 +107,11 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     """
     root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
-        known = {
-            "mujoco": "a MuJoCo model",
-            "sdf": "an SDF model",
-            "mujocoinclude": "a part of a MuJoCo model",
-        }
-        remedy = "export it as URDF; excite init-robot does so for MuJoCo"
-        if root.tag == "mujocoinclude":
-            remedy = "give the file that includes it, whose outermost element is <mujoco>"
-        what = f"is {known.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>"
         raise RobotError(
-            what,
+            f"is {_KINDS.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>",
             source=path,
             field=root.tag,
-            remedy=remedy,
+            remedy=_REMEDIES.get(_KINDS.get(root.tag, ""), "export it as URDF or MJCF"),
         )
     drop_points(root)
     declare_world(root)
