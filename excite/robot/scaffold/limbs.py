@@ -127,6 +127,13 @@ class Figure:
             return []
         return ends if free or len(ends) >= 3 else []
 
+    def has_folded_legs(self, q: Array) -> bool:
+        """Whether the robot lies on its base with legs about it that are drawn flat: limbs from the root called so."""
+        inner, low = set(self.model.parents), self.lowest(q)
+        ends = [j for j in low if j and j not in inner and len(self.chain(j)) >= 2]
+        legs = [j for j in ends if self._called(j, _LEG) and not self._called(j, _ARM)]
+        return len({self.chain(j)[0] for j in legs}) > 1
+
     def _one_a_limb(self, ends: list[int], low: dict[int, float]) -> list[int]:
         kept: list[int] = []
         for end in sorted(ends, key=lambda j: (round(low[j], 6), j)):

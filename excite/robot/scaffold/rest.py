@@ -67,6 +67,8 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     feet: tuple[FootGuess, ...] = ()
     notes: list[Assumed] = []
     unsteady = _unsteady(figure, postures, legs, standing) if legs or said.floating else ""
+    if not legs and said.floating is None and figure.has_folded_legs(wanted):
+        unsteady = "its legs lie flat about its base in the file: hold the robot up, legs free, or state how it stands"
     if unsteady:
         base = "held"
         notes.append(_said("base", "held", unsteady))

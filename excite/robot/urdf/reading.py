@@ -30,9 +30,11 @@ from excite.robot.urdf.tree import MOVING, check_tree
 MAX_NESTING = 32
 
 _FRAGMENT, _SDF = "a part of a MuJoCo model", "an SDF model"
-# Of the converters looked at one is a command in a wheel; it reads SDF by Gazebo's own library.
+# pybullet's wheel reads SDF; of the other converters looked at none ran from its wheels alone.
 SDF_REMEDY = (
-    "make an MJCF of it with `sdf2mjcf model.sdf model.xml` (pip install sdformat-mjcf, with Gazebo's python3-sdformat13)"
+    'make a URDF of it (pip install pybullet): python -c "import pybullet as p; from pybullet_utils.urdfEditor import '
+    "UrdfEditor; c = p.connect(p.DIRECT); e = UrdfEditor(); e.initializeFromBulletBody(p.loadSDF('MODEL.sdf')[0], c); "
+    "e.saveUrdf('MODEL.urdf')\""
 )
 # What a file of another outermost element is, and what to do with it.
 _KINDS = {
