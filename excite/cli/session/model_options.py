@@ -24,7 +24,8 @@ def stated_source(package_path: list[Path] | None, xacro_arg: list[str] | None, 
 
 def with_model_options(command: Callable[..., None]) -> Callable[..., None]:
     """A command, with these options if it takes a robot; models that it loads are read as they say."""
-    signature = inspect.signature(command)
+    # Evaluated: what annotations say by name is known where the command stands, not here.
+    signature = inspect.signature(command, eval_str=True)
     if not _ROBOTS & set(signature.parameters):
         return command
 
@@ -38,5 +39,5 @@ def with_model_options(command: Callable[..., None]) -> Callable[..., None]:
         for name, option in _OPTIONS.items()
     ]
     run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *added])  # type: ignore[attr-defined]
-    run.__annotations__ = {**command.__annotations__, **_OPTIONS}
+    run.__annotations__ = {**inspect.get_annotations(command, eval_str=True), **_OPTIONS}
     return run
