@@ -29,7 +29,6 @@ from excite.robot.per_joint import PerJoint
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.balls import with_balls_down
 from excite.robot.shapes.ground import ground_is_assumed
-from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.limits import (
     CONTROL,
     SOFT,
@@ -37,6 +36,7 @@ from excite.robot.urdf.limits import (
     keep_stated_limits,
     read_joint_limits,
 )
+from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import MAX_NESTING, Stated, read_urdf
 from excite.robot.weights import check_weights
 

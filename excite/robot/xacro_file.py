@@ -58,7 +58,9 @@ def expanded(path: Path, arguments: Mapping[str, str], package_path: tuple[Path,
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _expanded_root(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]) -> ElementTree.Element:
+def _expanded_root(
+    path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]
+) -> ElementTree.Element:
     # In a process of its own: xacro evaluates what a file says as Python, which need not end.
     text = in_child(
         f"{__name__}:_expand",
@@ -91,7 +93,9 @@ def _without_xacro(path: Path) -> ElementTree.Element | None:
     for element in list(root.iter()):
         for child in [one for one in element if _NAMESPACE in one.tag]:
             element.remove(child)
-    evaluated = any(sign in value for one in root.iter() for value in one.attrib.values() for sign in ("${", "$("))
+    evaluated = any(
+        sign in value for one in root.iter() for value in one.attrib.values() for sign in ("${", "$(")
+    )
     moves = any(joint.get("type") in MOVING for joint in root.findall("joint"))
     return root if moves and not evaluated else None
 

@@ -168,9 +168,11 @@ def test_a_joint_without_position_limits_has_an_assumed_one(tmp_path: Path) -> N
 
 MJCF = """<mujoco><compiler angle="radian"/><worldbody>
 <body name="upper" pos="0 0 .1"><inertial mass="1" pos="0 0 .1" diaginertia=".01 .01 .005"/>
-<joint name="shoulder" axis="0 1 0" range="-2 2" actuatorfrcrange="{joint}"/><geom type="capsule" size=".03 .1" pos="0 0 .1"/>
+<joint name="shoulder" axis="0 1 0" range="-2 2" actuatorfrcrange="{joint}"/>
+<geom type="capsule" size=".03 .1" pos="0 0 .1"/>
 <body name="lower" pos="0 0 .3"><inertial mass="1" pos="0 0 .1" diaginertia=".01 .01 .005"/>
-<joint name="elbow" axis="0 1 0" range="-2 2"/><geom type="capsule" size=".03 .1" pos="0 0 .1"/></body></body></worldbody>
+<joint name="elbow" axis="0 1 0" range="-2 2"/><geom type="capsule" size=".03 .1" pos="0 0 .1"/>
+</body></body></worldbody>
 <actuator><motor joint="shoulder" gear="2" forcerange="{motor}"/>
 <position joint="elbow" kp="100" ctrlrange="-1 2.5" forcerange="-30 40"/></actuator></mujoco>"""
 

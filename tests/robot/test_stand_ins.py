@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from xml.etree import ElementTree
@@ -114,10 +115,11 @@ def test_a_verdict_says_under_what_it_holds(tmp_path: Path) -> None:
     assert report.to_json()["motions"][0]["as_far_as"] == [said.removeprefix("safe, as far as ")]
     settings = {"controller": "arm_controller"}
     goal = excite.export_motion(motion, robot, "ros2-yaml", tmp_path / "goal", settings=settings)
-    assert f"found {said.replace('safe', 'safe by the independent check')};" in goal.read_text(encoding="utf-8")
-    table = excite.export_motion(motion, robot, "csv", tmp_path / "out")
-    verdict = excite.load_motion(table, robot).metadata.verdict
-    assert verdict is not None and verdict["as_far_as"] == [said.removeprefix("safe, as far as ")]
+    assert f"found {said.replace('safe', 'safe by the independent check')};" in goal.read_text(
+        encoding="utf-8"
+    )
+    stated = {"as_far_as": [said.removeprefix("safe, as far as ")]}
+    assert json.dumps(stated).strip("{}") in goal.read_text(encoding="utf-8"), "a program reads it too"
 
 
 def test_a_link_of_weight_without_shape_stands_in_the_verdict() -> None:

@@ -16,7 +16,9 @@ _ROBOTS = {"robot", "whose"}
 _OPTIONS = {"package_path": PackagePathOption, "xacro_arg": XacroArgOption, "limits": LimitsOption}
 
 
-def stated_source(package_path: list[Path] | None, xacro_arg: list[str] | None, limits: Path | None) -> Source:
+def stated_source(
+    package_path: list[Path] | None, xacro_arg: list[str] | None, limits: Path | None
+) -> Source:
     """How a model is to be read, from the options as they were given."""
     arguments = dict(one.split(":=", 1) for one in xacro_arg or [])
     return Source(package_path=tuple(package_path or ()), arguments=arguments, limits=limits)
@@ -30,7 +32,9 @@ def with_model_options(command: Callable[..., None]) -> Callable[..., None]:
         return command
 
     @wraps(command)
-    def run(*args: Any, package_path: Any = None, xacro_arg: Any = None, limits: Any = None, **named: Any) -> None:
+    def run(
+        *args: Any, package_path: Any = None, xacro_arg: Any = None, limits: Any = None, **named: Any
+    ) -> None:
         with models_read_by(stated_source(package_path, xacro_arg, limits)):
             command(*args, **named)
 

@@ -74,6 +74,8 @@ ClusterOption = Annotated[
         help="Dask scheduler whose workers are to be used instead, such as tcp://10.0.0.1:8786.",
     ),
 ]
+
+
 def _named_arguments(context: typer.Context, given: list[str] | None) -> list[str] | None:
     for one in given or []:
         if ":=" not in one:

@@ -101,7 +101,14 @@ def _content(
         ground = ground_height(model.figure.model, model.figure.shapes, rest.q, held_up=held_up)
     unlimited = tuple(g.name for g in model.free if g.position is None)
     structure = assumed_structure(
-        model.held, model.faults[stands], model.geometry.fault, rest, ground, model.figure, model.ranged, unlimited
+        model.held,
+        model.faults[stands],
+        model.geometry.fault,
+        rest,
+        ground,
+        model.figure,
+        model.ranged,
+        unlimited,
     )
     more += numbers.uncounted_friction(model.joints, model.free, made.torque)
     controller, stiff = made.controller()

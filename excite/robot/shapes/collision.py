@@ -157,9 +157,7 @@ def shape_pairs(
     return pairs
 
 
-def mesh_points(
-    links: list[Element], kind: str, partial: frozenset[str] = frozenset()
-) -> dict[Path, Array]:
+def mesh_points(links: list[Element], kind: str, partial: frozenset[str] = frozenset()) -> dict[Path, Array]:
     """Corners of the meshes of links; those of links in ``partial`` as far as they can be read."""
     needed, others = list[Path](), list[Path]()
     for link in links:

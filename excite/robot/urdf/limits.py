@@ -158,9 +158,7 @@ def _soft_limits(root: Element, path: Path) -> Iterator[tuple[str, JointLimits]]
         if soft is None or not {"soft_lower_limit", "soft_upper_limit"} <= set(soft.attrib):
             continue
         where = f"joint {name!r}/safety_controller"
-        lower, upper = (
-            numbers(soft, f"soft_{side}_limit", 1, path, where)[0] for side in ("lower", "upper")
-        )
+        lower, upper = (numbers(soft, f"soft_{side}_limit", 1, path, where)[0] for side in ("lower", "upper"))
         if lower < upper:
             yield name, JointLimits((lower, upper))
 
@@ -240,7 +238,10 @@ def _of_block(block: Mapping[str, Any], file: Path, name: str) -> JointLimits:
     lower, upper = value("min_position", "position"), value("max_position", "position")
     both = None if lower is None or upper is None else (lower, upper)
     if both is not None and both[0] >= both[1]:
-        what, remedy = f"min_position {lower:g} is not below max_position {upper:g}", "exchange or correct them"
+        what, remedy = (
+            f"min_position {lower:g} is not below max_position {upper:g}",
+            "exchange or correct them",
+        )
         raise RobotError(what, source=file, field=f"joint_limits.{name}", remedy=remedy)
     return JointLimits(both, *(value(f"max_{key}", key) for key in _LARGEST))
 

@@ -22,8 +22,8 @@ from excite.robot.joint_values import check_range
 from excite.robot.urdf.free_root import declare_world, drop_free_root, hold_planar_root
 from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import check_inertials
-from excite.robot.urdf.numbers import numbers
 from excite.robot.urdf.limits import keep_stated_limits
+from excite.robot.urdf.numbers import numbers
 from excite.robot.urdf.tree import MOVING, check_tree
 
 # The deepest element known, a mesh of a link, is the sixth.

@@ -198,7 +198,10 @@ def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: 
     for attribute in ("effort", "velocity"):
         (value,) = numbers(limit, attribute, 1, path, where, default="0")
         if 0.0 < value < 1.0 / MAX_STAND_IN:
-            fault = {"field": f"{where}@{attribute}", "remedy": "check its exponent, or leave it out where none is known"}
+            fault = {
+                "field": f"{where}@{attribute}",
+                "remedy": "check its exponent, or leave it out where none is known",
+            }
             raise RobotError(f"is {value:g}, less than any drive gives", source=path, **fault)
         if value == -1.0:  # how some say that there is none, as of the EVE
             limit.attrib.pop(attribute)
