@@ -26,7 +26,7 @@ class Source:
     limits: Path | None = None
 
 
-_READ_BY: ContextVar[Source] = ContextVar("read_by", default=Source())
+_READ_BY: ContextVar[Source | None] = ContextVar("read_by", default=None)
 
 
 @contextmanager
@@ -41,4 +41,4 @@ def models_read_by(source: Source) -> Iterator[None]:
 
 def model_source() -> Source:
     """How models are read where :func:`~excite.robot.bringing.load_robot` is not told."""
-    return _READ_BY.get()
+    return _READ_BY.get() or Source()

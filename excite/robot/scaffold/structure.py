@@ -62,8 +62,8 @@ def assumed_structure(
             Assumed(
                 what=f"geometry of {count(len(boxes), 'link')}",
                 value=f"boxes of their own inertia, as large as their mass: {first_names(boxes)}",
-                consequence=f"collisions of these are checked roughly: theirs is not there or cannot be used{why}; give "
-                "--package-path FOLDER, where meshes are, or collision.shapes",
+                consequence=f"collisions of these are checked roughly: theirs is not there or cannot be used{why}; "
+                "give --package-path FOLDER, where meshes are, or collision.shapes",
             )
         )
     if spread := _spread(figure):

@@ -67,7 +67,7 @@ def collision_model(robot: Robot) -> pin.GeometryModel:
 
 
 def watched_model(robot: Robot) -> tuple[pin.GeometryModel, Array]:
-    """As :func:`collision_model`, with ``near_pairs`` too, and the distance that each pair keeps, ``(n_pairs,)`` [m]."""
+    """:func:`collision_model` with ``near_pairs`` too, and the distance that each pair keeps, ``(n_pairs,)`` [m]."""
     block = robot.description.collision
     if not block.near_pairs:
         model = collision_model(robot)

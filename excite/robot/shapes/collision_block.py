@@ -39,8 +39,9 @@ class CollisionBlock(Block):
     ``geometry`` names the elements of the URDF: ``either`` takes ``collision``, and ``visual`` of links without any.
     ``hull_corners`` is how many corners a hull may have; more of them hug the mesh closer, which parts need that
     pass each other within millimetres. ``ignored_pairs`` are pairs of links that may touch or that cannot reach
-    each other; ``near_pairs`` keep distances of their own in place of ``margin``. ``stand_ins`` are links whose geometry is missing in whole or in part: what cannot be read of it is passed
-    over, and their ``shapes`` stand in for it. ``table_height`` is that of the ground or a table [m, in the base's frame]; null: there is none. Where a
+    each other; ``near_pairs`` keep distances of their own in place of ``margin``. ``stand_ins`` are links whose
+    geometry is missing in whole or in part: what cannot be read of it is passed over, and their ``shapes`` stand in for
+    it. ``table_height`` is that of the ground or a table [m, in the base's frame]; null: there is none. Where a
     fixed base does not say, it is the plane that it is mounted on.
     """
 

@@ -143,8 +143,8 @@ def _contains(shape: Shape, point: Array) -> bool:
 def _box(root: Element, name: str, inertial: Inertial | None) -> tuple[Array, pin.SE3] | None:
     """Sides of the box in place of a link, and its pose in the link's frame; None where nothing says how large it is.
 
-    It is that of its inertia, or, where that is longer than the link can be, a stick from its joint to its end, or a box
-    about its joint and all its ends; each is grown to the volume of its mass.
+    It is that of its inertia, or, where that is longer than the link can be, a stick from its joint to its end, or a
+    box about its joint and all its ends; each is grown to the volume of its mass.
     """
     centre, mass = (np.zeros(3), 0.0) if inertial is None else (inertial.centre, inertial.mass)
     ends = _ends(root, name, centre)

@@ -146,7 +146,7 @@ def _remedy(link: str, mend: str) -> str:
 
 
 def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
-    """What a link says of its mass; None where it says nothing, or that it is a frame without any; raises RobotError."""
+    """What a link says of its mass; None where it says nothing or is a frame without any; raises RobotError."""
     elements = link.findall("inertial")
     where = f"link {link.get('name')!r}/inertial"
     if not elements:
