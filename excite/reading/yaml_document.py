@@ -22,10 +22,8 @@ MAX_DEPTH = 40
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class _AngleLoader(_Loader):
-    """A loader that knows angles tagged ``!degrees`` and ``!radians``, as files of UR's robots hold them."""
-
-
+# One that knows angles tagged so, as files of UR's robots hold them.
+_AngleLoader: Any = type("_AngleLoader", (_Loader,), {})
 _AngleLoader.add_constructor("!degrees", lambda loader, node: math.radians(float(node.value)))
 _AngleLoader.add_constructor("!radians", lambda loader, node: float(node.value))
 

@@ -190,7 +190,7 @@ def symmetric(low: float, high: float) -> float:
 def joint_limits_beside(path: Path) -> list[Path]:
     """MoveIt's files of joint limits beside a model: in ``config`` of its package, and of packages of MoveIt beside it.
 
-    Where no ``package.xml`` says where a package begins, it is ``config`` of the model's folder and of the one above it.
+    Where no ``package.xml`` says where a package begins, it is ``config`` of the model's folder or of the one above.
     """
     above = path.resolve().parents
     package = next((folder for folder in above if (folder / "package.xml").is_file()), None)
