@@ -193,6 +193,20 @@ def _ignored(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str
     return frozenset(pairs)
 
 
+def _check_below(robot: Robot, height: float) -> None:
+    """Refuse a table or ground above all joints at rest: the robot would be in it, or hang below its four metres."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    highest = max(float(place.translation[2]) for place in list(data.oMi)[1:])
+    if robot.description.base == "fixed" and height > max(highest, 0.0):
+        raise RobotError(
+            f"is {height:g} m, above all joints at rest (the highest at {highest:.3g} m)",
+            source=robot.source,
+            field="collision.table_height",
+            remedy="give its height in the base's frame, or null where nothing is there",
+        )
+
+
 def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     block = robot.description.collision
     shapes: list[Shape] = []
@@ -229,6 +243,7 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     if ground_is_assumed(robot.description):
         height = ground_height(robot.model, shapes, robot.rest)
     if height is not None:
+        _check_below(robot, height)
         below = pin.SE3(np.eye(3), np.array([0.0, 0.0, height - 0.5 * _TABLE_SIZE[2]]))
         shapes.append(Shape(TABLE, TABLE, 0, below, "box", _TABLE_SIZE))
     return tuple(shapes)
