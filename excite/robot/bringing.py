@@ -42,20 +42,18 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     """
     path = Path(name_or_path) if Path(name_or_path).suffix in _MODELS else find_robot(name_or_path)
     source = source or model_source()
+    described = None if path.suffix in _MODELS else load_described(path)
+    if described is not None and source.limits is None:
+        return described
     # A model's path tells it from others of its name, and may be longer than a name of a folder.
     folder = _temporary().path / sha256(f"{path.resolve().as_posix()}{source}".encode()).hexdigest()
-    if path.suffix not in _MODELS:
-        return load_described(path) if source.limits is None else _limited(path, source.limits, folder)
+    if described is not None and source.limits is not None:
+        text = limited_description(described, source.limits)
+        return load_described(write_text(folder / "robot.yaml", text))
     from excite.robot.scaffold.files import write_scaffold  # lazy: scipy
 
     written = write_scaffold(path, folder, overwrite=True, source=source, absolute=True)
     return load_described(written.description)
-
-
-def _limited(path: Path, limits: Path, folder: Path) -> Robot:
-    """The robot of a ``robot.yaml`` with the limits of a file of MoveIt's kind where they are tighter."""
-    text = limited_description(load_described(path), limits)
-    return load_described(write_text(folder / "robot.yaml", text))
 
 
 def kept(robot: Robot, results: Path) -> Robot:
