@@ -64,7 +64,8 @@ class Margins:
         joint_velocity_rad_s: to the velocity limit [rad/s or m/s].
         joint_acceleration_rad_s2: to the acceleration limit [rad/s² or m/s²].
         joint_torque_nm: to the torque limit [N·m or N].
-        self_collision_m: smallest distance between two bodies, or a body and the table [m].
+        self_collision_m: smallest distance between two bodies, or a body and the table; of a pair that keeps less than
+            the robot's margin, what it is nearer or farther than that, from the margin [m].
         zmp_m: smallest distance of the zero-moment point from the edge of the support polygon,
             negative outside [m].
     """
