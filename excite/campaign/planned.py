@@ -28,6 +28,8 @@ from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
+from excite.robot.shapes.stand_ins import shape_conditions
+from excite.safety.verdict import conditions
 from excite.shown import Row, Tabled, count
 
 SCHEMA = "excite.plan/1"
@@ -157,6 +159,7 @@ class Plan(Tabled):
             if self.outlook is None
             else [parameter.to_json() for parameter in self.outlook.parameters],
             "forecast": None if self.forecast is None else self.forecast.to_json(),
+            "as_far_as": list(shape_conditions(self.robot)),
             "assumed": [one.model_dump() for one in self.robot.description.assumed],
             "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
         }
@@ -167,7 +170,8 @@ class Plan(Tabled):
         judged = f"{len(self.pool.entries)} of {count(self.generated, 'candidate')} accepted"
         lines = [
             f"{self.robot.name}: {judged} (refused: {refused})",
-            f"{count(len(self.selection.indices), 'motion')} chosen, {self.duration_s:.0f} s in total",
+            f"{count(len(self.selection.indices), 'motion')} chosen, {self.duration_s:.0f} s in total"
+            + (f"; safe{conditions(shapes)}" if (shapes := shape_conditions(self.robot)) else ""),
         ]
         if len(self.selection.indices) < len(self.pool.entries):
             lines += [f"chosen: {self.conditioning.summary()}", f"gained: {self._gain_of_choice()}"]

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 import excite
-from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.model_options import stated_source
+from excite.cli.session.options import (
+    JobsOption,
+    JsonOption,
+    LimitsOption,
+    OutOption,
+    PackagePathOption,
+    SeedOption,
+    XacroArgOption,
+)
 from excite.cli.session.output import command_line, emit
-from excite.robot.scaffold.source import Source
 
 NAME = "init-robot"
-
-
-def _arguments(context: typer.Context, given: list[str] | None) -> list[str] | None:
-    for one in given or []:
-        if ":=" not in one:
-            raise typer.BadParameter(f"{one!r} is not name:=value", param_hint="'--xacro-arg'")
-    return given
 
 
 def command(
@@ -29,18 +31,9 @@ def command(
     srdf: Annotated[
         Path | None, typer.Option("--srdf", help="Pairs of links that may touch, from MoveIt's file.")
     ] = None,
-    package_path: Annotated[
-        list[Path] | None, typer.Option("--package-path", help="Folder of ROS packages (may be repeated).")
-    ] = None,
-    xacro_arg: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--xacro-arg",
-            metavar="NAME:=VALUE",
-            help="Argument of the xacro file (may be repeated).",
-            callback=_arguments,
-        ),
-    ] = None,
+    package_path: PackagePathOption = None,
+    xacro_arg: XacroArgOption = None,
+    limits: LimitsOption = None,
     out: OutOption = None,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite a robot.yaml that is there already.")
@@ -53,8 +46,7 @@ def command(
 
     Of a MuJoCo model or xacro file the URDF is written too.
     """
-    arguments = dict(one.split(":=", 1) for one in xacro_arg or [])
-    source = Source(srdf, tuple(package_path or ()), arguments)
+    source = replace(stated_source(package_path, xacro_arg, limits), srdf=srdf)
     written = excite.write_scaffold(file, out or file.parent, seed=seed, overwrite=force, source=source)
     document = {
         "schema": "excite.init-robot/1",

@@ -56,6 +56,7 @@ from excite.cli.session.interruption import (  # noqa: E402
     exit_code_of_interruption,
     handle_signals,
 )
+from excite.cli.session.model_options import with_model_options  # noqa: E402
 from excite.cli.session.typed import typed, typed_seed  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
 from excite.made import made_by  # noqa: E402
@@ -100,7 +101,8 @@ for _module in (
     schema,
     demo,
 ):
-    app.command(name=_module.NAME, cls=_CLASSES.get(_module, HelpfulCommand))(_module.command)
+    _class = _CLASSES.get(_module, HelpfulCommand)
+    app.command(name=_module.NAME, cls=_class)(with_model_options(_module.command))
 
 
 app.add_typer(blind.app, name=blind.NAME)

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from excite.documents.document import (
     MOST_ENTRIES,
+    AsFarAs,
     Assumptions,
     Block,
     Document,
@@ -74,6 +75,7 @@ class CheckedMotion(Block):
         default=None, description="the file that it was read from, relative to this document's folder"
     )
     safe: bool = Field(description="whether nothing is violated and every margin could be computed")
+    as_far_as: AsFarAs = Field(default=[])
     margins: Margins = Field(description="smallest margins over the motion")
     nearest: dict[Name, Annotated[list[Nearest], Field(max_length=_MOST_UNITS)]] = Field(
         default={}, description="by margin of joints, the nearest to its limit in each unit, smallest first"

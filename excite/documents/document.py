@@ -74,6 +74,10 @@ Assumptions = Annotated[
     list[AssumedValue], Field(max_length=MOST_ENTRIES, description="what no file said of the robot")
 ]
 
+AsFarAs = Annotated[
+    Texts, Field(description="what has to hold of shapes that are not known, for what is safe to be so")
+]
+
 
 class Made(Block):
     """How a document came to be."""

@@ -9,6 +9,7 @@ from pydantic import Field
 from excite.documents.document import (
     MOST_CHANNELS,
     MOST_ENTRIES,
+    AsFarAs,
     Assumptions,
     Block,
     Count,
@@ -168,6 +169,7 @@ class Plan(Document):
     forecast: Forecast | None = Field(
         default=None, description="what that makes of the target; null where the sensors' noise is not stated"
     )
+    as_far_as: AsFarAs = Field(default=[])
     assumed: Assumptions = Field(default=[])
     rehearsed_load: Maybe = Field(
         default=None,

@@ -8,7 +8,7 @@ from typing import Any
 
 from excite.motion.motion import Motion
 from excite.motion.readers.table import UNSAFE
-from excite.safety.verdict import Violation
+from excite.safety.verdict import Violation, conditions
 
 
 def statement(motion: Motion) -> dict[str, Any]:
@@ -39,7 +39,8 @@ def remarks(motion: Motion) -> list[str]:
     if verdict.get("safe"):
         margins = {name: value for name, value in verdict["margins"].items() if value is not None}
         stated = ", ".join(f"{name} {value:.4g}" for name, value in margins.items())
-        lines.append(f"found safe by the independent check; smallest margins: {stated}")
+        held = conditions(verdict.get("as_far_as", ()))
+        lines.append(f"found safe by the independent check{held}; smallest margins: {stated}")
     return [" ".join(line.split()) for line in lines]
 
 

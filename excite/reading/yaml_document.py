@@ -22,6 +22,12 @@ MAX_DEPTH = 40
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
+# One that knows angles tagged so, as files of UR's robots hold them.
+_AngleLoader: Any = type("_AngleLoader", (_Loader,), {})
+_AngleLoader.add_constructor("!degrees", lambda loader, node: math.radians(float(node.value)))
+_AngleLoader.add_constructor("!radians", lambda loader, node: float(node.value))
+
+
 def read_yaml(
     path: str | Path,
     *,
@@ -29,6 +35,7 @@ def read_yaml(
     remedy: str = "",
     limit: int = MAX_DESCRIPTION_BYTES,
     most_nodes: int = MAX_NODES,
+    degrees: bool = False,
 ) -> dict[str, Any]:
     """The mapping that a YAML file holds.
 
@@ -38,6 +45,7 @@ def read_yaml(
         remedy: what to do where it is no mapping at all.
         limit: largest size [bytes].
         most_nodes: how many values it may stand for.
+        degrees: whether angles may be tagged ``!degrees`` (read as radians) or ``!radians``.
 
     Raises:
         InputError: of the class ``error``: the file cannot be read, is no YAML or no mapping, nests or repeats itself
@@ -49,7 +57,7 @@ def read_yaml(
         root = _composed(text, path, error, most_nodes)
         if root is not None:
             _check_nodes(root, path, error, most_nodes)
-        content = None if root is None else _constructed(text)
+        content = None if root is None else yaml.load(text, Loader=_AngleLoader if degrees else _Loader)
     except yaml.YAMLError as reason:
         line = " ".join(str(reason).split())
         raise error(f"is not valid YAML ({line[:200]})", source=path, remedy="mend the syntax") from reason
@@ -78,10 +86,6 @@ def _composed(text: str, path: Path, error: type[InputError], most_nodes: int) -
         if nodes > most_nodes:
             raise _too_many(path, error, most_nodes)
     return yaml.compose(text, Loader=_Loader)
-
-
-def _constructed(text: str) -> Any:
-    return yaml.load(text, Loader=_Loader)
 
 
 def _check_nodes(root: yaml.Node, path: Path, error: type[InputError], most_nodes: int) -> None:

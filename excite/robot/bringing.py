@@ -7,26 +7,31 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
-from excite.atomic import all_or_nothing, write_bytes
+from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.errors import InputError
 from excite.robot.catalogue import find_robot
+from excite.robot.loading import limited_description
 from excite.robot.loading import load_robot as load_described
 from excite.robot.robot import Robot
+from excite.robot.scaffold.source import Source, model_source
 from excite.temporary_folder import TemporaryFolder, in_temporary_folder
 
 RobotLike = Robot | str | Path
 """A robot, or what :func:`load_robot` makes one of."""
 
-_MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
+# What an SDF is, its reader says.
+_MODELS = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
 
 
-def load_robot(name_or_path: str | Path) -> Robot:
+def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     """Load a robot by bundled name, from a ``robot.yaml``, or from a bare model with a first description.
 
     Args:
         name_or_path: bundled name (``excite robots`` lists them), folder, or path of a ``robot.yaml``, URDF, xacro
             or MJCF. What a bare model does not say is assumed, and stands in ``robot.description.assumed``; that first
             description lasts as long as the process, where :func:`kept` does not copy it.
+        source: how a bare model is to be read, and the file of joint limits that holds for any robot where it is
+            tighter than what that states.
 
     Returns:
         The robot, everything in it checked.
@@ -36,13 +41,19 @@ def load_robot(name_or_path: str | Path) -> Robot:
         UnknownNameError: neither a file nor a bundled robot.
     """
     path = Path(name_or_path) if Path(name_or_path).suffix in _MODELS else find_robot(name_or_path)
-    if path.suffix not in _MODELS:
-        return load_described(path)
+    source = source or model_source()
+    described = None if path.suffix in _MODELS else load_described(path)
+    if described is not None and source.limits is None:
+        return described
+    # A model's path tells it from others of its name, and may be longer than a name of a folder.
+    folder = _temporary().path / sha256(f"{path.resolve().as_posix()}{source}".encode()).hexdigest()
+    if described is not None and source.limits is not None:
+        text = limited_description(described, source.limits)
+        return load_described(write_text(folder / "robot.yaml", text))
     from excite.robot.scaffold.files import write_scaffold  # lazy: scipy
 
-    # A model's path tells it from others of its name, and may be longer than a name of a folder.
-    folder = _temporary().path / sha256(path.resolve().as_posix().encode()).hexdigest()
-    return load_described(write_scaffold(path, folder, overwrite=True, absolute=True).description)
+    written = write_scaffold(path, folder, overwrite=True, source=source, absolute=True)
+    return load_described(written.description)
 
 
 def kept(robot: Robot, results: Path) -> Robot:

@@ -47,7 +47,7 @@ def find_robot(name_or_path: str | Path) -> Path:
         RobotError: a file of another kind, or a folder without one.
     """
     path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml", ".urdf", ".xml", ".mjcf"}:
+    if path.suffix in {".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".sdf"}:
         return path
     bundled = data_folder("robots") / str(name_or_path) / "robot.yaml"
     if os.path.isfile(bundled):
@@ -58,7 +58,7 @@ def find_robot(name_or_path: str | Path) -> Path:
         raise RobotError(
             "is neither a robot.yaml nor a URDF, xacro or MJCF by its name",
             source=path,
-            remedy="convert it to URDF (of an SDF: sdformat_urdf or gz-sdf), or let its name end in what it is",
+            remedy="let its name end in what it is, or convert it to URDF or MJCF",
         )
     if str(name_or_path) and os.path.isdir(path):
         remedy = "name the URDF, xacro or MJCF, or the robot.yaml that excite init-robot makes of it"

@@ -147,5 +147,15 @@ def read_limits(
             )
     if (upper <= lower).any():
         joint = names[int(np.argmax(upper <= lower))]
-        raise RobotError(f"empty position range of joint {joint!r}", source=path, field="limits.position")
+        index = names.index(joint)
+        low, high = lower[index] - block.position.margin, upper[index] + block.position.margin
+        remedy = (
+            f"exchange them: {joint}: [{high:g}, {low:g}]"
+            if high < low
+            else f"hold it still: locked_joints: {{{joint}: {low:g}}}"
+            if high == low
+            else "make limits.position.margin smaller than half of it"
+        )
+        what = f"empty position range of joint {joint!r}: {low:g} … {high:g}, less a margin"
+        raise RobotError(what, source=path, field="limits.position", remedy=remedy)
     return limits

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +16,7 @@ import yaml
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.reading.file import read_bytes
-from excite.reading.xml_document import MAX_XML_BYTES
+from excite.reading.xml_document import MAX_XML_BYTES, read_xml
 from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import FREE_BASES, Assumed, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
@@ -23,11 +25,19 @@ from excite.robot.mechanisms.blocks import TieBlock
 from excite.robot.mechanisms.drives import without_motors
 from excite.robot.mechanisms.reading import followers, read_mechanism
 from excite.robot.mechanisms.transmissions import add_motors, closures_of
+from excite.robot.per_joint import PerJoint
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.balls import with_balls_down
 from excite.robot.shapes.ground import ground_is_assumed
+from excite.robot.urdf.limits import (
+    CONTROL,
+    SOFT,
+    assumed_limits,
+    keep_stated_limits,
+    read_joint_limits,
+)
 from excite.robot.urdf.model import urdf_model
-from excite.robot.urdf.reading import Stated, read_urdf
+from excite.robot.urdf.reading import MAX_NESTING, Stated, read_urdf
 from excite.robot.weights import check_weights
 
 
@@ -98,7 +108,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     rest = _rest(model, description, upright, feet)
     return Robot(
         name=description.name,
-        description=_with_ground_said(description),
+        description=_with_limits_said(_with_ground_said(description), model_path, urdf),
         source=path,
         urdf=urdf,
         hash=fingerprint,
@@ -123,6 +133,34 @@ def _with_ground_said(description: RobotDescription) -> RobotDescription:
         consequence="motions stay above it: state collision.table_height, or null where nothing is there",
     )
     return description.model_copy(update={"assumed": (*description.assumed, ground)})
+
+
+def _with_limits_said(description: RobotDescription, model_path: Path, urdf: str) -> RobotDescription:
+    """The description with limits of the model that stand elsewhere than in ``<limit>`` among what is assumed."""
+    if not any(element.strip(">") in urdf for element in (SOFT, CONTROL)):
+        return description
+    tightened = keep_stated_limits(read_xml(model_path, error=RobotError, max_depth=MAX_NESTING), model_path)
+    block = description.limits
+    stated = {
+        "position": set(block.position.joints),
+        "velocity": _joints_of(block.velocity),
+        "effort": _joints_of(block.torque),
+    }
+    locked = set(description.locked_joints)
+    left = {
+        said: {
+            what: kept
+            for what, joints in changed.items()
+            if (kept := [name for name in joints if name not in stated.get(what, set()) | locked])
+        }
+        for said, changed in tightened.items()
+    }
+    said = assumed_limits(left)
+    return description.model_copy(update={"assumed": (*description.assumed, *said)}) if said else description
+
+
+def _joints_of(block: PerJoint | None) -> set[str]:
+    return set() if block is None else set(block.joints)
 
 
 def _fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
@@ -154,16 +192,62 @@ def model_file(robot: Robot) -> Path:
 
 def portable_description(robot: Robot) -> str:
     """Text of a robot's ``robot.yaml`` that can be written anywhere: it names the URDF by its whole path."""
-    description = read_description(robot.source)
+    return _portable(robot, read_description(robot.source))
+
+
+def limited_description(robot: Robot, file: Path) -> str:
+    """The same, with the joint limits of a file of MoveIt's kind where they are tighter than the robot's.
+
+    Raises:
+        RobotError: it is no such file, names no joint of the robot, or leaves one no range.
+    """
+    description, limits = read_description(robot.source), robot.limits
+    found = read_joint_limits(file, robot.driven_names)
+    if not found:
+        remedy = "the robot has " + ", ".join(robot.driven_names)
+        raise RobotError("names no joint of the robot", source=file, field="joint_limits", remedy=remedy)
+    changed: dict[str, dict[str, Any]] = {}
+    for name, one in found.items():
+        index, margin = robot.joint_index(name), description.limits.position.margin
+        for what, value in (
+            ("velocity", one.velocity),
+            ("torque", one.effort),
+            ("acceleration", one.acceleration),
+            ("jerk", one.jerk),
+        ):
+            if value is not None and 0.0 < value < getattr(limits, what)[index]:
+                changed.setdefault(what, {})[name] = value
+        if one.range is None:
+            continue
+        low, high = limits.position_lower[index] - margin, limits.position_upper[index] + margin
+        kept = max(float(low), one.range[0]), min(float(high), one.range[1])
+        if kept[0] + 2.0 * margin >= kept[1]:
+            what = f"{one.range[0]:g} … {one.range[1]:g} leaves nothing of {low:.4g} … {high:.4g}"
+            raise RobotError(what, source=file, field=f"joint_limits.{name}", remedy="correct one of them")
+        if kept != (low, high):
+            changed.setdefault("position", {})[name] = kept
+    return _portable(robot, _with_limits(description, changed, file))
+
+
+def _with_limits(
+    description: RobotDescription, changed: Mapping[str, Mapping[str, Any]], file: Path
+) -> RobotDescription:
+    """The description with limits of some joints changed, and where they stand among what is assumed."""
+    content = description.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    for what, joints in changed.items():
+        block = content["limits"].get(what) or {"source": file.name}
+        content["limits"][what] = {**block, "joints": {**block.get("joints", {}), **joints}}
+    said = assumed_limits({file.name: {what: list(joints) for what, joints in changed.items()}})
+    content["assumed"] = [*content.get("assumed", []), *(one.model_dump() for one in said)]
+    return RobotDescription.model_validate(content)
+
+
+def _portable(robot: Robot, description: RobotDescription) -> str:
     whole = description.model.model_copy(update={"path": str(model_file(robot).resolve()), "package": None})
     content = description.model_copy(update={"model": whole})
-    return str(
-        yaml.safe_dump(
-            content.model_dump(mode="json", by_alias=True, exclude_defaults=True),
-            sort_keys=False,
-            allow_unicode=True,
-        )
-    )
+    # What is said to be absent, such as a table, is not what was left out.
+    said = content.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    return str(yaml.safe_dump(said, sort_keys=False, allow_unicode=True))
 
 
 def _rest_within_limits(robot: Robot) -> None:

@@ -102,8 +102,8 @@ class Bounded:
             raise _refused(f"is more than any robot has ({self.most:.4g} {self.unit})", self.cause)
         if value < 0.0 and self.least != "any":
             raise _refused("is negative", f"give a number {self.least}")
-        if value == 0.0 and self.least == "above 0":
-            raise _refused("is 0", "give a number above 0")
+        if value < 1.0 / MAX_STAND_IN and self.least == "above 0":
+            raise _refused("is 0" if value == 0.0 else "is next to nothing", "give a number above 0")
         return value
 
 

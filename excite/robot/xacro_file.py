@@ -13,6 +13,7 @@ from excite.reading.file import first_bytes
 from excite.reading.xml_document import read_xml
 from excite.robot.packages import package_folder
 from excite.robot.urdf.reading import find_mesh
+from excite.robot.urdf.tree import MOVING
 
 _NAMESPACE = "ros.org/wiki/xacro"
 # A model of 2 000 links from a macro each takes 5 s and 0.13 GB on a busy core.
@@ -39,25 +40,14 @@ def expanded(path: Path, arguments: Mapping[str, str], package_path: tuple[Path,
         RobotError: the file is missing, or xacro cannot expand it, or not within half a minute, or to no link.
     """
     if is_xacro(path):
-        read_xml(path, error=RobotError)
-        # In a process of its own: xacro evaluates what a file says as Python, which need not end.
-        text = in_child(
-            f"{__name__}:_expand",
-            path,
-            dict(arguments),
-            package_path,
-            source=path,
-            error=RobotError,
-            seconds=_SECONDS,
-            memory_gb=_MEMORY_GB,
-            endless=(
-                "is not expanded after {seconds:g} s: an expression or macro in it does not end",
-                "find the ${…} that takes so long, or expand it with xacro and give the URDF",
-            ),
-        )
-        root = ElementTree.fromstring(text)
-        if root.find("link") is None:
-            raise _defines_alone(path)
+        leftovers = _without_xacro(path)
+        try:
+            root = _expanded_root(path, arguments, package_path)
+        except RobotError:
+            if leftovers is None:
+                raise
+            # What every reader of URDF makes of such a file: elements of xacro mean nothing to them.
+            root = leftovers
     else:
         root = read_xml(path, error=RobotError)
     for mesh in root.iter("mesh"):
@@ -66,6 +56,48 @@ def expanded(path: Path, arguments: Mapping[str, str], package_path: tuple[Path,
         if found is not None:
             mesh.set("filename", str(found))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _expanded_root(
+    path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]
+) -> ElementTree.Element:
+    # In a process of its own: xacro evaluates what a file says as Python, which need not end.
+    text = in_child(
+        f"{__name__}:_expand",
+        path,
+        dict(arguments),
+        package_path,
+        source=path,
+        error=RobotError,
+        seconds=_SECONDS,
+        memory_gb=_MEMORY_GB,
+        endless=(
+            "is not expanded after {seconds:g} s: an expression or macro in it does not end",
+            "find the ${…} that takes so long, or expand it with xacro and give the URDF",
+        ),
+    )
+    root = ElementTree.fromstring(text)
+    if root.find("link") is None:
+        raise _defines_alone(path)
+    return root
+
+
+def _without_xacro(path: Path) -> ElementTree.Element | None:
+    """A file called a URDF without elements of xacro that were left over in it; None where it needs xacro.
+
+    It does where nothing moves without them, or a value is to be evaluated.
+    """
+    root = read_xml(path, error=RobotError)
+    if path.suffix == ".xacro":
+        return None
+    for element in list(root.iter()):
+        for child in [one for one in element if _NAMESPACE in one.tag]:
+            element.remove(child)
+    evaluated = any(
+        sign in value for one in root.iter() for value in one.attrib.values() for sign in ("${", "$(")
+    )
+    moves = any(joint.get("type") in MOVING for joint in root.findall("joint"))
+    return root if moves and not evaluated else None
 
 
 def _in_packages(name: str, package_path: tuple[Path, ...]) -> Path | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
+from excite.robot.shapes.stand_ins import shape_conditions
 from excite.robot.sliding import sliding_joints
 from excite.safety.checks.registry import CHECKS
 from excite.safety.checks.sweep import Sweep
@@ -68,6 +69,7 @@ def check_motion(
         not_applicable=tuple(not_applicable),
         readable=readable,
         nearest=nearest,
+        as_far_as=shape_conditions(robot) if readable else (),
     )
 
 

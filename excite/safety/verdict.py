@@ -65,7 +65,8 @@ class Margins:
         joint_acceleration_rad_s2: to the acceleration limit [rad/s² or m/s²].
         joint_jerk_rad_s3: to the jerk limit [rad/s³ or m/s³].
         joint_torque_nm: to the torque limit [N·m or N].
-        self_collision_m: smallest distance between two bodies, or a body and the table [m].
+        self_collision_m: smallest distance between two bodies, or a body and the table; of a pair that keeps less than
+            the robot's margin, what it is nearer or farther than that, from the margin [m].
         zmp_m: smallest distance of the zero-moment point from the edge of the support polygon,
             negative outside [m].
     """
@@ -103,6 +104,7 @@ class Verdict:
         readable: False where the motion is so broken that nothing could be computed from it.
         nearest: by margin of joints, the nearest to its limit in each unit: metres and radians are not compared.
         rehearsal: what it did in simulation, as it stands in the document; None where that was not tried.
+        as_far_as: what has to hold of the robot's shapes, of which some are not known.
     """
 
     motion: str
@@ -112,6 +114,7 @@ class Verdict:
     readable: bool = True
     nearest: Mapping[str, tuple[Nearest, ...]] = field(default_factory=dict)
     rehearsal: Mapping[str, Any] | None = None
+    as_far_as: tuple[str, ...] = ()
 
     @property
     def safe(self) -> bool:
@@ -136,11 +139,12 @@ class Verdict:
         return f"could not compute {', '.join(self.not_computed)}" if self.not_computed else ""
 
     def to_json(self) -> dict[str, Any]:
-        """The motion's entry in an ``excite.check/1`` document, ``not_applicable`` and ``nearest``."""
+        """The motion's entry in an ``excite.check/1`` document, with the other fields too."""
         rehearsal = {} if self.rehearsal is None else {"rehearsal": dict(self.rehearsal)}
         return {
             "motion": self.motion,
             "safe": self.safe,
+            "as_far_as": list(self.as_far_as),
             "margins": asdict(self.margins),
             "nearest": {name: [asdict(one) for one in items] for name, items in self.nearest.items()},
             "not_applicable": list(self.not_applicable),
@@ -165,7 +169,15 @@ class Verdict:
 
     def summary(self) -> str:
         """One line for a person."""
-        return f"{self.motion}: safe" if self.safe else f"{self.motion}: unsafe, {self.reason}"
+        if not self.safe:
+            return f"{self.motion}: unsafe, {self.reason}"
+        return f"{self.motion}: safe{conditions(self.as_far_as)}"
+
+
+def conditions(as_far_as: Iterable[str]) -> str:
+    """What a verdict holds under, to follow the word safe; empty where that is nothing."""
+    said = " and ".join(as_far_as)
+    return f", as far as {said}" if said else ""
 
 
 def check_document(verdicts: Iterable[Verdict]) -> dict[str, Any]:

@@ -228,7 +228,7 @@ _URDF_TEXTS: dict[str, tuple[str | bytes, str]] = {
     "cut": (ARM[:700], r"is not valid XML"),
     "text": ("hello", r"is not valid XML"),
     "binary": (bytes(range(256)), r"is not valid XML"),
-    "SDF": ("<sdf/>", r"is an SDF model.*; export it as URDF"),
+    "SDF": ("<sdf/>", r"is an SDF model.*; make a URDF of it"),
     "xacro": ("<html/>", r"is no URDF: its outermost element is <html>"),
     "entities": ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;"/>', r"declares XML entities.*; remove"),
     "outside entity": (
@@ -400,7 +400,10 @@ _UNITS: dict[str, tuple[str, str, str]] = {
     ),
 }
 _MJCF_TEXTS: dict[str, tuple[str, str]] = {
-    "no body": ("<mujoco/>", r"has no joint that moves"),
+    "no body": (
+        "<mujoco/>",
+        r"holds no <body>: it is a part of a MuJoCo model.*; give the file that includes it",
+    ),
     "cut": (MJCF[:300], r"is not valid XML"),
     "entities": ('<!DOCTYPE r [<!ENTITY a "b">]><mujoco model="&a;"/>', r"declares XML entities"),
     "deep": (

@@ -440,7 +440,10 @@ def test_an_arm_without_limits_or_geometry_is_complete(tmp_path: Path) -> None:
     )
     robot = written(text.replace("</collision>", "</none>"), tmp_path)
     assert (robot.limits.torque > 0.0).all() and (robot.limits.velocity > 0.0).all()
-    assert {"torque limits", "velocity limits", "geometry"} <= {one.what for one in robot.description.assumed}
+    n = sum(mass > 0.0 for mass in [float(one) for one in re.findall(r'mass value="([^"]*)"', text)])
+    assert {"torque limits", "velocity limits", f"geometry of {n} links"} <= {
+        one.what for one in robot.description.assumed
+    }
 
 
 def test_xacro_takes_its_arguments(tmp_path: Path) -> None:
@@ -539,7 +542,7 @@ def test_same_seed_same_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"), [("<mujoco/>", "export it as URDF"), ("<robot name='x'/>", "no <link>")]
+    ("text", "message"), [("<mujoco/>", "give it to excite init-robot"), ("<robot name='x'/>", "no <link>")]
 )
 def test_what_cannot_be_described_is_refused(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
@@ -552,7 +555,7 @@ def test_boxes_of_made_up_inertia_are_no_longer_than_the_links(tmp_path: Path) -
     text = re.sub(r'i(xx|yy|zz)="[^"]*"', r'i\1="1"', hand_on_an_arm())
     robot = written(text, tmp_path)
     boxes = [shape for shape in robot.description.collision.shapes if shape.kind == "box"]
-    assert len(boxes) == 4
+    assert {box.link for box in boxes} == set(re.findall(r'<link name="([^"]*)"', text))
     # Joints lie 0.3 m apart, and the centres of mass on them.
     assert max(max(box.size) for box in boxes) <= 0.3 + 1e-4
 
@@ -572,9 +575,13 @@ def _tenth(match: re.Match[str]) -> str:
     return f'{match.group(1)}="{" ".join(str(scale * x) for x in numbers)}"'
 
 
-def test_links_without_geometry_are_named(tmp_path: Path) -> None:
-    said = [str(one) for one in written(cart(), tmp_path).description.assumed]
-    assert any("links without geometry: shoulder" in one for one in said)
+def test_links_without_geometry_get_boxes_and_are_named(tmp_path: Path) -> None:
+    robot = written(cart(), tmp_path)
+    said = [str(one) for one in robot.description.assumed]
+    assert any(
+        "geometry of 1 link: boxes of their own inertia, as large as their mass: shoulder" in o for o in said
+    )
+    assert [shape.link for shape in robot.description.collision.shapes] == ["shoulder"]
 
 
 def test_friction_that_the_model_states_is_said_not_to_count(tmp_path: Path) -> None:
@@ -663,9 +670,13 @@ def test_a_xacro_that_cannot_be_expanded_says_what_arguments_it_takes(tmp_path: 
 
 
 def test_a_file_of_another_kind_is_no_unknown_name(tmp_path: Path) -> None:
+    path = tmp_path / "robot.blend"
+    path.write_text("BLENDER")
+    with pytest.raises(RobotError, match="is neither a robot"):
+        excite.load_robot(path)
     path = tmp_path / "robot.sdf"
     path.write_text('<sdf version="1.7"/>')
-    with pytest.raises(RobotError, match="is neither a robot"):
+    with pytest.raises(RobotError, match=r"an SDF model.*make a URDF of it \(pip install pybullet"):
         excite.load_robot(path)
 
 
@@ -804,7 +815,7 @@ def test_geometry_that_is_not_there_is_named_and_the_boxes_in_its_place_are_call
     gone = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual></link>'
     text = cart().replace("<collision>", "<none>").replace("</collision>", "</none>").replace("</link>", gone)
     robot = written(text, tmp_path)
-    (geometry,) = [one for one in robot.description.assumed if one.what == "geometry"]
+    (geometry,) = [one for one in robot.description.assumed if one.what.startswith("geometry of ")]
     assert "gone.stl: no such file" in geometry.consequence
     assert robot.description.collision.source.startswith("boxes of the links' inertia")
 

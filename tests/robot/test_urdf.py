@@ -30,6 +30,27 @@ FAULTS = {
     "MuJoCo model": ("<mujoco model='m'/>", "MuJoCo", "URDF"),
     "SDF model": ("<sdf/>", "SDF", "URDF"),
     "other XML": ("<html/>", "<html>", "URDF"),
+    "joint called universe": (
+        ARM.replace('"elbow"', '"universe"'),
+        "joint 'universe': is called as readers call what the robot stands on",
+        "rename the joint",
+    ),
+    "torque of next to nothing": (
+        spoiled('effort="20"', 'effort="9e-301"'),
+        "joint 'elbow'/limit@effort: is 9e-301, less than any drive gives",
+        "check its exponent",
+    ),
+    "velocity of next to nothing": (
+        spoiled('velocity="3.0"', 'velocity="9e-301"'),
+        "joint 'elbow'/limit@velocity: is 9e-301",
+        "leave it out where none is known",
+    ),
+    "exchanged limits": (
+        spoiled('lower="-2.0" upper="2.0"', 'lower="2.0" upper="-2.0"'),
+        "joint 'elbow'/limit: lower 2.0 is above upper -2.0",
+        'exchange them: lower="-2.0" upper="2.0"',
+    ),
+    "part of a MuJoCo model": ("<worldbody/>", "a part of a MuJoCo model", "give the file that includes it"),
     "no robot name": (spoiled(' name="small"', ""), "robot@name: is missing", "name the robot"),
     "no links": ("<robot name='r'/>", "no <link>", "describe"),
     "deep nesting": ("<robot name='r'>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>", "nested", "reduce"),

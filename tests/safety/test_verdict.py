@@ -51,6 +51,7 @@ def test_scripts_read_everything() -> None:
     assert entry == {
         "motion": "m",
         "safe": False,
+        "as_far_as": [],
         "margins": {name: 0.1 * (k + 1) for k, name in enumerate(MARGIN_FIELDS)},
         "nearest": {},
         "not_applicable": ["zmp_m"],

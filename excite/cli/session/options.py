@@ -74,6 +74,36 @@ ClusterOption = Annotated[
         help="Dask scheduler whose workers are to be used instead, such as tcp://10.0.0.1:8786.",
     ),
 ]
+
+
+def _named_arguments(context: typer.Context, given: list[str] | None) -> list[str] | None:
+    for one in given or []:
+        if ":=" not in one:
+            raise typer.BadParameter(f"{one!r} is not name:=value", param_hint="'--xacro-arg'")
+    return given
+
+
+PackagePathOption = Annotated[
+    list[Path] | None,
+    typer.Option("--package-path", help="Folder of ROS packages of the robot's model (may be repeated)."),
+]
+XacroArgOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--xacro-arg",
+        metavar="NAME:=VALUE",
+        help="Argument of the robot's xacro file (may be repeated).",
+        callback=_named_arguments,
+    ),
+]
+LimitsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--limits",
+        metavar="FILE",
+        help="Joint limits of the robot that hold where they are tighter, MoveIt's joint_limits.yaml.",
+    ),
+]
 ApplyOption = Annotated[
     Path | None,
     typer.Option(

@@ -13,6 +13,7 @@ from excite.cli.session.interruption import document_printed
 from excite.json_document import to_json, with_origin, write_json
 from excite.progress import Progress as ProgressCallback
 from excite.progress import silent
+from excite.robot.scaffold.source import Source, model_source
 
 EXIT_NEGATIVE = 1
 """Done, and the answer is "unsafe" or "targets not met"."""
@@ -36,8 +37,13 @@ def emit(summary: str, document: dict[str, Any], *, as_json: bool, then: str = "
 
 
 def command_line(*words: object) -> str:
-    """A command as it can be typed, names with spaces quoted."""
-    return " ".join(["excite", *(shlex.quote(str(word)) for word in words)])
+    """A command as it can be typed, names with spaces quoted; models are read in it as in the one that says it."""
+    # A report reads no model.
+    source = Source() if words[0] == "report" else model_source()
+    more = [word for folder in source.package_path for word in ("--package-path", folder)]
+    more += [word for one in source.arguments.items() for word in ("--xacro-arg", ":=".join(one))]
+    more += [] if source.limits is None else ["--limits", source.limits]
+    return " ".join(["excite", *(shlex.quote(str(word)) for word in (*words, *more))])
 
 
 def emitted(document: dict[str, Any], name: str, *, as_json: bool, out: Path | None) -> bool:

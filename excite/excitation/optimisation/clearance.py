@@ -13,7 +13,7 @@ from excite.excitation.optimisation.objective import Layout, Sampling
 from excite.excitation.optimisation.segments import closest_points
 from excite.regressor.kernels import Placements, forward_kinematics
 from excite.regressor.tree import PRISMATIC, read_tree
-from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes, geometry_data
+from excite.robot.shapes.collision import TABLE, collision_shapes, geometry_data, watched_model
 from excite.robot.shapes.shape import Shape
 
 # Pairs farther apart than this beyond the margin do not enter [m].
@@ -53,16 +53,15 @@ class Clearance:
     Args:
         layout: what the variables stand for.
         time: ``(n,)`` at which distances are taken [s].
-        extra: distance beyond the robot's collision margin [m].
+        extra: distance beyond the robot's collision margin [m]; pairs that keep less than that keep no more.
     """
 
     def __init__(self, layout: Layout, time: Array, extra: float) -> None:
         robot = layout.robot
         self._sampling, self._tree = Sampling(layout, time), read_tree(robot.model)
         self._model, self._data = robot.model, robot.model.createData()
-        self._geometry = collision_model(robot)
+        self._geometry, kept = watched_model(robot)
         self._state = geometry_data(self._geometry)
-        self._required = robot.description.collision.margin + extra
         self._joints = layout.joints + (2 if robot.floating else 1)
         shapes = collision_shapes(robot)
         self._parents = np.array([int(shape.joint) for shape in shapes])
@@ -75,12 +74,13 @@ class Clearance:
         mattering = (above[self._pairs[:, 0]] != above[self._pairs[:, 1]]).any(axis=1)
         self._pairs, self._index = self._pairs[mattering], np.flatnonzero(mattering)
         self._above = above
+        self._required = (kept + np.where(kept < robot.description.collision.margin, 0.0, extra))[mattering]
         self.n_pairs = len(self._pairs)
 
     def smooth(self, x: Array) -> tuple[Array, Array]:
         """Smooth minimum of each pair's clearance ``(n_pairs,)`` [m] and its gradient ``(n_pairs, size)``."""
         poses, close = self._close(x)
-        value = close.distance - self._required
+        value = close.distance - self._required[close.pair]
         least = np.full(self.n_pairs, _NEAR)
         np.minimum.at(least, close.pair, value)
         weight = np.exp(-_SHARPNESS * (value - least[close.pair]))
@@ -100,7 +100,8 @@ class Clearance:
 
     def least(self, x: Array) -> float:
         """Smallest clearance at the samples [m], at most 0.1."""
-        return float((self._close(x)[1].distance - self._required).min(initial=_NEAR))
+        close = self._close(x)[1]
+        return float((close.distance - self._required[close.pair]).min(initial=_NEAR))
 
     def _close(self, x: Array) -> tuple[Placements, _Close]:
         q = self._sampling.whole(x).q
@@ -117,7 +118,7 @@ class Clearance:
         simple = self._axes.simple[first[pair]] & self._axes.simple[second[pair]]
         parts = [self._by_segments(rotation, translation, sample[simple], pair[simple])]
         parts.append(self._by_coal(q, sample[~simple], pair[~simple]))
-        near = [part.distance < self._required + _NEAR for part in parts]
+        near = [part.distance < self._required[part.pair] + _NEAR for part in parts]
         fields = ("sample", "pair", "distance", "first", "second", "normal")
         joined = {
             name: np.concatenate([getattr(part, name)[keep] for part, keep in zip(parts, near, strict=True)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from excite.identification.judgement.poor import PATIENCE
 from excite.report.conclusions.result import NAMED, Conclusion, robot_words
 from excite.report.folder import Document, Findings
+from excite.safety.verdict import conditions
 from excite.shown import count, span
 
 
@@ -76,9 +77,9 @@ def of_check(check: Document, findings: Findings) -> Conclusion:
     motions = check["motions"]
     unsafe = [motion["motion"] for motion in motions if not motion["safe"]]
     if not unsafe and motions:
+        held = {"the model is true": None, **{one: None for m in motions for one in m.get("as_far_as", ())}}
         return Conclusion(
-            f"All of {count(len(motions), 'motion')} pass the independent check: safe to run, as far as the model is "
-            "true.",
+            f"All of {count(len(motions), 'motion')} pass the independent check: safe to run{conditions(held)}.",
             True,
             purpose="export them for the controller (excite export MOTION --format F), and run them slowly first",
         )

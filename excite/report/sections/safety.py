@@ -5,6 +5,7 @@ from __future__ import annotations
 from excite.report.folder import Document, Findings
 from excite.report.html import Cell, folded, section, table
 from excite.report.sections.section import Section
+from excite.safety.verdict import conditions
 from excite.shown import count
 
 _MARGINS = {
@@ -35,6 +36,9 @@ class Safety(Section):
             "How far the motions stay from every limit at the worst instant, by a check independent of the "
             "repairs; a margin that could not be computed counts as unsafe."
         )
+        held = {one: None for motion in motions for one in motion.get("as_far_as", ())}
+        if held:
+            lead += f" What is safe here is safe{conditions(held)}."
         columns = [column for name in _MARGINS for column in _columns(name, motions)]
         smallest = table(("margin", "smallest", "of", "in motion"), [_smallest(c, motions) for c in columns])
         every = folded(

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from excite.robot.per_joint import Block, Name, Source
-from excite.robot.quantities import JointValue, Length, Ratio, Rotation3, Vector3
+from excite.robot.quantities import MAX_RATIO, JointValue, Length, Ratio, Rotation3, Vector3
 
 
 class LoopEnd(Block):
@@ -58,8 +58,10 @@ class CouplingBlock(TieBlock):
 
     @model_validator(mode="after")
     def _moves(self) -> CouplingBlock:
+        largest = max(abs(factor) for name in self.joints for factor in self.factors(name))
         for name, factors in self.joints.items():
-            if not any(self.factors(name)):
+            # What moves less than a gear of a gear would is tied to nothing, and follows from nothing.
+            if max(map(abs, self.factors(name))) <= largest / MAX_RATIO**2:
                 raise ValueError(f"couplings {self.name}: the factor of {name} is {factors}")
         return self
 

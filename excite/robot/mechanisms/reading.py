@@ -16,6 +16,7 @@ from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock, TieBlock
 from excite.robot.mechanisms.building import mechanism
 from excite.robot.mechanisms.closures import Closure, Coupling, Loop, Rod
 from excite.robot.mechanisms.mechanism import Mechanism
+from excite.robot.quantities import MAX_RATIO
 from excite.robot.urdf.numbers import numbers
 
 
@@ -41,9 +42,12 @@ def followers(root: ElementTree.Element, path: Path) -> tuple[CouplingBlock, ...
             )
         (factor,) = numbers(mimic, "multiplier", 1, path, where, default="1")
         (offset,) = numbers(mimic, "offset", 1, path, where, default="0")
-        if factor == 0.0:
+        if not 1.0 / MAX_RATIO**2 < abs(factor) < MAX_RATIO**2:
             raise RobotError(
-                "follows by a factor of 0", source=path, field=where, remedy=f"make {name!r} a fixed joint"
+                f"follows by a factor of {factor:g}",
+                source=path,
+                field=where,
+                remedy=f"make {name!r} a fixed joint",
             )
         found.append(
             CouplingBlock(

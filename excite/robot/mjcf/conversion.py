@@ -13,6 +13,7 @@ import numpy as np
 
 from excite.atomic import write_bytes, write_text
 from excite.errors import InputError, RobotError
+from excite.finding import first_names
 from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
 from excite.robot.mjcf.closure_blocks import BlockWriter
@@ -20,7 +21,7 @@ from excite.robot.mjcf.closures import driven_joints, mimics, read_closures
 from excite.robot.mjcf.resting import damped_joints, excluded_pairs, rest_keyframe, tendon_groups
 from excite.robot.mjcf.rotors import rotor_inertias
 from excite.robot.mjcf.scan import scan_mjcf
-from excite.robot.mjcf.torques import idle_balls, idle_joints, torque_limits
+from excite.robot.mjcf.torques import idle_balls, idle_joints, narrow_to_commands, torque_limits
 from excite.robot.mjcf.trees import robot_root
 from excite.robot.mjcf.urdf import UrdfWriter
 
@@ -138,6 +139,10 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     if objects:
         names = ", ".join(repr(model.body(body).name) for body in objects[:6])
         notes.append(f"bodies that move on their own are no part of the robot and left out ({names})")
+    narrowed = narrow_to_commands(model)
+    if narrowed:
+        names = first_names([model.joint(joint).name or f"joint_{joint}" for joint in narrowed])
+        notes.append(f"ranges end where the commands of position servos do ({names})")
     closures = read_closures(model, path)
     if closures.handles:
         notes.append("equalities with mocap bodies, handles of a simulation, are left out")

@@ -24,6 +24,8 @@ MAX_FILES = 200
 MAX_ASSET_BYTES = 256 * 1024 * 1024
 
 _MULTIPLIERS = ("replicate", "composite", "flexcomp")
+# Elements without which nothing in a model can move; files and models that are brought in may hold bodies.
+_WITH_BODIES = ("worldbody//body", "worldbody//composite", "worldbody//flexcomp", "include", "attach")
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _ASSETS = ("mesh", "texture", "hfield", "skin", "flexcomp", "composite", "plugin")
 
@@ -41,6 +43,13 @@ def scan_mjcf(path: Path) -> None:
             f"is no MuJoCo model: its outermost element is <{root.tag[:60]}>, not <mujoco>",
             source=path,
             remedy="give an MJCF file",
+        )
+    if all(root.find(f".//{tag}") is None for tag in _WITH_BODIES):
+        raise RobotError(
+            "holds no <body>: it is a part of a MuJoCo model, for the <include> of another file",
+            source=path,
+            field="worldbody",
+            remedy="give the file that includes it",
         )
     scan.size(root, (path,), 0)
     scan.check_assets()

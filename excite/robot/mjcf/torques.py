@@ -1,37 +1,75 @@
-"""Which joints of a MuJoCo model its motors drive, and with what largest torque."""
+"""Which joints of a MuJoCo model its motors drive, with what largest torque, and within what commands."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from excite.robot.urdf.limits import symmetric
 
 if TYPE_CHECKING:
     import mujoco
 
 
 def torque_limits(model: mujoco.MjModel) -> dict[int, float]:
-    """Largest torque of each joint: its own force range, else its motor's."""
+    """Largest torque of each joint: its own force range, or its motor's where that is less, the same either way."""
     import mujoco
 
     limits: dict[int, float] = {}
     for joint in range(model.njnt):
         if model.jnt_actfrclimited[joint]:
-            limits[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
+            limits[joint] = symmetric(*model.jnt_actfrcrange[joint])
     for actuator in range(model.nu):
         joint = int(model.actuator_trnid[actuator, 0])
         on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
-        if not on_joint or joint in limits:
+        if not on_joint:
             continue
         gear = abs(float(model.actuator_gear[actuator, 0]))
         plain = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
         if model.actuator_forcelimited[actuator]:
-            limits[joint] = gear * float(np.abs(model.actuator_forcerange[actuator]).max())
+            most = gear * symmetric(*model.actuator_forcerange[actuator])
         elif plain and model.actuator_ctrllimited[actuator]:
             gain = abs(float(model.actuator_gainprm[actuator, 0]))
-            limits[joint] = gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max())
+            most = gear * gain * symmetric(*model.actuator_ctrlrange[actuator])
+        else:
+            continue
+        limits[joint] = min(most, limits.get(joint, math.inf))
     return limits
+
+
+def narrow_to_commands(model: mujoco.MjModel) -> list[int]:
+    """Narrow joints' ranges to what their position servos may be told, and name those that this changed.
+
+    A servo of gear one whose force is ``kp (ctrl - q)`` is told a position, and MuJoCo keeps that in ``ctrlrange``.
+    """
+    import mujoco
+
+    changed = []
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator]
+        servo = (
+            model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+            and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+            and gain > 0.0
+            and np.isclose(bias[1], -gain)
+            and model.actuator_gear[actuator, 0] == 1.0
+            and model.actuator_ctrllimited[actuator]
+        )
+        if not servo:
+            continue
+        low, high = model.actuator_ctrlrange[actuator]
+        if model.jnt_limited[joint]:
+            stated = model.jnt_range[joint]
+            low, high = max(low, stated[0]), min(high, stated[1])
+            if low >= high or (low == stated[0] and high == stated[1]):
+                continue
+        model.jnt_limited[joint], model.jnt_range[joint] = 1, (low, high)
+        changed.append(joint)
+    return changed
 
 
 def idle_balls(model: mujoco.MjModel) -> set[int]:

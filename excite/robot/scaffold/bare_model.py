@@ -14,13 +14,13 @@ from excite.robot.scaffold.guesses import JointGuess, guess_joints
 from excite.robot.scaffold.held import MASSLESS, TOO_WEAK, Held, held_joints
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.said import Said
-from excite.robot.scaffold.solids import box_shapes
 from excite.robot.scaffold.stand_in import APART, StandIn, WithGeometry
 from excite.robot.scaffold.tied import tied
 from excite.robot.shapes.collision import collision_shapes
 from excite.robot.shapes.ground import reach
+from excite.robot.shapes.stand_ins import box_shapes, links_without_shape
 from excite.robot.urdf.inertia import inertial_faults
-from excite.robot.urdf.ranges import stated_ranges
+from excite.robot.urdf.limits import stated_ranges
 from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
 from excite.robot.urdf.tree import check_tree
 from excite.robot.weights import check_weights
@@ -46,7 +46,7 @@ class BareModel:
         moving: blocks ``loops`` and ``couplings`` of which no joint is held.
         margin: to the position limits [rad or m].
         geometry: which collision geometry could be built.
-        authored: boxes in its place where none could.
+        authored: boxes in place of that of links where none could.
         figure: the robot, with stand-ins for what a person has to say.
         faults: what is wrong with links' inertia, on a base that is free (True) or not.
         ranged: joints left to move that the file calls continuous, though it states their range.
@@ -116,10 +116,11 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
     order = {name: index for index, name in enumerate(robot.joint_names)}
     free = tuple(sorted(free, key=lambda guess: order[guess.name]))
-    authored = [] if geometry.kind else box_shapes(robot)
-    if geometry.kind is None:
-        robot = stand_in.robot("authored", authored)
-    figure = Figure(robot, guessed=geometry.kind is None)
+    lacking = tuple(dict.fromkeys((*geometry.lacking, *links_without_shape(robot))))
+    authored = box_shapes(robot, lacking)
+    if lacking:
+        robot = stand_in.robot(geometry.kind or "authored", authored, lacking)
+    figure = Figure(robot)
     ranged = tuple(guess.name for guess in free if guess.name in ranges)
     return BareModel(
         path, root, joints, free, held, moving, margin, geometry, authored, figure, faults, ranged

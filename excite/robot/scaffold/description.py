@@ -99,8 +99,16 @@ def _content(
     if not stands:
         held_up = rest.base == "held"
         ground = ground_height(model.figure.model, model.figure.shapes, rest.q, held_up=held_up)
+    unlimited = tuple(g.name for g in model.free if g.position is None)
     structure = assumed_structure(
-        model.held, model.faults[stands], model.geometry.fault, rest, ground, model.figure, model.ranged
+        model.held,
+        model.faults[stands],
+        model.geometry.fault,
+        rest,
+        ground,
+        model.figure,
+        model.ranged,
+        unlimited,
     )
     more += numbers.uncounted_friction(model.joints, model.free, made.torque)
     controller, stiff = made.controller()
@@ -147,12 +155,18 @@ def _armature(rotors: Mapping[str, float]) -> dict[str, Any]:
 
 def _collision(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:
     """The block ``collision``; ``ground`` is the table's height [m], None for a robot that stands on it."""
-    shapes = "boxes of the links' inertia" if model.authored else "convex hulls of the model's geometry"
+    block = model.robot.description.collision
+    built = "convex hulls of the model's geometry" if model.geometry.kind else ""
+    boxes = "boxes of the links' inertia where there is none" if block.stand_ins else ""
+    shapes = ", ".join(filter(None, (built, boxes)))
+    near = [{"links": list(pair), "distance": distance} for pair, distance in rest.near.items()]
     return {
         "geometry": model.geometry.kind or "authored",
         **({"shapes": model.authored} if model.authored else {}),
-        "margin": model.robot.description.collision.margin,
+        **({"stand_ins": list(block.stand_ins)} if block.stand_ins else {}),
+        "margin": block.margin,
         **({} if ground is None else {"table_height": round(ground, 4)}),
+        **({"near_pairs": near} if near else {}),
         "ignored_pairs": [list(p) for p in _ignored(rest, model.figure, ground)],
         "source": f"{shapes}; pairs computed by excite.robot.shapes.ignored_pairs",
     }

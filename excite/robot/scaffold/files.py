@@ -22,6 +22,13 @@ from excite.robot.scaffold.structure import held_still
 from excite.robot.scaffold.weighed import states_mass, weighed
 from excite.robot.srdf import read_srdf
 from excite.robot.urdf.free_root import free_root, planar_root
+from excite.robot.urdf.limits import (
+    assumed_limits,
+    joint_limits_beside,
+    keep_stated_limits,
+    read_joint_limits,
+    tighten,
+)
 from excite.robot.urdf.reading import MAX_NESTING
 from excite.robot.xacro_file import expanded, is_xacro
 from excite.temporary_folder import TemporaryFolder
@@ -78,12 +85,14 @@ def write_scaffold(
         urdf = folder / f"{file.stem}.urdf"
         _absent(urdf, overwrite)
         conversion = convert_mjcf(file)
-        text = _described(conversion, urdf, file, seed, ignored)
+        limited = _limited(_Made(conversion.urdf, None), file, source)
+        conversion = replace(conversion, urdf=limited.text or conversion.urdf)
+        text = _described(conversion, urdf, file, seed, ignored, limited.assumed)
         with all_or_nothing():
             conversion.write(urdf)
             write_text(target, text)
         return ScaffoldFiles(target, urdf, _assumed(text), conversion.notes)
-    found, said = _expanded(file, source), Said(ignored=ignored)
+    found, said = _limited(_expanded(file, source), file, source), Said(ignored=ignored)
     if found.text is None:
         said = replace(said, floating=found.floating, assumed=found.assumed)
         text = scaffold_description(
@@ -133,6 +142,33 @@ def _expanded(file: Path, source: Source) -> _Made:
     return _Made(None if plain else text, _floating(root), _wheeled(root))
 
 
+def _limited(made: _Made, file: Path, source: Source) -> _Made:
+    """The URDF with the joint limits of a file of MoveIt's kind, stated or found beside the model, that are tighter."""
+    files = joint_limits_beside(file) if source.limits is None else [source.limits]
+    if not files:
+        return made
+    text = made.text or expanded(file, source.arguments, source.package_path)
+    root = ElementTree.fromstring(text)
+    keep_stated_limits(root, file)
+    names = [joint.get("name", "") for joint in root.findall("joint")]
+    tightened: dict[str, dict[str, list[str]]] = {}
+    for one in files:
+        limits = read_joint_limits(one, names)
+        if not limits and source.limits is not None:
+            raise RobotError(
+                "names no joint of the robot",
+                source=one,
+                field="joint_limits",
+                remedy="the model has " + ", ".join(names),
+            )
+        named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
+        tightened[named] = tighten(root, limits, file, one.name)
+    if not any(tightened.values()):
+        return made
+    text = ElementTree.tostring(root, encoding="unicode")
+    return replace(made, text=text, assumed=(*made.assumed, *assumed_limits(tightened)))
+
+
 def _wheeled(root: ElementTree.Element) -> tuple[Assumed, ...]:
     """A base that slides and turns on a plane is held still."""
     joint = planar_root(root)
@@ -145,7 +181,12 @@ def _floating(root: ElementTree.Element) -> bool | None:
 
 
 def _described(
-    conversion: MjcfConversion, urdf: Path, file: Path, seed: int, ignored: tuple[tuple[str, str], ...]
+    conversion: MjcfConversion,
+    urdf: Path,
+    file: Path,
+    seed: int,
+    ignored: tuple[tuple[str, str], ...],
+    assumed: tuple[Assumed, ...],
 ) -> str:
     """Describe the URDF from a copy that goes away again, so that nothing is written where that fails."""
     said = Said(
@@ -154,6 +195,7 @@ def _described(
         (*conversion.excluded, *ignored),
         conversion.loops,
         conversion.couplings,
+        assumed=assumed,
         armature=conversion.armature,
     )
     place = TemporaryFolder()

@@ -39,6 +39,8 @@ class JointGuess:
         torque: limit [N·m or N], or None.
         follows: joint that it mimics, or None.
         blocked: where its limits leave it no range, the value at which they hold it [rad or m]; else None.
+        acceleration: limit [rad/s² or m/s²], or None.
+        jerk: limit [rad/s³ or m/s³], or None.
         effortless: whether it states a torque limit of zero: it has no motor, or nobody filled that in.
     """
 
@@ -50,6 +52,8 @@ class JointGuess:
     follows: str | None
     blocked: float | None = None
     effortless: bool = False
+    acceleration: float | None = None
+    jerk: float | None = None
 
 
 def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[JointGuess, ...]:
@@ -60,7 +64,7 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
             continue
         limit, mimic = joint.find("limit"), joint.find("mimic")
         found = {}
-        for key in ("lower", "upper", "velocity", "effort"):
+        for key in ("lower", "upper", "velocity", "effort", "acceleration", "jerk"):
             if limit is not None and key in limit.attrib:
                 found[key] = numbers(limit, key, 1, path, f"joint {name!r}/limit")[0]
         continuous = joint.get("type") == "continuous"
@@ -78,6 +82,8 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
                 follows=None if mimic is None else mimic.get("joint", ""),
                 blocked=blocked,
                 effortless=found.get("effort") == 0.0,
+                acceleration=found.get("acceleration") or None,
+                jerk=found.get("jerk") or None,
             )
         )
     return tuple(guesses)

@@ -68,7 +68,7 @@ def held_joints(
         if masses[guess.name] <= 0.0 and guess.name not in tied:
             hard[guess.name] = Held(nearest(guess), MASSLESS)
         elif guess.blocked is not None:
-            hard[guess.name] = Held(guess.blocked, "its limits leave it no range")
+            hard[guess.name] = Held(guess.blocked, "its limits leave it no range: correct them if it moves")
         elif driven and guess.effortless and guess.name not in driven | tied:
             hard[guess.name] = Held(nearest(guess), UNDRIVEN)
         elif slides and guess.position is None and guess.name not in closing:

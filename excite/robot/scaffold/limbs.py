@@ -49,12 +49,11 @@ class Figure:
 
     Attributes:
         robot: with a fixed base.
-        guessed: whether its shapes are guesses, none of which says where a sole is.
         points: points at joint 0 and every other one, in the joint's frame, of which one is the lowest.
     """
 
-    def __init__(self, robot: Robot, *, guessed: bool = False) -> None:
-        self.robot, self.model, self.guessed = robot, robot.model, guessed
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.model = robot, robot.model
         self.data = robot.model.createData()
         self.shapes = collision_shapes(robot)
 
@@ -62,6 +61,15 @@ class Figure:
         """Height of the lowest point on each joint that has shapes, by joint [m]."""
         pin.forwardKinematics(self.model, self.data, q)
         return lowest_points(self.shapes, self.data)
+
+    def is_guessed(self, joints: list[int]) -> bool:
+        """Whether all shapes on one of some joints stand in for others: none says where a sole is."""
+        return any(not self._known(joint) for joint in joints)
+
+    def _known(self, joint: int) -> list[Shape]:
+        """Shapes on a joint that stand in for no others."""
+        stand_ins = self.robot.description.collision.stand_ins
+        return [shape for shape in self.shapes if shape.joint == joint and shape.link not in stand_ins]
 
     def chain(self, joint: int) -> list[int]:
         """Joints from the root to ``joint``."""
@@ -119,6 +127,13 @@ class Figure:
             return []
         return ends if free or len(ends) >= 3 else []
 
+    def has_folded_legs(self, q: Array) -> bool:
+        """Whether the robot lies on its base with legs about it that are drawn flat: limbs from the root called so."""
+        inner, low = set(self.model.parents), self.lowest(q)
+        ends = [j for j in low if j and j not in inner and len(self.chain(j)) >= 2]
+        legs = [j for j in ends if self._called(j, _LEG) and not self._called(j, _ARM)]
+        return len({self.chain(j)[0] for j in legs}) > 1
+
     def _one_a_limb(self, ends: list[int], low: dict[int, float]) -> list[int]:
         kept: list[int] = []
         for end in sorted(ends, key=lambda j: (round(low[j], 6), j)):
@@ -143,7 +158,7 @@ class Figure:
         """
         pin.forwardKinematics(self.model, self.data, q)
         pose = self.data.oMi[joint]
-        own = [shape for shape in self.shapes if shape.joint == joint]
+        own = self._known(joint)
         best, largest = self._touch(own, pose), -1.0
         if len(self.chain(joint)) >= _STEERED:
             for turn in _turns(np.vstack([bottom(shape, pose) for shape in own])):

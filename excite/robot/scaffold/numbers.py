@@ -114,12 +114,12 @@ def velocity_limits(
 
 
 def accelerations(guesses: tuple[JointGuess, ...], inertia: Array) -> dict[str, float]:
-    """Acceleration limits by joint [rad/s² or m/s²]."""
+    """Acceleration limits by joint, no more than the model states [rad/s² or m/s²]."""
     found = {}
     for guess, own in zip(guesses, inertia, strict=True):
         known = guess.torque is not None and own > 0.0
         share = SHARE_OF_TORQUE * (guess.torque or 0.0) / own if known else _UNKNOWN_ACCELERATION
-        found[guess.name] = two_digits(min(_ACCELERATION, share))
+        found[guess.name] = min(two_digits(min(_ACCELERATION, share)), guess.acceleration or math.inf)
     return found
 
 

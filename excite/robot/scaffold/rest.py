@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,7 @@ class Rest:
         legs: joints at the legs' ends; empty unless it floats.
         feet: on which it stands, in the order of ``legs``.
         ignored: pairs of links that need not stay apart.
+        near: distance that pairs keep which rest nearer than the margin [m].
         source: how the posture was found.
         assumed: what had to be assumed.
     """
@@ -45,6 +47,7 @@ class Rest:
     legs: tuple[int, ...]
     feet: tuple[FootGuess, ...]
     ignored: tuple[tuple[str, str], ...]
+    near: Mapping[tuple[str, str], float]
     source: str
     assumed: tuple[Assumed, ...]
 
@@ -64,6 +67,8 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     feet: tuple[FootGuess, ...] = ()
     notes: list[Assumed] = []
     unsteady = _unsteady(figure, postures, legs, standing) if legs or said.floating else ""
+    if not legs and said.floating is None and figure.has_folded_legs(wanted):
+        unsteady = "its legs lie flat about its base in the file: hold the robot up, legs free, or state how it stands"
     if unsteady:
         base = "held"
         notes.append(_said("base", "held", unsteady))
@@ -80,21 +85,46 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     touching = postures.touching(q, allowed, _SLACK)
     if touching:
         names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
-        why = "no posture to move from was found that parts them: they are not kept apart"
+        why = "no posture to move from was found that parts them: they keep a distance of their own"
         notes.append(_said("links that touch at rest", names, why))
-    known = set(search.pairs)
-    ignored = tuple(dict.fromkeys((*review.ignored, *(p for p in said.ignored if p in known), *touching)))
-    ignored += tuple((b, a) for a, b in said.ignored if (b, a) in known and (b, a) not in ignored)
+    stated = {pair for a, b in said.ignored for pair in ((a, b), (b, a))} & set(search.pairs)
+    ignored = tuple(dict.fromkeys((*review.never, *(p for p in search.pairs if p in stated))))
+    margin = figure.robot.description.collision.margin
+    near = _near_pairs(search, q, margin, (*review.at_rest, *review.always, *touching), stated)
+    if near:
+        found = f"{len(review.always)} always, {len(review.at_rest)} at rest"
+        how = "they may not overlap, or where their hulls do at rest not deeper by more than the margin"
+        notes.append(_said("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs"))
     if ignored:
-        found = (
-            f"{len(review.always)} always near, {len(review.at_rest)} near at rest, {len(review.never)} never"
-        )
+        found = f"{len(review.never)} that never meet, {len(stated)} that the model lets touch"
         where = "found in 100 random postures; they stand in collision.ignored_pairs"
         notes.append(_said("pairs of links not kept apart", found, where))
     if base != "held":
         # Of one that is held it stands there why.
         notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
-    return Rest(base, q, tuple(legs) if base == "floating" else (), feet, ignored, source, tuple(notes))
+    legs_down = tuple(legs) if base == "floating" else ()
+    return Rest(base, q, legs_down, feet, ignored, near, source, tuple(notes))
+
+
+def _near_pairs(
+    search: PairSearch,
+    q: Array,
+    margin: float,
+    pairs: Iterable[tuple[str, str]],
+    stated: set[tuple[str, str]],
+) -> dict[tuple[str, str], float]:
+    """Least distance of pairs that rest nearer than the margin, by what it is at rest ``q`` [m].
+
+    Hulls contain their bodies: those that are apart at rest may not meet. Where hulls overlap at rest, bodies turn in
+    each other, and how deep the overlap is changes by millimetres with their joints (of G1 and Talos by 8, but for
+    hips): that much, the margin, they may overlap deeper. A limb that goes through a trunk overlaps it by centimetres.
+    """
+    at_rest = dict(zip(search.pairs, search.distances(search.posture(q)), strict=True))
+    return {
+        pair: 0.0 if at_rest[pair] >= 0.0 else float(np.floor(1e4 * (at_rest[pair] - margin)) / 1e4)
+        for pair in dict.fromkeys(pairs)
+        if pair not in stated
+    }
 
 
 def _stood(
@@ -108,14 +138,14 @@ def _stood(
     """The search from a posture ``(n_joints,)``, the legs that it has in it, and how it stands on them."""
     postures = Postures(figure, search, wanted, rng)
     legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
-    return postures, legs, postures.standing(legs, allowed) if legs and not figure.guessed else None
+    return postures, legs, postures.standing(legs, allowed) if legs and not figure.is_guessed(legs) else None
 
 
 def _unsteady(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:
     """Why a robot that ought to stand on legs is held; empty where it stands."""
     if not legs:
         return "no legs were found that it could stand on: hold it still"
-    if figure.guessed:
+    if figure.is_guessed(legs):
         return "no geometry says where its soles are: hold the robot up, legs free"
     if standing is None:
         return "no standing posture was found: hold the robot up, legs free"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from excite.robot.robot import Robot
 from excite.robot.scaffold.guesses import JointGuess
 from excite.robot.shapes.collision import collision_shapes
 from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.stand_ins import links_lacking_geometry
 
 # Distance that links keep [m]: what hulls of a hundredth more than their meshes leave of clearances in arms of 1 m.
 APART = 0.01
@@ -30,12 +31,14 @@ class WithGeometry:
         robot: the robot.
         kind: ``collision``, ``visual``, or ``either`` where some links have the second alone; None where nothing
             can be built.
-        fault: why not, None where one can.
+        fault: why not of all links, None where one can.
+        lacking: links whose geometry cannot be built in whole or in part.
     """
 
     robot: Robot
     kind: str | None
     fault: str | None
+    lacking: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,17 @@ class StandIn:
                 reasons.append(f"{kind}: none on a link that moves")
                 continue
             return self._filled(WithGeometry(robot, kind, None), shapes)
-        return WithGeometry(self.robot("authored"), None, "; ".join(reasons))
+        return self._piecewise("; ".join(reasons))
+
+    def _piecewise(self, fault: str) -> WithGeometry:
+        """The same, each link with what can be built of it; ``fault`` says why that is not all."""
+        lacking = links_lacking_geometry(self.robot("either"))
+        robot = self.robot("either", stand_ins=lacking)
+        try:
+            collision_shapes(robot)
+        except RobotError:
+            return WithGeometry(self.robot("authored"), None, fault)
+        return WithGeometry(robot, "either", fault, lacking)
 
     def _filled(self, found: WithGeometry, shapes: tuple[Shape, ...]) -> WithGeometry:
         """The same with what is drawn of links that have no ``collision``, if it can be built."""
@@ -93,8 +106,10 @@ class StandIn:
             for name, (low, high) in ends.items()
         }
 
-    def robot(self, geometry: str, shapes: list[dict[str, Any]] | None = None) -> Robot:
-        """The robot with geometry of one kind, and authored ``shapes``."""
+    def robot(
+        self, geometry: str, shapes: Sequence[dict[str, Any]] = (), stand_ins: Sequence[str] = ()
+    ) -> Robot:
+        """The robot with geometry of one kind, and authored ``shapes``, those of links in ``stand_ins`` for theirs."""
         said = "stand-in"
         one = {"default": 1.0, "source": said}
         content = {
@@ -129,7 +144,8 @@ class StandIn:
             "controller": {"kp": one, "kd": one},
             "collision": {
                 "geometry": geometry,
-                "shapes": shapes or [],
+                "shapes": list(shapes),
+                "stand_ins": list(stand_ins),
                 "margin": self.apart,
                 "table_height": None,
                 "source": said,

@@ -12,6 +12,7 @@ from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.rest import Rest
 from excite.robot.shapes.ground import links_below
 from excite.robot.shapes.shape import shape_points
+from excite.shown import count
 
 FRICTION = 0.5
 """Friction of soles that nobody stated: rubber on a dusty floor has 0.5 … 0.8."""
@@ -25,6 +26,7 @@ def assumed_structure(
     ground: float | None,
     figure: Figure,
     ranged: tuple[str, ...] = (),
+    unlimited: tuple[str, ...] = (),
 ) -> list[Assumed]:
     """Joints held or kept in a range, inertia, geometry and ground (or soles' friction) as they were assumed."""
     found = held_still(held)
@@ -36,6 +38,14 @@ def assumed_structure(
                 consequence="the limits that the model states of them are kept: state limits.position if they are none",
             )
         )
+    if unlimited:
+        found.append(
+            Assumed(
+                what="position limits of joints that turn without end",
+                value=f"half a turn either way: {first_names(unlimited)}",
+                consequence="nothing stops the joint there: state limits.position, and wider ones if cables allow",
+            )
+        )
     if faults:
         found.append(
             Assumed(
@@ -44,18 +54,19 @@ def assumed_structure(
                 consequence="missing or impossible there: torques predicted for them are a guess",
             )
         )
-    if geometry is not None:
+    block = figure.robot.description.collision
+    boxes = [shape.link for shape in block.shapes if shape.link in block.stand_ins]
+    if boxes:
+        why = f" ({geometry[:150]})" if geometry else ""
         found.append(
             Assumed(
-                what="geometry",
-                value="boxes of the links' own inertia",
-                consequence=(
-                    "no longer than their joints say; collisions are checked roughly: the model's geometry cannot be "
-                    f"used ({geometry[:150]})"
-                ),
+                what=f"geometry of {count(len(boxes), 'link')}",
+                value=f"boxes of their own inertia, as large as their mass: {first_names(boxes)}",
+                consequence=f"collisions of these are checked roughly: theirs is not there or cannot be used{why}; "
+                "give --package-path FOLDER, where meshes are, or collision.shapes",
             )
         )
-    elif spread := _spread(figure):
+    if spread := _spread(figure):
         found.append(
             Assumed(
                 what="moments of inertia that no body of a link's size has",
@@ -115,7 +126,10 @@ def _spread(figure: Figure) -> list[tuple[str, float, float]]:
     for segment, ten in zip(
         figure.robot.segments, figure.robot.nominal_parameters.reshape(-1, 10), strict=True
     ):
-        corners = [shape_points(shape) for shape in figure.shapes if shape.joint == segment.joint]
+        own = [shape for shape in figure.shapes if shape.joint == segment.joint]
+        if any(shape.link in figure.robot.description.collision.stand_ins for shape in own):
+            continue
+        corners = [shape_points(shape) for shape in own]
         body = pin.Inertia.FromDynamicParameters(ten)
         if not corners or body.mass <= 0.0:
             continue

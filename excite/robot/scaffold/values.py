@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
@@ -85,7 +86,7 @@ class Values:
             "source": "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²",
         }
         block["jerk"] = {
-            "joints": {name: 20.0 * value for name, value in accelerations.items()},
+            "joints": {g.name: min(20.0 * accelerations[g.name], g.jerk or math.inf) for g in self.free},
             "source": "so that full acceleration takes 0.05 s to build up",
         }
         low, high = min(accelerations.values()), max(accelerations.values())

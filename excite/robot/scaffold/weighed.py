@@ -14,11 +14,8 @@ from excite.robot.description import Assumed
 from excite.robot.shapes.link_shapes import origin_of, solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import coal_geometry
+from excite.robot.shapes.stand_ins import DENSITY
 from excite.robot.urdf.reading import find_mesh
-
-# Mass per volume of convex hulls about links [kg/m³]. Of 75 published robots with both the median is 815, nine tenths
-# lie between 370 and 2000; of arms (UR10, Panda, FR3, Jaco, xArm, KR 16 …) between 680 and 1800, UR10 and Panda at 970.
-_DENSITY = 1000.0
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,7 @@ def weighed(root: ElementTree.Element, path: Path) -> Weighed | None:
         return None
     assumed = Assumed(
         what="masses",
-        value=f"{whole:.3g} kg in all, {_DENSITY:.0f} kg/m³ of the links' convex hulls",
+        value=f"{whole:.3g} kg in all, {DENSITY:.0f} kg/m³ of the links' convex hulls",
         consequence="right within a factor of two, as predicted torques are: state <inertial>, or begin slowly",
     )
     return Weighed(ElementTree.tostring(root, encoding="unicode"), assumed)
@@ -96,8 +93,8 @@ def _of_element(element: ElementTree.Element, path: Path) -> pin.Inertia | None:
     except (RobotError, ValueError):
         # A description says what is wrong with geometry, where it is needed.
         return None
-    mass = _DENSITY * body.computeVolume()
-    about = _DENSITY * np.asarray(body.computeMomentofInertiaRelatedToCOM())
+    mass = DENSITY * body.computeVolume()
+    about = DENSITY * np.asarray(body.computeMomentofInertiaRelatedToCOM())
     if not mass > 0.0:
         return None
     return origin_of(element.find("origin")).act(pin.Inertia(mass, np.asarray(body.computeCOM()), about))

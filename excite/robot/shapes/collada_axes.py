@@ -57,7 +57,12 @@ def _vote(
 ) -> int:
     """1 of a link whose centre of mass speaks for turned meshes, -1 for meshes as they are, 0 if it says nothing."""
     inertial = link.find("inertial")
-    meshes = [(element, mesh) for element in link.findall(kind) for mesh in element.iterfind("geometry/mesh")]
+    meshes = [
+        (element, mesh)
+        for element in link.findall(kind)
+        for mesh in element.iterfind("geometry/mesh")
+        if Path(mesh.get("filename", "")) in points
+    ]
     if inertial is None or not any(Path(mesh.get("filename", "")) in turned for _, mesh in meshes):
         return 0
     centre = origin_of(inertial.find("origin")).translation

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -28,6 +31,7 @@ _TABLE_SIZE = (4.0, 4.0, 1.0)
 # By robot hash, so that a robot that was pickled to a worker process finds its geometry again.
 _SHAPES: dict[str, tuple[Shape, ...]] = {}
 _MODELS: dict[str, pin.GeometryModel] = {}
+_WATCHED: dict[str, tuple[pin.GeometryModel, Array]] = {}
 
 
 def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
@@ -48,24 +52,44 @@ def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
 
 
 def collision_model(robot: Robot) -> pin.GeometryModel:
-    """Coal geometry of :func:`collision_shapes` with every pair of shapes that has to stay apart.
+    """Coal geometry of :func:`collision_shapes` with every pair of shapes that has to keep the margin.
 
-    Left out are pairs on the same joint, on adjacent joints, and of the links in ``ignored_pairs``.
+    Left out are pairs on the same joint, on adjacent joints, and of the links in ``ignored_pairs`` and ``near_pairs``.
     The model is shared between callers: take a ``copy()`` before changing it.
 
     Raises:
         RobotError: as :func:`collision_shapes`, or ``ignored_pairs`` names a link without shape.
     """
     if robot.hash not in _MODELS:
-        shapes = collision_shapes(robot)
-        model = pin.GeometryModel()
-        for shape in shapes:
-            geometry = coal_geometry(shape)
-            model.addGeometryObject(pin.GeometryObject(shape.name, shape.joint, shape.placement, geometry))
-        for first, second in shape_pairs(robot, shapes, _ignored(robot, shapes)):
-            model.addCollisionPair(pin.CollisionPair(first, second))
-        _MODELS[robot.hash] = model
+        near = {frozenset(pair.links) for pair in robot.description.collision.near_pairs}
+        _MODELS[robot.hash] = _model(robot, near)
     return _MODELS[robot.hash]
+
+
+def watched_model(robot: Robot) -> tuple[pin.GeometryModel, Array]:
+    """:func:`collision_model` with ``near_pairs`` too, and the distance that each pair keeps, ``(n_pairs,)`` [m]."""
+    block = robot.description.collision
+    if not block.near_pairs:
+        model = collision_model(robot)
+        return model, np.full(len(model.collisionPairs), block.margin)
+    if robot.hash not in _WATCHED:
+        model, own = _model(robot), {frozenset(pair.links): pair.distance for pair in block.near_pairs}
+        links = [shape.link for shape in collision_shapes(robot)]
+        pairs = (frozenset((links[pair.first], links[pair.second])) for pair in model.collisionPairs)
+        _WATCHED[robot.hash] = model, np.array([own.get(pair, block.margin) for pair in pairs])
+    return _WATCHED[robot.hash]
+
+
+def _model(robot: Robot, without: Collection[frozenset[str]] = ()) -> pin.GeometryModel:
+    """Geometry with every pair that matters, but for some pairs of links."""
+    shapes = collision_shapes(robot)
+    model = pin.GeometryModel()
+    for shape in shapes:
+        geometry = coal_geometry(shape)
+        model.addGeometryObject(pin.GeometryObject(shape.name, shape.joint, shape.placement, geometry))
+    for first, second in shape_pairs(robot, shapes, _ignored(robot, shapes).union(without)):
+        model.addCollisionPair(pin.CollisionPair(first, second))
+    return model
 
 
 def geometry_data(geometry: pin.GeometryModel) -> pin.GeometryData:
@@ -133,18 +157,32 @@ def shape_pairs(
     return pairs
 
 
+def mesh_points(links: list[Element], kind: str, partial: frozenset[str] = frozenset()) -> dict[Path, Array]:
+    """Corners of the meshes of links; those of links in ``partial`` as far as they can be read."""
+    needed, others = list[Path](), list[Path]()
+    for link in links:
+        files = [Path(mesh.get("filename", "")) for mesh in link.iterfind(f"{kind}/geometry/mesh")]
+        (others if link.get("name", "") in partial else needed).extend(files)
+    points = read_meshes(needed)
+    for file in set(others) - set(needed):
+        with suppress(RobotError):
+            points |= read_meshes([file])
+    return dict(upright(links, kind, points))
+
+
 def _ignored(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str]]:
     links = {shape.link for shape in shapes}
-    for pair in robot.description.collision.ignored_pairs:
-        for link in pair:
-            if link not in links:
-                raise RobotError(
-                    f"no shape on link {link!r}",
-                    source=robot.source,
-                    field="collision.ignored_pairs",
-                    remedy="links with shapes are " + ", ".join(sorted(links)),
-                )
-    pairs = {frozenset(pair) for pair in robot.description.collision.ignored_pairs}
+    block = robot.description.collision
+    near = tuple(pair.links for pair in block.near_pairs)
+    for field, named in (("ignored_pairs", block.ignored_pairs), ("near_pairs", near)):
+        for link in (link for pair in named for link in pair if link not in links):
+            raise RobotError(
+                f"no shape on link {link!r}",
+                source=robot.source,
+                field=f"collision.{field}",
+                remedy="links with shapes are " + ", ".join(sorted(links)),
+            )
+    pairs = {frozenset(pair) for pair in block.ignored_pairs}
     if ground_is_assumed(robot.description):
         own = [shape for shape in shapes if shape.link != TABLE]
         height = ground_height(robot.model, own, robot.rest)
@@ -155,17 +193,31 @@ def _ignored(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str
     return frozenset(pairs)
 
 
+def _check_below(robot: Robot, height: float) -> None:
+    """Refuse a table or ground above all joints at rest: the robot would be in it, or hang below its four metres."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    highest = max(float(place.translation[2]) for place in list(data.oMi)[1:])
+    if robot.description.base == "fixed" and height > max(highest, 0.0):
+        raise RobotError(
+            f"is {height:g} m, above all joints at rest (the highest at {highest:.3g} m)",
+            source=robot.source,
+            field="collision.table_height",
+            remedy="give its height in the base's frame, or null where nothing is there",
+        )
+
+
 def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     block = robot.description.collision
     shapes: list[Shape] = []
     if block.geometry != "authored":
         links = fromstring(robot.urdf).findall("link")
         for kind, shown in links_by_kind(links, block.geometry).items():
-            meshes = (mesh for link in shown for mesh in link.iterfind(f"{kind}/geometry/mesh"))
-            points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-            points = dict(upright(shown, kind, points))
+            points = mesh_points(shown, kind, frozenset(block.stand_ins))
             for link in shown:
-                shapes += link_shapes(robot, link, kind, points)
+                shapes += link_shapes(
+                    robot, link, kind, points, partial=link.get("name", "") in block.stand_ins
+                )
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
         number = sum(shape.link == authored.link for shape in shapes)
@@ -191,6 +243,7 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     if ground_is_assumed(robot.description):
         height = ground_height(robot.model, shapes, robot.rest)
     if height is not None:
+        _check_below(robot, height)
         below = pin.SE3(np.eye(3), np.array([0.0, 0.0, height - 0.5 * _TABLE_SIZE[2]]))
         shapes.append(Shape(TABLE, TABLE, 0, below, "box", _TABLE_SIZE))
     return tuple(shapes)

@@ -27,26 +27,41 @@ def links_by_kind(
 ) -> dict[str, list[ElementTree.Element]]:
     """Links by the kind of element that gives them shape.
 
-    Of ``either`` it is ``visual`` where they have no ``collision``, if the files are there: pictures are left out of
-    many copies of a model.
+    Of ``either`` it is ``visual`` where they have no ``collision`` whose files are there, if its own are: pictures are
+    left out of many copies of a model.
     """
     if geometry != "either":
         return {geometry: list(links)}
     kinds: dict[str, list[ElementTree.Element]] = {"collision": [], "visual": []}
     for link in links:
-        if link.find("collision") is not None:
+        solid = link.find("collision") is not None
+        if solid and _is_there(link, "collision"):
             kinds["collision"].append(link)
-        elif all(Path(mesh.get("filename", "")).is_file() for mesh in link.iterfind("visual/geometry/mesh")):
+        elif _is_there(link, "visual") and (not solid or link.find("visual") is not None):
             kinds["visual"].append(link)
+        elif solid:
+            kinds["collision"].append(link)
     return kinds
 
 
-def link_shapes(
-    robot: Robot, link: ElementTree.Element, kind: str, meshes: Mapping[Path, Array]
-) -> list[Shape]:
-    """Shapes of a link from its elements of a kind (``collision`` or ``visual``); raises RobotError.
+def _is_there(link: ElementTree.Element, kind: str) -> bool:
+    return all(Path(mesh.get("filename", "")).is_file() for mesh in link.iterfind(f"{kind}/geometry/mesh"))
 
-    ``meshes`` are the corners of mesh files.
+
+def link_shapes(
+    robot: Robot, link: ElementTree.Element, kind: str, meshes: Mapping[Path, Array], *, partial: bool = False
+) -> list[Shape]:
+    """Shapes of a link from its elements of a kind (``collision`` or ``visual``).
+
+    Args:
+        robot: whose link.
+        link: its element.
+        kind: of its elements.
+        meshes: corners of mesh files.
+        partial: whether meshes that are not among these, or are flat, are passed over.
+
+    Raises:
+        RobotError: an element is no solid.
     """
     name = link.get("name", "")
     shapes = []
@@ -60,9 +75,16 @@ def link_shapes(
             raise RobotError(
                 "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
             )
-        points = meshes[Path(solid.get("filename", ""))] if solid.tag == "mesh" else None
+        points = meshes.get(Path(solid.get("filename", ""))) if solid.tag == "mesh" else None
+        if partial and points is None and solid.tag == "mesh":
+            continue
         corners = robot.description.collision.hull_corners
-        shape = solid_shape(solid, points, robot.source, where, corners)
+        try:
+            shape = solid_shape(solid, points, robot.source, where, corners)
+        except RobotError:
+            if partial:
+                continue
+            raise
         shapes.append(replace(shape, name=f"{name}_{number}", link=name, joint=joint, placement=pose))
     return shapes
 

@@ -34,7 +34,15 @@ _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 @dataclass(frozen=True, eq=False)
-class _Inertial:
+class Inertial:
+    """A link's ``<inertial>``.
+
+    Attributes:
+        mass: [kg]
+        centre: of mass, in the link's frame ``(3,)`` [m].
+        moments: about the centre of mass, along the link's axes ``(3, 3)`` [kg·m²].
+    """
+
     mass: float
     centre: NDArray[np.float64]
     moments: NDArray[np.float64]
@@ -92,7 +100,7 @@ def inertial_faults(
     Raises:
         RobotError: a fault that cannot be acknowledged: a number that is none, negative mass, moments in another unit.
     """
-    inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
+    inertials = {link.get("name", ""): read_inertial(link, path) for link in root.findall("link")}
     known = [one for one in inertials.values() if one is not None]
     weightless = _WEIGHTLESS * sum(one.mass for one in known)
     # Frames that an exporter gave a mass of next to nothing may have any moments that are next to nothing.
@@ -128,7 +136,7 @@ def resting_faults(
 
     Arguments as for :func:`check_inertials`.
     """
-    inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
+    inertials = {link.get("name", ""): read_inertial(link, path) for link in root.findall("link")}
     moved = {name for members in _bodies(inertials, joints, floating=False).values() for name in members}
     return tuple(name for name in inertial_faults(root, joints, False, path) if name not in moved)
 
@@ -137,7 +145,8 @@ def _remedy(link: str, mend: str) -> str:
     return f"{mend}, or acknowledge it under model.acknowledged.{link} in robot.yaml with the reason"
 
 
-def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
+def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
+    """What a link says of its mass; None where it says nothing or is a frame without any; raises RobotError."""
     elements = link.findall("inertial")
     where = f"link {link.get('name')!r}/inertial"
     if not elements:
@@ -165,10 +174,10 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     # A frame: mass and moments all zero.
     if mass == 0.0 and not any(values):
         return None
-    return _Inertial(mass, np.array(centre), rotation @ moments @ rotation.T)
+    return Inertial(mass, np.array(centre), rotation @ moments @ rotation.T)
 
 
-def _spread(inertial: _Inertial, least: float) -> str | None:
+def _spread(inertial: Inertial, least: float) -> str | None:
     """How far a body reaches that is larger than any is, in words; None where it is not, or has ``least`` moments."""
     if inertial.mass <= 0.0 or inertial.size <= least:
         return None
@@ -187,7 +196,7 @@ def _impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:
 
 
 def _bodies(
-    inertials: dict[str, _Inertial | None], joints: dict[str, ElementTree.Element], floating: bool
+    inertials: dict[str, Inertial | None], joints: dict[str, ElementTree.Element], floating: bool
 ) -> dict[str, list[str]]:
     """Links of each moving rigid body, by the link that its joint carries."""
     fixed: dict[str, str] = {}
@@ -208,7 +217,7 @@ def _bodies(
     return members
 
 
-def _body_fault(parts: list[_Inertial | None]) -> str | None:
+def _body_fault(parts: list[Inertial | None]) -> str | None:
     """Whether links that move as one body have mass and positive moments together.
 
     Where the links' own orientations would matter, the parts are taken one by one: several links with mass

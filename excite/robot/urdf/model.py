@@ -28,6 +28,9 @@ def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False)
     Raises:
         RobotError: pinocchio refuses it.
     """
+    if floating and any(joint.get("name") == "root_joint" for joint in root.findall("joint")):
+        what, remedy = "is called as readers call a free base's joint", "rename the joint"
+        raise RobotError(what, source=path, field="joint 'root_joint'", remedy=remedy)
     text = ElementTree.tostring(_dynamics(root), encoding="unicode")
     try:
         if floating:

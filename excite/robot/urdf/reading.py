@@ -22,12 +22,34 @@ from excite.robot.joint_values import check_range
 from excite.robot.urdf.free_root import declare_world, drop_free_root, hold_planar_root
 from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import check_inertials
+from excite.robot.urdf.limits import keep_stated_limits
 from excite.robot.urdf.numbers import numbers
-from excite.robot.urdf.ranges import keep_stated_ranges
 from excite.robot.urdf.tree import MOVING, check_tree
 
 # The deepest element known, a mesh of a link, is the sixth.
 MAX_NESTING = 32
+
+_FRAGMENT, _SDF = "a part of a MuJoCo model", "an SDF model"
+# pybullet's wheel reads SDF; of the other converters looked at none ran from its wheels alone.
+SDF_REMEDY = (
+    'make a URDF of it (pip install pybullet): python -c "import pybullet as p; from pybullet_utils.urdfEditor import '
+    "UrdfEditor; c = p.connect(p.DIRECT); e = UrdfEditor(); e.initializeFromBulletBody(p.loadSDF('MODEL.sdf')[0], c); "
+    "e.saveUrdf('MODEL.urdf')\""
+)
+# What a file of another outermost element is, and what to do with it.
+_KINDS = {
+    "mujoco": "a MuJoCo model",
+    "sdf": _SDF,
+    **dict.fromkeys(
+        "mujocoinclude worldbody body default asset actuator sensor compiler option contact equality tendon".split(),
+        _FRAGMENT,
+    ),
+}
+_REMEDIES = {
+    "a MuJoCo model": "give it to excite init-robot, which makes a URDF of it",
+    _FRAGMENT: "give the file that includes it, whose outermost element is <mujoco>",
+    _SDF: SDF_REMEDY,
+}
 
 
 @dataclass(frozen=True)
@@ -79,33 +101,25 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
 def parse_urdf(path: Path) -> ElementTree.Element:
     """The ``robot`` element of a URDF file, without solids that are points and without a free root, with its world.
 
-    Continuous joints that state a range are revolute in it, a planar root is fixed.
+    Continuous joints that state a range are revolute in it, limits that stand elsewhere in the file hold where they are
+    the tighter ones, a planar root is fixed.
 
     Raises:
         RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
     """
     root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
-        known = {
-            "mujoco": "a MuJoCo model",
-            "sdf": "an SDF model",
-            "mujocoinclude": "a part of a MuJoCo model",
-        }
-        remedy = "export it as URDF; excite init-robot does so for MuJoCo"
-        if root.tag == "mujocoinclude":
-            remedy = "give the file that includes it, whose outermost element is <mujoco>"
-        what = f"is {known.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>"
         raise RobotError(
-            what,
+            f"is {_KINDS.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>",
             source=path,
             field=root.tag,
-            remedy=remedy,
+            remedy=_REMEDIES.get(_KINDS.get(root.tag, ""), "export it as URDF or MJCF"),
         )
     drop_points(root)
     declare_world(root)
     drop_free_root(root)
     hold_planar_root(root)
-    keep_stated_ranges(root, path)
+    keep_stated_limits(root, path)
     return root
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from excite.errors import RobotError
 from excite.reading.xml_document import all_alike
 from excite.robot.joint_values import check_range
-from excite.robot.quantities import MAX_ANGLE, MAX_TRAVEL_STAND_IN
+from excite.robot.quantities import MAX_ANGLE, MAX_STAND_IN, MAX_TRAVEL_STAND_IN
 from excite.robot.urdf.geometry import check_geometry, check_origin
 from excite.robot.urdf.numbers import numbers, shorten
 
@@ -176,6 +176,9 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
     check_origin(joint, where, path)
     if kind == "fixed":
         return
+    if name == "universe":  # pinocchio's first joint, which it finds in its place
+        what, remedy = "is called as readers call what the robot stands on", "rename the joint"
+        raise RobotError(what, source=path, field=where, remedy=remedy)
     axis = joint.find("axis")
     if axis is not None:
         direction = np.array(numbers(axis, "xyz", 3, path, f"{where}/axis"))
@@ -194,6 +197,12 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
 def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: str, path: Path) -> None:
     for attribute in ("effort", "velocity"):
         (value,) = numbers(limit, attribute, 1, path, where, default="0")
+        if 0.0 < value < 1.0 / MAX_STAND_IN:
+            fault = {
+                "field": f"{where}@{attribute}",
+                "remedy": "check its exponent, or leave it out where none is known",
+            }
+            raise RobotError(f"is {value:g}, less than any drive gives", source=path, **fault)
         if value == -1.0:  # how some say that there is none, as of the EVE
             limit.attrib.pop(attribute)
         elif value < 0.0:
@@ -201,7 +210,7 @@ def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: 
             raise RobotError(f"is {value}", source=path, **fault)
     lower, upper = (numbers(limit, side, 1, path, where, default="0")[0] for side in ("lower", "upper"))
     if lower > upper:
-        fault = {"field": where, "remedy": "exchange or correct them"}
+        fault = {"field": where, "remedy": f'exchange them: lower="{upper}" upper="{lower}", or correct them'}
         raise RobotError(f"lower {lower} is above upper {upper}", source=path, **fault)
     if joint.get("type") == "continuous":
         return

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model, geometry_data, pair_distance
+from excite.robot.shapes.collision import geometry_data, pair_distance, watched_model
 
 # Distance beyond the required margin that repairs keep, so that nothing happens between their samples [m].
 EXTRA = 0.004
@@ -43,17 +43,17 @@ class CollisionProbe:
     def __init__(self, robot: Robot) -> None:
         self._model = robot.model
         self._data = robot.model.createData()
-        self._geometry = collision_model(robot).copy()
+        geometry, kept = watched_model(robot)
+        self._geometry = geometry.copy()
         self._state = geometry_data(self._geometry)
-        self._set_margins(robot)
+        self._set_margins(robot, kept)
         # Of a few dozen bodies, boxes about all pairs are compared sooner than a tree of boxes is brought up to date: a
         # posture of a G1 takes 31 us (with the tree 39), of a UR10 4 (9), of a Talos 50 (55).
         self._manager = pin.BroadPhaseManager_NaiveCollisionManager(self._model, self._geometry, self._state)
 
-    def _set_margins(self, robot: Robot) -> None:
-        margin = robot.description.collision.margin
+    def _set_margins(self, robot: Robot, kept: Array) -> None:
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, robot.rest)
-        for k in range(len(self._geometry.collisionPairs)):
+        for k, margin in enumerate(kept.tolist()):
             distance = pair_distance(self._geometry, self._state, k)
             extra = min(EXTRA, _SHARE * max(0.0, distance - margin))
             self._state.collisionRequests[k].security_margin = margin + extra

@@ -1,0 +1,96 @@
+"""What messages advise to type has the options that they name."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import typer
+
+import excite
+from excite.cli.main import app
+
+_ROOT = Path(excite.__file__).parent
+_COMMAND = re.compile(r"\bexcite ([a-z][a-z-]*)((?: (?!excite )[^\s`;,()]+)*)")
+_OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+_MODEL_OPTIONS = {"--package-path", "--xacro-arg", "--limits"}
+
+
+def _commands() -> dict[str, set[str]]:
+    """Options of each command by its name, those of groups' commands together."""
+    found: dict[str, set[str]] = {}
+
+    def gather(name: str, command: object) -> None:
+        options = {word for one in command.params for word in (*one.opts, *one.secondary_opts)}  # type: ignore[attr-defined]
+        found.setdefault(name, set()).update(options)
+        for inner in getattr(command, "commands", {}).values():
+            gather(name, inner)
+
+    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+        gather(name, command)
+    return found
+
+
+def _texts(tree: ast.AST) -> Iterator[str]:
+    """Texts in a module, docstrings left out; what is filled in stands as X."""
+    inside: set[int] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            inside.add(id(node.value))
+        elif isinstance(node, ast.JoinedStr):
+            inside |= {id(part) for part in ast.walk(node)}
+            yield "".join(part.value if isinstance(part, ast.Constant) else "X" for part in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inside:
+            yield node.value
+
+
+def _sources() -> Iterator[tuple[str, str]]:
+    for path in sorted(_ROOT.rglob("*.py")):
+        for text in _texts(ast.parse(path.read_text(encoding="utf-8"))):
+            yield path.relative_to(_ROOT).as_posix(), text
+
+
+def _advised() -> list[tuple[str, str, str]]:
+    """Where a command is named, which, and an option that is named with it."""
+    found = set()
+    for place, text in _sources():
+        for command, words in _COMMAND.findall(text):
+            found |= {(place, command, option) for option in _OPTION.findall(words)}
+    return sorted(found)
+
+
+@pytest.mark.parametrize("advised", _advised(), ids=" ".join)
+def test_a_command_that_is_advised_has_the_option_that_it_is_advised_with(
+    advised: tuple[str, str, str],
+) -> None:
+    place, command, option = advised
+    commands = _commands()
+    assert command in commands, f"{place} advises excite {command}"
+    assert option in commands[command], f"{place} advises excite {command} {option}"
+
+
+def test_an_option_that_a_remedy_names_alone_is_of_some_command() -> None:
+    known, named = set().union(*_commands().values()), set()
+    for path in sorted(_ROOT.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.keyword) and node.arg == "remedy":
+                named |= {(path.name, one) for text in _texts(node.value) for one in _OPTION.findall(text)}
+    assert len(named) > 20
+    assert {(place, one) for place, one in named if one not in known} == set()
+
+
+def test_every_command_that_takes_a_robot_takes_what_errors_of_its_model_advise() -> None:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    taking = {
+        name
+        for name, command in commands.items()
+        if name == "check" or any(one.name in {"robot", "whose"} for one in command.params)
+    }
+    assert {"plan", "check", "rank", "simulate", "identify", "campaign", "capture", "convert"} <= taking
+    lacking = {
+        name: missing for name in taking | {"init-robot"} if (missing := _MODEL_OPTIONS - _commands()[name])
+    }
+    assert not lacking
