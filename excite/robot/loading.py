@@ -93,6 +93,8 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
                 field="sensors.imu.link",
                 remedy="name the base's link, or one fixed to it",
             )
+    if description.uncertainty is not None and description.uncertainty.payload is not None:
+        link_placement(model, description.uncertainty.payload.link, path, "uncertainty.payload.link")
     # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
     standing = description.base in ("fixed", "floating")
     rest = _rest(model, description, upright, feet)
@@ -128,9 +130,12 @@ def _with_ground_said(description: RobotDescription) -> RobotDescription:
 def _fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
     """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
 
-    What the description leaves at its default is left out, so that a field that is added later changes no robot.
+    What the description leaves at its default is left out, so that a field that is added later changes no robot; and so
+    is its uncertainty, which moves margins over a set and no limit: a motion stays this robot's when it becomes known.
     """
-    stated = description.model_dump_json(by_alias=True, exclude_defaults=True)
+    stated = description.model_copy(update={"uncertainty": None}).model_dump_json(
+        by_alias=True, exclude_defaults=True
+    )
     # The file as it is, not the text as loaded: that one holds paths of this machine.
     content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
     digest = hashlib.sha256(stated.encode() + b"\0" + content)
@@ -156,7 +161,11 @@ def portable_description(robot: Robot) -> str:
     """Text of a robot's ``robot.yaml`` that can be written anywhere: it names the URDF by its whole path."""
     description = read_description(robot.source)
     whole = description.model.model_copy(update={"path": str(model_file(robot).resolve()), "package": None})
-    content = description.model_copy(update={"model": whole})
+    stated = description.uncertainty
+    if stated is not None and stated.identified is not None:
+        found = str((robot.source.parent / stated.identified).resolve())
+        stated = stated.model_copy(update={"identified": found})
+    content = description.model_copy(update={"model": whole, "uncertainty": stated})
     return str(
         yaml.safe_dump(
             content.model_dump(mode="json", by_alias=True, exclude_defaults=True),

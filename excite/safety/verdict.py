@@ -77,6 +77,108 @@ class Margins:
     zmp_m: float | None = None
 
 
+@dataclass(frozen=True)
+class Worst:
+    """The least margin over a motion and a set of robots.
+
+    Attributes:
+        value: the margin, negative beyond the limit.
+        limit: what it must not be less than, same unit.
+        where: joint or feet.
+        time_s: when [s].
+    """
+
+    value: float
+    limit: float
+    where: str
+    time_s: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the limit is kept by every robot of the set."""
+        return self.value >= self.limit
+
+
+# Margins over a set: field, in words, factor and unit in which a person reads it, kind of its violation.
+_ROBUST = {
+    "joint_torque_nm": ("torque", 1.0, "N·m", "robust_joint_torque"),
+    "zmp_m": ("zero-moment point inside", 1e3, "mm", "robust_zmp"),
+    "friction": ("friction left", 1.0, "", "robust_friction"),
+}
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """Least margins over a set of robots, those whose inertial parameters are as uncertain as stated.
+
+    Attributes:
+        uncertainty: the set, as ``robot.yaml`` states it, and ``stated`` whether it does.
+        words: the same for a person.
+        joint_torque_nm: to the torque limit [N·m or N]; None where it could not be computed.
+        zmp_m: of the zero-moment point from the edge of the support polygon [m]; None likewise, or without feet.
+        friction: horizontal push at the feet that would make them slip, as a share of the vertical force.
+        not_applicable: margins that mean nothing for this robot.
+        decides: whether the motion is called safe only if it holds for all of the set.
+    """
+
+    uncertainty: Mapping[str, Any]
+    words: str
+    joint_torque_nm: Worst | None
+    zmp_m: Worst | None = None
+    friction: Worst | None = None
+    not_applicable: tuple[str, ...] = ()
+    decides: bool = False
+
+    @property
+    def margins(self) -> dict[str, Worst | None]:
+        """Those that apply, by field."""
+        return {name: getattr(self, name) for name in _ROBUST if name not in self.not_applicable}
+
+    @property
+    def holds(self) -> bool:
+        """Whether every limit is kept by every robot of the set."""
+        return all(worst is not None and worst.holds for worst in self.margins.values())
+
+    def violations(self) -> tuple[Violation, ...]:
+        """What some robot of the set violates, one a margin; the value is the least margin."""
+        found = []
+        for name, worst in self.margins.items():
+            kind = _ROBUST[name][3]
+            if worst is None:
+                found.append(Violation(kind, None, "all of the set", None, None))
+            elif not worst.holds:
+                found.append(Violation(kind, worst.time_s, worst.where, worst.value, worst.limit))
+        return tuple(found)
+
+    def to_json(self) -> dict[str, Any]:
+        """The block ``robust`` of a motion's entry."""
+        return {
+            "uncertainty": dict(self.uncertainty),
+            **{name: None if (worst := getattr(self, name)) is None else worst.value for name in _ROBUST},
+            "holds": self.holds,
+            "decides": self.decides,
+            "worst": {
+                name: None if worst is None else asdict(worst) for name, worst in self.margins.items()
+            },
+        }
+
+    def in_words(self) -> str:
+        """One line: for which robots, whether it holds, and the least margins or by how much they fall short."""
+        said = []
+        for name, worst in self.margins.items():
+            what, factor, unit, _ = _ROBUST[name]
+            if worst is None:
+                said.append(f"{what} not computed")
+                continue
+            number = f"{what} {factor * worst.value:.3g} {unit}".rstrip()
+            if not worst.holds:
+                asked = f" (at least {factor * worst.limit:.3g})" if worst.limit else ""
+                number = f"falls short by {factor * (worst.limit - worst.value):.3g} {unit}".rstrip()
+                number += f" in {what}{asked} of {worst.where} at {worst.time_s:.2f} s"
+            said.append(number)
+        return f"for {self.words}: {'holds' if self.holds else 'does not hold'}, {', '.join(said)}"
+
+
 _IN_WORDS = {
     "joint_position_rad": ("position", "rad"),
     "joint_velocity_rad_s": ("velocity", "rad/s"),
@@ -99,6 +201,7 @@ class Verdict:
         not_applicable: margins that mean nothing for this robot (``zmp_m`` of a robot without feet).
         readable: False where the motion is so broken that nothing could be computed from it.
         nearest: by margin of joints, the nearest to its limit in each unit: metres and radians are not compared.
+        robust: least margins over the robots that it may be; None where nobody asked for them.
     """
 
     motion: str
@@ -107,6 +210,7 @@ class Verdict:
     not_applicable: tuple[str, ...] = ()
     readable: bool = True
     nearest: Mapping[str, tuple[Nearest, ...]] = field(default_factory=dict)
+    robust: Robustness | None = None
 
     @property
     def safe(self) -> bool:
@@ -131,7 +235,8 @@ class Verdict:
         return f"could not compute {', '.join(self.not_computed)}" if self.not_computed else ""
 
     def to_json(self) -> dict[str, Any]:
-        """The motion's entry in an ``excite.check/1`` document, ``not_applicable`` and ``nearest``."""
+        """The motion's entry in an ``excite.check/1`` document."""
+        robust = {} if self.robust is None else {"robust": self.robust.to_json()}
         return {
             "motion": self.motion,
             "safe": self.safe,
@@ -139,6 +244,7 @@ class Verdict:
             "nearest": {name: [asdict(one) for one in items] for name, items in self.nearest.items()},
             "not_applicable": list(self.not_applicable),
             "violations": [asdict(violation) for violation in self.violations],
+            **robust,
         }
 
     def margins_in_words(self) -> str:
