@@ -109,7 +109,13 @@ def check(
     named = {motion.name: motion for motion in motions}
     tasks = ((motion, _neighbours(motion, named)) for motion in motions)
     verdicts = in_order(
-        _checked, tasks, jobs=jobs, shared=(robot, robust), total=len(motions), stage="check", progress=progress
+        _checked,
+        tasks,
+        jobs=jobs,
+        shared=(robot, robust),
+        total=len(motions),
+        stage="check",
+        progress=progress,
     )
     return CheckReport(tuple(verdicts), tuple(robot.description.assumed), robot.name)
 

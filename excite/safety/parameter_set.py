@@ -35,6 +35,7 @@ from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.safety.parameter_loops import OF_BODY, rises, rises_of_forms
 
+
 @dataclass(frozen=True, eq=False)
 class ParameterSet:
     """A set of inertial parameters about those of a model.
@@ -84,9 +85,7 @@ class ParameterSet:
     def rise_of_forms(self, forms: Array, samples: NDArray[np.intp], of_wrench: Array) -> Array:
         """The same, ``(n,)``, of linear forms ``(n, 6)`` of wrenches ``(n_samples, 6, n_coordinates)`` at samples."""
         out, scratch = np.empty(len(forms)), np.empty((1, self.n_coordinates))
-        rises_of_forms(
-            forms, samples, of_wrench, len(self.bodies), self.mass, len(self.loads), scratch, out
-        )
+        rises_of_forms(forms, samples, of_wrench, len(self.bodies), self.mass, len(self.loads), scratch, out)
         return out
 
     def rise_of_other(self, at: Array, other: Array) -> Array:
@@ -171,9 +170,7 @@ def stated_parameters(robot: Robot) -> ParameterSet:
     if stated.identified is not None:
         file = robot.source.parent / stated.identified
         return parameter_set(robot.model, loads=loads, ellipsoid=read_ellipsoid(file, robot, stated.sigmas))
-    return parameter_set(
-        robot.model, mass=stated.mass, com=stated.com, inertia=stated.inertia, loads=loads
-    )
+    return parameter_set(robot.model, mass=stated.mass, com=stated.com, inertia=stated.inertia, loads=loads)
 
 
 def uncertainty_of(robot: Robot) -> UncertaintyBlock:

@@ -157,9 +157,7 @@ class Robustness:
             **{name: None if (worst := getattr(self, name)) is None else worst.value for name in _ROBUST},
             "holds": self.holds,
             "decides": self.decides,
-            "worst": {
-                name: None if worst is None else asdict(worst) for name, worst in self.margins.items()
-            },
+            "worst": {name: None if worst is None else asdict(worst) for name, worst in self.margins.items()},
         }
 
     def in_words(self) -> str:

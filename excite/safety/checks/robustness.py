@@ -249,7 +249,9 @@ def _worst_of_wrench(
             if not (lightest > 0.0).all():
                 return None
             own = planes if len(planes) == 1 else planes[start : start + _BLOCK]
-            found, row = _least_ratio(parameters, wrenches, np.broadcast_to(own, (len(some), *own.shape[1:])), best)
+            found, row = _least_ratio(
+                parameters, wrenches, np.broadcast_to(own, (len(some), *own.shape[1:])), best
+            )
             if found < best:
                 best, at = found, int(some[row])
     if not np.isfinite(best):
@@ -317,5 +319,3 @@ def _shares(sweep: Sweep) -> Array:
         for k, i in enumerate(feet):
             found[rows, i] = shared[:, k]
     return found
-
-
