@@ -48,6 +48,7 @@ def plan(
     budget_s: float | None = None,
     target_rsd: float = TARGET_RSD,
     before: Sequence[Motion] = (),
+    robust: bool = False,
     seed: int | np.random.SeedSequence = 0,
     prefix: str = "",
     jobs: Jobs = 1,
@@ -75,6 +76,8 @@ def plan(
             the best three take, if None.
         target_rsd: relative standard deviation that the plan says how much motion it would take to reach [percent].
         before: motions that were run already; what is to be expected counts them too.
+        robust: plan for all robots of the set that the description states under ``uncertainty`` (or of its default):
+            torque, zero-moment point and friction keep their limits whichever of them is there.
         seed: of all random numbers.
         prefix: put before the name of every motion.
         jobs: number of processes, or an executor; the plan does not depend on it.
@@ -96,7 +99,7 @@ def plan(
     check_target(target_rsd)
     _check_settings(generator, series, selection, budget_s)
     root = check_seed(seed)
-    asked = Asked(robot, count, targets, series, jobs, progress)
+    asked = Asked(robot, count, targets, series, jobs, progress, robust)
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     seconds_of = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)

@@ -90,8 +90,8 @@ def distribute_wrench(wrench: Array, corners: Array, friction: Array) -> Contact
 def shares_of_wrench(wrench: Array, corners: Array, friction: Array, counts: Sequence[int]) -> Array:
     """How feet share small changes of a wrench that :func:`distribute_wrench` has shared.
 
-    Of the rays that carry the solution is linear, ``x = Gᵀ(GGᵀ + ε²)⁻¹ w``: these are held, so that the shares are exact
-    as long as no corner comes to carry, or stops.
+    Of the rays that carry the solution is linear, ``x = Gᵀ(GGᵀ + ε²)⁻¹ w``: these are held, so that the shares are
+    exact as long as no corner comes to carry, or stops.
 
     Args:
         wrench: ``(n, 6)`` force, then moment about the world origin, world frame [N, N·m].

@@ -6,10 +6,10 @@ Torques and contact wrenches are linear in the inertial parameters ``φ``: ``y·
 Here ``Φ`` is a sum of up to three parts, and ``h`` the sum of theirs:
 
 * bodies, each independent of the others: mass ``m ∈ m₀(1 ± α)``, centre of mass ``c ∈ c₀ ± r`` along each axis of the
-  joint's frame, and moments of inertia ``J_k ∈ J₀_k(1 ± β)`` about the principal axes through the nominal centre ``c₀``.
-  A row is multilinear in these, so that its extremes are at corners of the box. With ``y_m``, ``y_e``, ``y_J`` the
-  row's entries for mass, first moment about ``c₀`` and principal moments, ``s = m₀ r Σ|y_e|`` is what the centre adds at
-  the nominal mass, and ``h = s + |α (m₀ y_m + s)| + β Σ J₀_k |y_J,k|``;
+  joint's frame, and moments of inertia ``J_k ∈ J₀_k(1 ± β)`` about the principal axes through the nominal centre
+  ``c₀``. A row is multilinear in these, so that its extremes are at corners of the box. With ``y_m``, ``y_e``, ``y_J``
+  the row's entries for mass, first moment about ``c₀`` and principal moments, ``s = m₀ r Σ|y_e|`` is what the centre
+  adds at the nominal mass, and ``h = s + |α (m₀ y_m + s)| + β Σ J₀_k |y_J,k|``;
 * a load of mass ``0 … p`` at a point of a link: ``h = max(0, p y·b)``, ``b`` the parameters of one kilogram there;
 * an ellipsoid, as an identification leaves it: ``(φ − φ₁)ᵀ Σ⁻¹ (φ − φ₁) ≤ k²`` gives
   ``h = y·(φ₁ − φ₀) + k √(yᵀ Σ y)``.
@@ -25,23 +25,32 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.errors import RobotError
 from excite.reading.npz_arrays import read_npz
+from excite.regressor.kernels import base_link_regressor, block_of, joint_torque_regressor
+from excite.regressor.tree import read_tree
 from excite.robot.description import UncertaintyBlock
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
-from excite.safety.parameter_loops import OF_BODY, rises, rises_of_forms
+from excite.safety.parameter_loops import (
+    OF_BODY,
+    rises,
+    rises_of_forms,
+    torque_coordinates,
+    wrench_coordinates,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterSet:
     """A set of inertial parameters about those of a model.
 
-    Rows are taken to the set's own coordinates once, which is linear; all else is asked of these. They are seven of each
-    body, one of each load and, where there is an ellipsoid, its shift and its root's.
+    Rows are taken to the set's own coordinates once, which is linear; all else is asked of these. They are seven of
+    each body, one of each load and, where there is an ellipsoid, its shift and its root's.
 
     Attributes:
         bodies: ``(n_segments, 10, 7)`` from a body's parameters to its mass (``m₀``), first moments about its nominal
@@ -119,6 +128,79 @@ class _Parts(NamedTuple):
     loads: Array
     shift: Array
     root: Array
+
+
+class WrenchRows(NamedTuple):
+    """Rows of the whole robot's wrench in a set's coordinates ``(n, 6, k)``, and screws ``(n, n_joints + 1, 6)``."""
+
+    of_wrench: Array
+    screws: Array
+
+
+class RowsOfSet:
+    """Rows of a robot's wrench and torques in the coordinates of a set of parameters."""
+
+    def __init__(self, robot: Robot, parameters: ParameterSet) -> None:
+        self._robot, self._set = robot, parameters
+        self._tree = read_tree(robot.model)
+        n = len(self._tree.parents)
+        self._beyond = np.eye(n, dtype=bool)
+        for j in range(1, n):
+            self._beyond[:, j] |= self._beyond[:, self._tree.parents[j]]
+        self._own = np.eye(robot.model.nv)[None, robot.n_base_v :]
+
+    def of_wrench(self, moved: Moved) -> WrenchRows:
+        """Rows of the wrench about the world's origin, in the world's axes."""
+        tree, parameters = self._tree, self._set
+        q, v, a = (np.ascontiguousarray(part, dtype=float) for part in moved)
+        found = np.zeros((len(q), 6, parameters.n_coordinates))
+        screws = np.zeros((len(q), len(tree.parents), 6))
+        wrench_coordinates(
+            tree.structure, tree.gravity, q, v, a, *block_of(tree), np.empty((1, 6, 10)), parameters.bodies,
+            parameters.loads, parameters.carriers, screws, found,
+        )  # fmt: skip
+        n_last = parameters.ellipsoid.shape[1]
+        if n_last:
+            rows = base_link_regressor(tree, q, v, a)
+            if self._robot.floating:
+                turn = scipy.spatial.transform.Rotation.from_quat(q[:, 3:7]).as_matrix()
+                force, moment = turn @ rows[:, :3], turn @ rows[:, 3:]
+                rows = np.concatenate([force, moment + np.cross(q[:, :3, None], force, axis=1)], axis=1)
+            found[..., -n_last:] = rows @ parameters.ellipsoid
+        return WrenchRows(found, screws)
+
+    def of_torques(self, moved: Moved, shares: Array | None) -> Array:
+        """Rows of the motors' torques, ``(n, n_joints, n_coordinates)``.
+
+        ``shares (n, n_feet, 6, 6)`` are from the wrench to that of each foot; None of a robot that no foot carries.
+        """
+        robot, parameters, n = self._robot, self._set, len(moved.q)
+        rows = self.of_wrench(moved)
+        taken = np.zeros_like(rows.screws)
+        if shares is not None:
+            for i, foot in enumerate(robot.feet):
+                legs = list(robot.model.supports[foot.joint])[2:]
+                taken[:, legs] += rows.screws[:, legs] @ shares[:, i]
+        maps = self._own
+        if robot.mechanism is not None:
+            maps = np.zeros((n, robot.model.nv, robot.model.nv))
+            maps[:, robot.mechanism.driven] = robot.mechanism.motion_maps(moved.q).transpose(0, 2, 1)
+            maps = np.ascontiguousarray(maps[:, robot.n_base_v :])
+        out = np.zeros((n, robot.n_joints, parameters.n_coordinates))
+        torque_coordinates(
+            self._beyond, self._tree.idx_v, rows.screws, taken, maps, rows.of_wrench, parameters.carriers,
+            len(parameters.bodies), out,
+        )  # fmt: skip
+        n_last = parameters.ellipsoid.shape[1]
+        if n_last:
+            last = joint_torque_regressor(self._tree, *moved) @ parameters.ellipsoid
+            for j in range(1, len(self._tree.parents)):
+                if robot.model.nvs[j] == 1:
+                    last[:, self._tree.idx_v[j]] -= np.einsum(
+                        "ni,nik->nk", taken[:, j], rows.of_wrench[..., -n_last:]
+                    )
+            out[..., -n_last:] = np.einsum("nij,njk->nik", np.broadcast_to(maps, (n, *maps.shape[1:])), last)
+        return out
 
 
 def parameter_set(

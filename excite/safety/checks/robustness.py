@@ -6,20 +6,15 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
-from excite.regressor.kernels import base_link_regressor, block_of, joint_torque_regressor
-from excite.regressor.tree import read_tree
-from excite.robot.robot import Robot
 from excite.safety.checks.balance import ZMP_MARGIN
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import drive_torques
 from excite.safety.contact_wrench import hull_edges
 from excite.safety.force_distribution import RESIDUAL_TOLERANCE, cone_facets, shares_of_wrench
-from excite.safety.parameter_loops import torque_coordinates, wrench_coordinates
-from excite.safety.parameter_set import ParameterSet, uncertainty_in_words, uncertainty_of
+from excite.safety.parameter_set import ParameterSet, RowsOfSet, uncertainty_in_words, uncertainty_of
 from excite.safety.verdict import Robustness, Worst
 
 # Samples whose regressor is looked at together: of a humanoid 5 MB, which stay in the processor's cache.
@@ -70,7 +65,7 @@ def worst_torque(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
     carried = bool(robot.feet) and robot.floating
     if carried and (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any():
         return None
-    rows = _RobustRows(robot, parameters)
+    rows = RowsOfSet(robot, parameters)
     shares = _shares(sweep) if carried else None
     least: Worst | None = None
     for start in range(0, len(samples), _BLOCK):
@@ -143,79 +138,6 @@ def worst_friction(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
     return _worst_of_wrench(sweep, parameters, facing, 0.0)
 
 
-class _WrenchRows(NamedTuple):
-    """Rows of the whole robot's wrench in a set's coordinates ``(n, 6, k)``, and screws ``(n, n_joints + 1, 6)``."""
-
-    of_wrench: Array
-    screws: Array
-
-
-class _RobustRows:
-    """Rows of a robot's wrench and torques in the coordinates of a set of parameters."""
-
-    def __init__(self, robot: Robot, parameters: ParameterSet) -> None:
-        self._robot, self._set = robot, parameters
-        self._tree = read_tree(robot.model)
-        n = len(self._tree.parents)
-        self._beyond = np.eye(n, dtype=bool)
-        for j in range(1, n):
-            self._beyond[:, j] |= self._beyond[:, self._tree.parents[j]]
-        self._own = np.eye(robot.model.nv)[None, robot.n_base_v :]
-
-    def of_wrench(self, moved: Moved) -> _WrenchRows:
-        """Rows of the wrench about the world's origin, in the world's axes."""
-        tree, parameters = self._tree, self._set
-        q, v, a = (np.ascontiguousarray(part, dtype=float) for part in moved)
-        found = np.zeros((len(q), 6, parameters.n_coordinates))
-        screws = np.zeros((len(q), len(tree.parents), 6))
-        wrench_coordinates(
-            tree.structure, tree.gravity, q, v, a, *block_of(tree), np.empty((1, 6, 10)), parameters.bodies,
-            parameters.loads, parameters.carriers, screws, found,
-        )  # fmt: skip
-        n_last = parameters.ellipsoid.shape[1]
-        if n_last:
-            rows = base_link_regressor(tree, q, v, a)
-            if self._robot.floating:
-                turn = scipy.spatial.transform.Rotation.from_quat(q[:, 3:7]).as_matrix()
-                force, moment = turn @ rows[:, :3], turn @ rows[:, 3:]
-                rows = np.concatenate([force, moment + np.cross(q[:, :3, None], force, axis=1)], axis=1)
-            found[..., -n_last:] = rows @ parameters.ellipsoid
-        return _WrenchRows(found, screws)
-
-    def of_torques(self, moved: Moved, shares: Array | None) -> Array:
-        """Rows of the motors' torques, ``(n, n_joints, n_coordinates)``.
-
-        ``shares (n, n_feet, 6, 6)`` are from the wrench to that of each foot; None of a robot that no foot carries.
-        """
-        robot, parameters, n = self._robot, self._set, len(moved.q)
-        rows = self.of_wrench(moved)
-        taken = np.zeros_like(rows.screws)
-        if shares is not None:
-            for i, foot in enumerate(robot.feet):
-                legs = list(robot.model.supports[foot.joint])[2:]
-                taken[:, legs] += rows.screws[:, legs] @ shares[:, i]
-        maps = self._own
-        if robot.mechanism is not None:
-            maps = np.zeros((n, robot.model.nv, robot.model.nv))
-            maps[:, robot.mechanism.driven] = robot.mechanism.motion_maps(moved.q).transpose(0, 2, 1)
-            maps = np.ascontiguousarray(maps[:, robot.n_base_v :])
-        out = np.zeros((n, robot.n_joints, parameters.n_coordinates))
-        torque_coordinates(
-            self._beyond, self._tree.idx_v, rows.screws, taken, maps, rows.of_wrench, parameters.carriers,
-            len(parameters.bodies), out,
-        )  # fmt: skip
-        n_last = parameters.ellipsoid.shape[1]
-        if n_last:
-            last = joint_torque_regressor(self._tree, *moved) @ parameters.ellipsoid
-            for j in range(1, len(self._tree.parents)):
-                if robot.model.nvs[j] == 1:
-                    last[:, self._tree.idx_v[j]] -= np.einsum(
-                        "ni,nik->nk", taken[:, j], rows.of_wrench[..., -n_last:]
-                    )
-            out[..., -n_last:] = np.einsum("nij,njk->nik", np.broadcast_to(maps, (n, *maps.shape[1:])), last)
-        return out
-
-
 class _Facing(NamedTuple):
     """Planes ``(n or 1, n_planes, 6)`` that wrenches about a point stay below at some samples; NaN are none."""
 
@@ -235,7 +157,7 @@ def _worst_of_wrench(
     sweep: Sweep, parameters: ParameterSet, facing: list[_Facing], limit: float
 ) -> Worst | None:
     """The least ``−plane·w/f_z`` over samples, planes and the set; None where ``f_z`` is not positive everywhere."""
-    robot_rows, fine = _RobustRows(sweep.robot, parameters), sweep.fine
+    robot_rows, fine = RowsOfSet(sweep.robot, parameters), sweep.fine
     best, at = np.inf, 0
     for samples, about, planes in facing:
         for start in range(0, len(samples), _BLOCK):
