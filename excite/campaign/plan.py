@@ -23,12 +23,18 @@ from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
 from excite.motion.motion import Motion
+from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.bringing import RobotLike, as_robot
+from excite.robot.robot import Robot
+from excite.safety.checks.robustness import judge_robustness
+from excite.safety.checks.sweep import Sweep
 from excite.safety.filter_report import FilterReport
+from excite.safety.parameter_set import stated_parameters
+from excite.safety.verdict import Robustness
 from excite.temporary_folder import TemporaryFolder
 
 # Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
@@ -111,6 +117,7 @@ def plan(
     chosen = conditioning(robot, pool.factors.only(indices), base)
     seconds = float(pool.durations[list(indices)].sum())
     unchosen = conditioning(robot, pool.factors.only(pool.first_seconds(seconds)), base)
+    robust_margins = _robustness(asked, pool.motions.only(indices)) if not choice.interrupted else ()
     rejected = {**report.rejected, **Counter(refused.reason for refused in choice.fallen)}
     seconds_of["choose"] += time.perf_counter() - started
     return Plan(
@@ -128,7 +135,19 @@ def plan(
         interrupted=choice.interrupted,
         target_rsd=target_rsd,
         before=tuple(before),
+        robust=robust_margins,
     )
+
+
+def _robustness(asked: Asked, motions: Sequence[Motion]) -> tuple[Robustness, ...]:
+    """Least margins of motions over the robots that the description states."""
+    shared = (asked.robot, asked.robust)
+    return tuple(in_order(_robustness_of, motions, jobs=asked.jobs, shared=shared, total=len(motions)))
+
+
+def _robustness_of(shared: tuple[Robot, bool], motion: Motion) -> Robustness:
+    robot, decides = shared
+    return judge_robustness(Sweep(robot, motion), stated_parameters(robot), decides=decides)
 
 
 class _Chosen(NamedTuple):

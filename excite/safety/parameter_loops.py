@@ -38,12 +38,16 @@ def wrench_coordinates(
             for j in range(1, state.shape[1]):
                 write_screw(kinds[j], state, j, b, screws[t])
                 body_rows(state, j, b, wrench, 0, 0)
+                first_column = OF_BODY * (j - 1)
                 for i in range(6):
+                    # Only mass and first moments make a force.
+                    n_of, n_to = (4, 4) if i < 3 else (10, OF_BODY)
                     for k in range(OF_BODY):
-                        total = 0.0
-                        for c in range(10):
-                            total += wrench[0, i, c] * bodies[j - 1, c, k]
-                        out[t, i, OF_BODY * (j - 1) + k] = total
+                        out[t, i, first_column + k] = 0.0
+                    for c in range(n_of):
+                        factor = wrench[0, i, c]
+                        for k in range(n_to):
+                            out[t, i, first_column + k] += factor * bodies[j - 1, c, k]
                 for k in range(loads.shape[0]):
                     if carriers[k] == j - 1:
                         for i in range(6):

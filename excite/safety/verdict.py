@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -170,11 +170,21 @@ class Robustness:
                 continue
             number = f"{what} {factor * worst.value:.3g} {unit}".rstrip()
             if not worst.holds:
-                asked = f" (at least {factor * worst.limit:.3g})" if worst.limit else ""
-                number = f"falls short by {factor * (worst.limit - worst.value):.3g} {unit}".rstrip()
-                number += f" in {what}{asked} of {worst.where} at {worst.time_s:.2f} s"
+                short = f"{factor * (worst.limit - worst.value):.3g} {unit}".rstrip()
+                number += f", which falls short by {short}, of {worst.where} at {worst.time_s:.2f} s"
             said.append(number)
-        return f"for {self.words}: {'holds' if self.holds else 'does not hold'}, {', '.join(said)}"
+        return f"for {self.words}: {'holds' if self.holds else 'does not hold'}; {'; '.join(said)}"
+
+
+def robustness_of_all(found: Sequence[Robustness]) -> str:
+    """One line: for which robots, how many of several motions hold, and the least of their margins."""
+    holding = sum(one.holds for one in found)
+    said = []
+    for name, (what, factor, unit, _) in _ROBUST.items():
+        values = [worst.value for one in found if (worst := one.margins.get(name)) is not None]
+        if values:
+            said.append(f"{what} {factor * min(values):.3g} {unit}".rstrip())
+    return f"for {found[0].words}: {holding} of {len(found)} hold; at least {', '.join(said)}"
 
 
 _IN_WORDS = {

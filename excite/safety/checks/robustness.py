@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
@@ -163,7 +164,7 @@ def _worst_of_wrench(
         for start in range(0, len(samples), _BLOCK):
             some = samples[start : start + _BLOCK]
             of_set = robot_rows.of_wrench(Moved(fine.q[some], fine.v[some], fine.a[some])).of_wrench
-            of_set[:, 3:] -= np.cross(about[None, :, None], of_set[:, :3], axis=1)
+            of_set[:, 3:] -= pin.skew(about) @ of_set[:, :3]
             nominal = sweep.wrench[some].copy()
             nominal[:, 3:] -= np.cross(about, nominal[:, :3])
             wrenches = _Wrenches(nominal, of_set)
