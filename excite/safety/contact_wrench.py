@@ -91,6 +91,15 @@ _SAME_M, _AREA_M = 1e-9, 1e-6
 
 
 @LazyKernel
+def _is_known(edges: Array, sample: int, found: int, x: float, y: float) -> bool:
+    """Whether one of the first edges of a sample has this normal."""
+    known = False
+    for k in range(found):
+        known = known or max(abs(edges[sample, k, 0] - x), abs(edges[sample, k, 1] - y)) <= _SAME_M
+    return known
+
+
+@LazyKernel
 def _write_edges(corners: Array, edges: Array) -> None:
     """Write the edges of each sample's hull that has an area."""
     n_corners = corners.shape[1]
@@ -118,11 +127,7 @@ def _write_edges(corners: Array, edges: Array) -> None:
                     side = -1.0
                 else:
                     continue
-                known = False
-                for k in range(found):
-                    apart = max(abs(edges[sample, k, 0] + side * dy), abs(edges[sample, k, 1] - side * dx))
-                    known = known or apart <= _SAME_M
-                if not known and found < n_corners:
+                if found < n_corners and not _is_known(edges, sample, found, -side * dy, side * dx):
                     edges[sample, found, 0], edges[sample, found, 1] = -side * dy, side * dx
                     edges[sample, found, 2] = side * offset
                     found += 1

@@ -35,7 +35,7 @@ Keep = Callable[[Robot, Motion], Any]
 class SafetyFilter:
     """Repairs and verdict of one robot, kept ready because they are dear to build."""
 
-    def __init__(self, robot: Robot, robust: bool = False) -> None:
+    def __init__(self, robot: Robot, *, robust: bool = False) -> None:
         self._robot, self._robust = robot, robust
         shares = Shares(robots=stated_parameters(robot)) if robust else Shares()
         self._repairs = make_repairs(robot, shares)
@@ -140,7 +140,7 @@ def filter_candidates(
 
 @lru_cache(maxsize=4)
 def _filter_of(robot: Robot, robust: bool) -> SafetyFilter:
-    return SafetyFilter(robot, robust)
+    return SafetyFilter(robot, robust=robust)
 
 
 def _rejection(draft: Draft, verdict: Verdict) -> Rejection | None:

@@ -26,7 +26,6 @@ def wrench_coordinates(
     (n, n_joints + 1, 6)``; arrays from ``room`` to ``wrench (1, 6, 10)`` are scratch.
     """
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
-    n_bodies = bodies.shape[0]
     for first in range(0, q.shape[0], LANES):
         move(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, True,
@@ -38,23 +37,29 @@ def wrench_coordinates(
             for j in range(1, state.shape[1]):
                 write_screw(kinds[j], state, j, b, screws[t])
                 body_rows(state, j, b, wrench, 0, 0)
-                first_column = OF_BODY * (j - 1)
-                for i in range(6):
-                    # Only mass and first moments make a force.
-                    n_of, n_to = (4, 4) if i < 3 else (10, OF_BODY)
-                    for k in range(OF_BODY):
-                        out[t, i, first_column + k] = 0.0
-                    for c in range(n_of):
-                        factor = wrench[0, i, c]
-                        for k in range(n_to):
-                            out[t, i, first_column + k] += factor * bodies[j - 1, c, k]
-                for k in range(loads.shape[0]):
-                    if carriers[k] == j - 1:
-                        for i in range(6):
-                            total = 0.0
-                            for c in range(10):
-                                total += wrench[0, i, c] * loads[k, c]
-                            out[t, i, OF_BODY * n_bodies + k] = total
+                write_body(wrench, j - 1, bodies, loads, carriers, out, t)
+
+
+@LazyKernel
+def write_body(wrench, body, bodies, loads, carriers, out, t):
+    """A body's coordinates from its rows ``wrench (1, 6, 10)``, and those of the loads on it, into ``out[t]``."""
+    first = OF_BODY * body
+    for i in range(6):
+        # Only mass and first moments make a force.
+        n_of, n_to = (4, 4) if i < 3 else (10, OF_BODY)
+        for k in range(OF_BODY):
+            out[t, i, first + k] = 0.0
+        for c in range(n_of):
+            factor = wrench[0, i, c]
+            for k in range(n_to):
+                out[t, i, first + k] += factor * bodies[body, c, k]
+    for k in range(loads.shape[0]):
+        if carriers[k] == body:
+            for i in range(6):
+                total = 0.0
+                for c in range(10):
+                    total += wrench[0, i, c] * loads[k, c]
+                out[t, i, OF_BODY * bodies.shape[0] + k] = total
 
 
 @LazyKernel
@@ -120,21 +125,34 @@ def torque_coordinates(beyond, idx_v, screws, taken, maps, of_wrench, carriers, 
                 factor = maps[of_sample, row, idx_v[j]]
                 if factor == 0.0:
                     continue
-                relieved = False
-                for i in range(6):
-                    relieved = relieved or taken[t, j, i] != 0.0
+                relieved = is_relieved(taken, t, j)
                 for b in range(1, beyond.shape[0]):
-                    if not (beyond[j, b] or relieved):
-                        continue
-                    for i in range(6):
-                        form[i] = factor * ((screws[t, j, i] if beyond[j, b] else 0.0) - taken[t, j, i])
-                    for k in range(OF_BODY * (b - 1), OF_BODY * b):
-                        total = 0.0
+                    if beyond[j, b] or relieved:
                         for i in range(6):
-                            total += form[i] * of_wrench[t, i, k]
-                        out[t, row, k] += total
-                    for k in range(carriers.shape[0]):
-                        if carriers[k] == b - 1:
-                            column = OF_BODY * n_bodies + k
-                            for i in range(6):
-                                out[t, row, column] += form[i] * of_wrench[t, i, column]
+                            carried = screws[t, j, i] if beyond[j, b] else 0.0
+                            form[i] = factor * (carried - taken[t, j, i])
+                        add_body(form, of_wrench, b - 1, carriers, n_bodies, out, t, row)
+
+
+@LazyKernel
+def is_relieved(taken, t, j):
+    """Whether contacts take anything off a joint."""
+    relieved = False
+    for i in range(6):
+        relieved = relieved or taken[t, j, i] != 0.0
+    return relieved
+
+
+@LazyKernel
+def add_body(form, of_wrench, body, carriers, n_bodies, out, t, row):
+    """Add to a row what a linear form ``(6,)`` makes of a body's coordinates, and of those of the loads on it."""
+    for k in range(OF_BODY * body, OF_BODY * body + OF_BODY):
+        total = 0.0
+        for i in range(6):
+            total += form[i] * of_wrench[t, i, k]
+        out[t, row, k] += total
+    for k in range(carriers.shape[0]):
+        if carriers[k] == body:
+            column = OF_BODY * n_bodies + k
+            for i in range(6):
+                out[t, row, column] += form[i] * of_wrench[t, i, column]

@@ -308,10 +308,13 @@ class Ellipsoid:
             covariance: ``(10·n_segments, 10·n_segments)``, of any rank.
             sigmas: how many.
         """
-        power, axes = np.linalg.eigh(covariance)
-        # What is smaller than rounding leaves of the largest is nothing.
-        kept = power > np.finfo(float).eps * len(power) * max(power[-1], 0.0)
-        return cls(np.asarray(centre, dtype=float), sigmas * axes[:, kept] * np.sqrt(power[kept]))
+        std = np.sqrt(np.diag(covariance))
+        scale = np.where(std > 0.0, std, 1.0)
+        # Masses and inertias differ by orders of magnitude: what rounding leaves is judged of correlations.
+        power, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
+        kept = power > np.finfo(float).eps * len(power)
+        root = scale[:, None] * axes[:, kept] * np.sqrt(power[kept])
+        return cls(np.asarray(centre, dtype=float), sigmas * root)
 
 
 def read_ellipsoid(file: Path, robot: Robot, sigmas: float) -> Ellipsoid:
