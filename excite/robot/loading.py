@@ -94,7 +94,14 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
                 remedy="name the base's link, or one fixed to it",
             )
     if description.uncertainty is not None and description.uncertainty.payload is not None:
-        link_placement(model, description.uncertainty.payload.link, path, "uncertainty.payload.link")
+        link = description.uncertainty.payload.link
+        if link_placement(model, link, path, "uncertainty.payload.link")[0] == 0:
+            raise RobotError(
+                f"link {link!r} does not move",
+                source=path,
+                field="uncertainty.payload.link",
+                remedy="name the link that carries the load",
+            )
     # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
     standing = description.base in ("fixed", "floating")
     rest = _rest(model, description, upright, feet)

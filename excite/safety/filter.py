@@ -69,9 +69,7 @@ class SafetyFilter:
         )
 
 
-def filter_candidate(
-    robot: Robot, candidate: Candidate | Proposal, *, robust: bool = False
-) -> FilterOutcome:
+def filter_candidate(robot: Robot, candidate: Candidate | Proposal, *, robust: bool = False) -> FilterOutcome:
     """Make one candidate safe, or say why that failed.
 
     Args:
@@ -133,7 +131,13 @@ def filter_candidates(
         # Broken geometry shall raise here, before it is read by every worker.
         collision_model(robot)
     outcomes = in_order(
-        _work, candidates, jobs=jobs, shared=(robot, keep, robust), total=total, stage="filter", progress=progress
+        _work,
+        candidates,
+        jobs=jobs,
+        shared=(robot, keep, robust),
+        total=total,
+        stage="filter",
+        progress=progress,
     )
     return counted(robot, outcomes, whole=keep is None, partial=partial)
 

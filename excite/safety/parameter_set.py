@@ -32,17 +32,17 @@ from excite.arrays import Array, Moved
 from excite.errors import RobotError
 from excite.reading.npz_arrays import read_npz
 from excite.regressor.kernels import base_link_regressor, block_of, joint_torque_regressor
-from excite.regressor.tree import read_tree
-from excite.robot.description import UncertaintyBlock
-from excite.robot.links import link_placement
-from excite.robot.robot import Robot
-from excite.safety.parameter_loops import (
+from excite.regressor.parameter_loops import (
     OF_BODY,
     rises,
     rises_of_forms,
     torque_coordinates,
     wrench_coordinates,
 )
+from excite.regressor.tree import read_tree
+from excite.robot.description import UncertaintyBlock
+from excite.robot.links import link_placement
+from excite.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class ParameterSet:
     @property
     def n_coordinates(self) -> int:
         """Number of coordinates."""
-        return OF_BODY * len(self.bodies) + len(self.loads) + self.ellipsoid.shape[1]
+        return int(OF_BODY * len(self.bodies) + len(self.loads) + self.ellipsoid.shape[1])
 
     def coordinates(self, rows: Array) -> Array:
         """Rows ``(…, 10·n_segments)`` of a regressor in the set's coordinates, ``(…, n_coordinates)``."""

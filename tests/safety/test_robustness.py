@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -12,13 +13,18 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 import excite
+from excite.campaign.candidates.search import Asked
+from excite.campaign.candidates.source import candidates_of
+from excite.errors import RobotError
 from excite.motion.motion import Motion
-from excite.robot.description import UncertaintyBlock
+from excite.robot.description import PayloadBlock, UncertaintyBlock
+from excite.robot.loading import load_robot, portable_description
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.robustness import worst_friction, worst_torque, worst_zmp
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import drive_torques
+from excite.safety.filter import filter_candidates
 from excite.safety.force_distribution import cone_facets, friction_edges, shares_of_wrench
 from excite.safety.parameter_set import Ellipsoid, Load, ParameterSet, parameter_set, stated_parameters
 from tests.safety.motions import RATE_HZ, arm_motion, squat, standing_motion
@@ -330,12 +336,7 @@ def test_the_verdict_says_so_and_decides_only_where_asked(humanoid: Robot, squat
     for name in ("joint_torque_nm", "zmp_m", "friction"):
         assert entry[name] == getattr(robust, name).value
     assert entry["zmp_m"] < verdict.margins.zmp_m
-    unsure = replace(
-        humanoid,
-        description=humanoid.description.model_copy(
-            update={"uncertainty": UncertaintyBlock(mass=0.5, com=0.1)}
-        ),
-    )
+    unsure = uncertain(humanoid, mass=0.5, com=0.1)
     (loose,) = excite.check(unsure, [squatting]).verdicts
     assert loose.safe, "what is uncertain does not make it unsafe by itself"
     assert not loose.robust.holds
@@ -356,3 +357,69 @@ def test_an_arm_has_no_feet_to_judge(arm: Robot, swinging: Motion) -> None:
         == worst_torque(Sweep(arm, swinging), stated_parameters(arm)).value
     )
     assert Sweep(arm, swinging).motion.n_samples > RATE_HZ / 10
+
+
+def uncertain(robot: Robot, **stated: object) -> Robot:
+    """The robot with an uncertainty stated."""
+    block = UncertaintyBlock(**stated)
+    return replace(robot, description=robot.description.model_copy(update={"uncertainty": block}))
+
+
+def test_a_filter_for_the_set_keeps_limits_that_others_break_with_a_load(arm: Robot) -> None:
+    loaded = uncertain(arm, payload=PayloadBlock(link="tool0", mass=10.0, position=(0.0, 0.0, 0.1)))
+    candidates = list(
+        candidates_of("random_joint", Asked(loaded, 8), np.random.SeedSequence(0), 0).candidates
+    )
+    before = [o for o in filter_candidates(loaded, candidates).outcomes if o.motion is not None]
+    every = stated_parameters(loaded)
+    held = [check_motion(loaded, o.motion, parameters=every).robust.holds for o in before]
+    assert not all(held), "made without the load in mind, some motions are too fast for it"
+    after = [o for o in filter_candidates(loaded, candidates, robust=True).outcomes if o.motion is not None]
+    assert {o.candidate for o in after} == {o.candidate for o in before}, "slower, none is lost"
+    for outcome in after:
+        assert outcome.verdict.robust.decides
+        assert outcome.verdict.robust.holds
+    assert sum(o.motion.duration for o in after) > sum(o.motion.duration for o in before)
+
+
+def test_a_humanoid_s_rows_over_the_set_are_on_the_safe_side(humanoid: Robot) -> None:
+    """Torque that a path's rows leave is never more than the exact worst case's, and not far from it."""
+    candidate = candidates_of("random_joint", Asked(humanoid, 1), np.random.SeedSequence(3), 0).candidates
+    (outcome,) = filter_candidates(humanoid, list(candidate), robust=True).outcomes
+    assert outcome.accepted, outcome.rejection
+    worst = outcome.verdict.robust
+    assert worst.holds
+    assert worst.zmp_m.value >= 0.015
+    assert worst.joint_torque_nm.value < outcome.verdict.margins.joint_torque_nm
+
+
+def test_an_identification_s_file_is_the_set(arm: Robot, tmp_path: Path) -> None:
+    rng, n = np.random.default_rng(7), len(arm.nominal_parameters)
+    root = rng.normal(size=(n, 3)) * 0.1 * np.abs(arm.nominal_parameters)[:, None]
+    links = [segment.link for segment in arm.segments]
+    covariance = root @ root.T
+    np.savez(tmp_path / "u.npz", links=links, parameters=arm.nominal_parameters, covariance=covariance)
+    text = portable_description(arm) + "uncertainty: {identified: u.npz, sigmas: 3.0}\n"
+    (tmp_path / "robot.yaml").write_text(text)
+    robot = load_robot(tmp_path / "robot.yaml")
+    sweep = Sweep(robot, arm_motion(robot, 0.6, 0.2))
+    ellipsoid = Ellipsoid(arm.nominal_parameters, 3.0 * root)
+    expected = worst_torque(sweep, parameter_set(robot.model, ellipsoid=ellipsoid))
+    assert worst_torque(sweep, stated_parameters(robot)).value == pytest.approx(expected.value, abs=1e-9)
+    np.savez(tmp_path / "u.npz", links=links[::-1], parameters=arm.nominal_parameters, covariance=covariance)
+    with pytest.raises(RobotError, match="no uncertainty of this robot's links"):
+        stated_parameters(load_robot(tmp_path / "robot.yaml"))
+    np.savez(tmp_path / "u.npz", links=links, parameters=arm.nominal_parameters[1:], covariance=covariance)
+    with pytest.raises(RobotError, match="holds no 60 parameters"):
+        stated_parameters(load_robot(tmp_path / "robot.yaml"))
+
+
+def test_what_is_uncertain_makes_no_other_robot_of_it(arm: Robot, tmp_path: Path) -> None:
+    text = portable_description(arm)
+    for name, more in (("a", ""), ("b", "uncertainty: {mass: 0.2, payload: {link: tool0, mass: 2.0}}\n")):
+        (tmp_path / f"{name}.yaml").write_text(text + more)
+    assert load_robot(tmp_path / "a.yaml").hash == load_robot(tmp_path / "b.yaml").hash
+    for link, said in (("world", "does not move"), ("hand", "no link 'hand'")):
+        (tmp_path / "c.yaml").write_text(text + f"uncertainty: {{payload: {{link: {link}, mass: 1.0}}}}\n")
+        with pytest.raises(RobotError, match=said):
+            load_robot(tmp_path / "c.yaml")

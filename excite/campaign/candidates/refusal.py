@@ -133,9 +133,7 @@ def refusals_of(
     remedy = None
     if few and not report.interrupted:
         again = [first.held[index] for index in report.first_refused if index < len(first.held)]
-        remedy = find_remedy(
-            asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust
-        )
+        remedy = find_remedy(asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust)
     refused = joined_refusals(report.refused, tallied(asked.robot, fallen))
     return Refusals(report.generated, refused, few, remedy)
 

@@ -69,7 +69,9 @@ def _by_nearness(
             tau[i] -= local[row] @ jacobians[i, k]
 
 
-def shares_of_feet(candidate: Candidate, path: MotionPath, soles: Mapping[str, Array], wrench: Array) -> Array:
+def shares_of_feet(
+    candidate: Candidate, path: MotionPath, soles: Mapping[str, Array], wrench: Array
+) -> Array:
     """Wrench of each foot about the world origin per total wrench at the knots, ``(n, n_feet, 6, 6)``.
 
     The shares are those of :func:`take_off_contacts`, whose arguments these are; zero for free feet.

@@ -17,7 +17,7 @@ from excite.motion.generators.candidate import Candidate
 from excite.robot.holding import usable_torque
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
-from excite.safety.parameter_set import RowsOfSet
+from excite.safety.parameter_set import ParameterSet, RowsOfSet, parameter_set
 from excite.safety.repairs.load import shares_of_feet, take_off_contacts
 from excite.safety.repairs.path import MotionPath, PathSample
 from excite.safety.repairs.shares import Shares
@@ -179,9 +179,12 @@ class PathLimits:
             at = np.flatnonzero(member == k)
             forms, rises = self._forms(pattern), self._rises_of_forms(pattern)
             columns = np.r_[0 : len(forms) - 8, n_edges : n_edges + 8]
-            values[np.ix_(at, range(3), columns)] = wrench[at] @ forms.T
+            values[np.ix_(at, np.arange(3), columns)] = wrench[at] @ forms.T
             found = _interpolate(self.path.s, rises, sample.s[at])
-            up[np.ix_(at, range(3), columns)], down[np.ix_(at, range(3), columns)] = found[..., 0], found[..., 1]
+            up[np.ix_(at, np.arange(3), columns)], down[np.ix_(at, np.arange(3), columns)] = (
+                found[..., 0],
+                found[..., 1],
+            )
         labels = (("robust_zmp", "feet"),) * n_edges + (("robust_friction", "feet"),) * 8
         return _either_way(labels, values[:, :, None], up[:, :, None], down[:, :, None], 0.0)
 
@@ -197,12 +200,15 @@ class PathLimits:
         )
 
     @cached_property
+    def _robots(self) -> ParameterSet:
+        """Robots that rows are wanted for: the model's own alone where nobody said which."""
+        return self.shares.robots or parameter_set(self._robot.model)
+
+    @cached_property
     def _rows_of_set(self) -> tuple[Array, Array]:
         """Torques' and the wrench's rows at the knots in the set's coordinates, each ``(3, n, …)`` for 1, ṡ², s̈."""
-        robots, knots, robot = self.shares.robots, self.path.knots, self._robot
-        if robots is None:
-            raise ValueError
-        of_set, nothing, shares = RowsOfSet(robot, robots), np.zeros_like(knots.twist), None
+        knots, robot, shares = self.path.knots, self._robot, None
+        of_set, nothing = RowsOfSet(robot, self._robots), np.zeros_like(knots.twist)
         moved = [
             Moved(knots.q, *rates)
             for rates in ((nothing, nothing), (knots.twist, knots.curvature), (nothing, knots.twist))
@@ -218,8 +224,8 @@ class PathLimits:
     @cached_property
     def _rises_of_torques(self) -> Array:
         """How far the torques at the knots rise and fall over the set, ``(n, 3, 2, n_joints)`` [N·m or N]."""
-        robots, torques = self.shares.robots, self._rows_of_set[0]
-        return np.stack([robots.rise(torques, sign) for sign in (1.0, -1.0)], axis=2).transpose(1, 0, 2, 3)
+        rises = [self._robots.rise(self._rows_of_set[0], sign) for sign in (1.0, -1.0)]
+        return np.stack(rises, axis=2).transpose(1, 0, 2, 3)
 
     @cached_property
     def _known_rises(self) -> dict[tuple[bool, ...], Array]:
@@ -233,12 +239,16 @@ class PathLimits:
             forms, of_wrench = self._forms(carried) / self._weight, self._rows_of_set[1]
             n, n_forms = len(self.path.s), len(forms)
             every, at = np.tile(forms, (n, 1)), np.repeat(np.arange(n), n_forms)
-            self._known_rises[key] = np.array(
-                [
-                    [self.shares.robots.rise_of_forms(sign * every, at, part) for part in of_wrench]
-                    for sign in (1.0, -1.0)
-                ]
-            ).reshape(2, 3, n, n_forms).transpose(2, 1, 3, 0)
+            self._known_rises[key] = (
+                np.array(
+                    [
+                        [self._robots.rise_of_forms(sign * every, at, part) for part in of_wrench]
+                        for sign in (1.0, -1.0)
+                    ]
+                )
+                .reshape(2, 3, n, n_forms)
+                .transpose(2, 1, 3, 0)
+            )
         return self._known_rises[key]
 
     def joint_shares(self, sample: PathSample) -> Rows:
