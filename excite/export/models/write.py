@@ -126,7 +126,7 @@ def _write_uncertainty(identification: Identification, path: Path) -> Path | Non
     if known is None or known.covariance is None:
         path.unlink(missing_ok=True)
         return None
-    arrays = {
+    arrays: dict[str, Any] = {
         "links": np.array(identification.links),
         "parameters": identification.parameters,
         "covariance": known.covariance[:n, :n],
