@@ -147,7 +147,9 @@ def _robustness(asked: Asked, motions: Sequence[Motion]) -> tuple[Robustness, ..
 
 def _robustness_of(shared: tuple[Robot, bool], motion: Motion) -> Robustness:
     robot, decides = shared
-    return judge_robustness(Sweep(robot, motion), stated_parameters(robot), decides=decides)
+    # The verdict has looked between the samples.
+    sweep = Sweep(robot, motion, (motion.n_samples - 1) / motion.duration)
+    return judge_robustness(sweep, stated_parameters(robot), decides=decides)
 
 
 class _Chosen(NamedTuple):

@@ -146,11 +146,10 @@ def is_relieved(taken, t, j):
 @LazyKernel
 def add_body(form, of_wrench, body, carriers, n_bodies, out, t, row):
     """Add to a row what a linear form ``(6,)`` makes of a body's coordinates, and of those of the loads on it."""
-    for k in range(OF_BODY * body, OF_BODY * body + OF_BODY):
-        total = 0.0
-        for i in range(6):
-            total += form[i] * of_wrench[t, i, k]
-        out[t, row, k] += total
+    for i in range(6):
+        factor = form[i]
+        for k in range(OF_BODY * body, OF_BODY * body + OF_BODY):
+            out[t, row, k] += factor * of_wrench[t, i, k]
     for k in range(carriers.shape[0]):
         if carriers[k] == body:
             column = OF_BODY * n_bodies + k
