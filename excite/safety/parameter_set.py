@@ -221,6 +221,9 @@ def parameter_set(
         inertia: by which share each principal moment, about the nominal centre, may be larger or smaller.
         loads: what may hang at it, or not.
         ellipsoid: added to these.
+
+    Returns:
+        The set.
     """
     inertias = list(model.inertias)[1:]
     nominal = np.concatenate([body.toDynamicParameters() for body in inertias])
@@ -239,6 +242,12 @@ def parameter_set(
 @lru_cache(maxsize=4)
 def stated_parameters(robot: Robot) -> ParameterSet:
     """The set that a robot's description states, or the default of :class:`~excite.robot.description.UncertaintyBlock`.
+
+    Args:
+        robot: the robot.
+
+    Returns:
+        The set, about the model's own parameters.
 
     Raises:
         RobotError: the file of an identification cannot be read, or is another robot's.
