@@ -39,6 +39,9 @@ SPACES: dict[str, dict[str, str]] = {
     "models": {
         "write_urdf": "excite.export.models.urdf",
         "write_mjcf": "excite.export.models.mjcf",
+        "ParameterSet": "excite.safety.parameter_set",
+        "parameter_set": "excite.safety.parameter_set",
+        "stated_parameters": "excite.safety.parameter_set",
     },
     "loads": {
         "weigh_load": "excite.identification.load.weighing",
@@ -68,7 +71,7 @@ _ABOUT = {
     "robots": "Robots of one's own: the first robot.yaml of a model, and the robot that a log was recorded with.",
     "recordings": "What is done with recordings beside loading and converting: their signals, delays, parts.",
     "methods": "How parameters are identified: estimators and settings, bounds, sessions, residuals.",
-    "models": "Models of robots with what was identified in them, file by file.",
+    "models": "Models of robots with what was identified in them, file by file, and how uncertain they are.",
     "loads": "Loads: what an arm carries, from logs without and with it.",
     "people": "People: their model from markers, their segments from force plates, what they wear.",
     "catalogue": "What there is to choose from: robots, methods, effects, and the schemas of files.",

@@ -18,6 +18,7 @@ from excite.robot.description import Assumed
 from excite.robot.robot import Robot
 from excite.robot.sliding import sliding_joints
 from excite.safety.check import check_motion
+from excite.safety.parameter_set import stated_parameters
 from excite.safety.units import unit_of
 from excite.safety.verdict import Verdict, Violation, check_document
 from excite.shown import Row, Tabled
@@ -70,6 +71,8 @@ class CheckReport(Tabled):
         for verdict in self.verdicts:
             margins = verdict.margins_in_words() if verdict.readable else ""
             lines += [verdict.summary(), *([f"  margins: {margins}"] if margins else [])]
+            if verdict.robust is not None:
+                lines.append(f"  {verdict.robust.in_words()}")
         lines.append(total)
         if self.assumed:
             named = ", ".join(dict.fromkeys(one.what for one in self.assumed))
@@ -78,13 +81,20 @@ class CheckReport(Tabled):
 
 
 def check(
-    robot: RobotLike, motions: MotionsLike, *, jobs: Jobs = 1, progress: Progress = silent
+    robot: RobotLike,
+    motions: MotionsLike,
+    *,
+    robust: bool = False,
+    jobs: Jobs = 1,
+    progress: Progress = silent,
 ) -> CheckReport:
     """Judge motions independently of whatever planned them; those of a chain have to be among them all.
 
     Args:
         robot: the robot that shall run them, or what :func:`~excite.robot.bringing.load_robot` takes.
         motions: what to judge: motions, files, folders.
+        robust: call a motion safe only if it is so for all robots of the set that the description states under
+            ``uncertainty`` (or of its default). The margins over that set are computed in any case.
         jobs: number of processes, or an executor; the verdicts do not depend on it.
         progress: told after each motion.
 
@@ -96,6 +106,7 @@ def check(
 
     Raises:
         InputError: no motions.
+        RobotError: the identification that ``uncertainty`` names cannot be read.
     """
     robot = as_robot(robot)
     motions = as_motions(motions, robot)
@@ -104,14 +115,21 @@ def check(
     named = {motion.name: motion for motion in motions}
     tasks = ((motion, _neighbours(motion, named)) for motion in motions)
     verdicts = in_order(
-        _checked, tasks, jobs=jobs, shared=robot, total=len(motions), stage="check", progress=progress
+        _checked,
+        tasks,
+        jobs=jobs,
+        shared=(robot, robust),
+        total=len(motions),
+        stage="check",
+        progress=progress,
     )
     return CheckReport(tuple(verdicts), tuple(robot.description.assumed), robot.name)
 
 
-def _checked(robot: Robot, task: tuple[Motion, dict[str, Motion]]) -> Verdict:
-    motion, neighbours = task
-    verdict = check_motion(robot, motion, neighbours=neighbours)
+def _checked(shared: tuple[Robot, bool], task: tuple[Motion, dict[str, Motion]]) -> Verdict:
+    (robot, robust), (motion, neighbours) = shared, task
+    parameters = stated_parameters(robot)
+    verdict = check_motion(robot, motion, neighbours=neighbours, parameters=parameters, robust=robust)
     # A motion of a chain starts or ends on the way, which no rehearsal of it alone does.
     if not verdict.safe or not can_fall(robot) or motion.metadata.previous or motion.metadata.following:
         return verdict

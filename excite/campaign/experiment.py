@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.errors import NoSolutionError
+from excite.errors import MotionError, NoSolutionError
 from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role
@@ -21,6 +21,7 @@ from excite.progress import Progress, silent
 from excite.reading.number import check_seed
 from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
+from excite.safety.checks.sampling import time_faults
 from excite.shown import Shown, count
 from excite.simulation.effects.registry import inject as inject_effects
 from excite.simulation.replay import Replay
@@ -41,12 +42,14 @@ class Experiment(Shown):
         log: what its sensors said.
         truth: its true inertial parameters.
         replays: what became of each motion: falls, slips, touches, tracking.
+        other_version: names of the motions that were made for this robot with another description or model.
     """
 
     robot: Robot
     log: Log
     truth: TrueParameters
     replays: tuple[Replay, ...]
+    other_version: tuple[str, ...] = ()
 
     @property
     def fallen(self) -> tuple[str, ...]:
@@ -89,6 +92,7 @@ class Experiment(Shown):
                 for trial, replay in zip(self.log.trials, self.replays, strict=True)
             ],
             "fell": self.fell,
+            "other_version": list(self.other_version),
         }
 
     def summary(self) -> str:
@@ -97,7 +101,11 @@ class Experiment(Shown):
         end = f"fell in {', '.join(self.fallen)}" if self.fell else "stayed on its feet"
         if not self.robot.floating:
             end = "done"
-        return f"{self.robot.name}: {count(len(self.log.trials), 'motion')}, {seconds:.0f} s, {end}"
+        said = f"{self.robot.name}: {count(len(self.log.trials), 'motion')}, {seconds:.0f} s, {end}"
+        if self.other_version:
+            names = ", ".join(self.other_version)
+            said += f"\nmade for another version of this robot, and not known to be safe for it: {names}"
+        return said
 
     def without_falls(self) -> Experiment:
         """The same experiment without the trials in which the robot fell.
@@ -171,16 +179,37 @@ def simulate(
 
     Raises:
         InputError: no motions, an effect is malformed; UnknownNameError: an effect or its place is unknown.
-        MotionError: a motion is not for this robot.
+        MotionError: a motion is not for this robot, or its samples are none that a controller could run.
     """
     robot = as_robot(robot)
     motions = as_motions(motions, robot)
+    for motion in motions:
+        _check_runs(robot, motion)
     effects = [inject] if isinstance(inject, str) else inject
     virtual = virtual_robot(robot, seed, nominal=nominal, inject=effects)
     noise = np.random.SeedSequence(seed, spawn_key=(_NOISE_STREAM, batch))
     chosen = dict(roles) if roles is not None else _every_fifth(motions)
     runs = run_experiment(virtual, motions, seed=noise, roles=chosen, jobs=jobs, progress=progress)
-    return Experiment(robot, runs.log, virtual.truth, runs.replays)
+    others = tuple(m.name for m in motions if m.metadata.robot_hash not in ("", robot.hash))
+    return Experiment(robot, runs.log, virtual.truth, runs.replays, others)
+
+
+def _check_runs(robot: Robot, motion: Motion) -> None:
+    """Refuse a motion of another robot, and one that time makes none of; raises MotionError."""
+    if motion.robot != robot.name:
+        raise MotionError(
+            f"is a motion of {motion.robot!r}, not of {robot.name!r}",
+            source=motion.name,
+            field="robot",
+            remedy="name the robot that it was made for",
+        )
+    for fault in time_faults(motion):
+        raise MotionError(
+            f"cannot be run: {fault}",
+            source=motion.name,
+            field="time",
+            remedy="resample it evenly, 20 Hz or faster, without gaps",
+        )
 
 
 def _every_fifth(motions: Sequence[Motion]) -> dict[str, Role]:

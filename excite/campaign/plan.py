@@ -23,12 +23,18 @@ from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
 from excite.motion.motion import Motion
+from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.bringing import RobotLike, as_robot
+from excite.robot.robot import Robot
+from excite.safety.checks.robustness import judge_robustness
+from excite.safety.checks.sweep import Sweep
 from excite.safety.filter_report import FilterReport
+from excite.safety.parameter_set import stated_parameters
+from excite.safety.verdict import Robustness
 from excite.temporary_folder import TemporaryFolder
 
 # Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
@@ -48,6 +54,7 @@ def plan(
     budget_s: float | None = None,
     target_rsd: float = TARGET_RSD,
     before: Sequence[Motion] = (),
+    robust: bool = False,
     seed: int | np.random.SeedSequence = 0,
     prefix: str = "",
     jobs: Jobs = 1,
@@ -75,6 +82,8 @@ def plan(
             the best three take, if None.
         target_rsd: relative standard deviation that the plan says how much motion it would take to reach [percent].
         before: motions that were run already; what is to be expected counts them too.
+        robust: plan for all robots of the set that the description states under ``uncertainty`` (or of its default):
+            torque, zero-moment point and friction keep their limits whichever of them is there.
         seed: of all random numbers.
         prefix: put before the name of every motion.
         jobs: number of processes, or an executor; the plan does not depend on it.
@@ -96,7 +105,7 @@ def plan(
     check_target(target_rsd)
     _check_settings(generator, series, selection, budget_s)
     root = check_seed(seed)
-    asked = Asked(robot, count, targets, series, jobs, progress)
+    asked = Asked(robot, count, targets, series, jobs, progress, robust)
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     seconds_of = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
@@ -108,6 +117,7 @@ def plan(
     chosen = conditioning(robot, pool.factors.only(indices), base)
     seconds = float(pool.durations[list(indices)].sum())
     unchosen = conditioning(robot, pool.factors.only(pool.first_seconds(seconds)), base)
+    robust_margins = _robustness(asked, pool.motions.only(indices)) if not choice.interrupted else ()
     rejected = {**report.rejected, **Counter(refused.reason for refused in choice.fallen)}
     seconds_of["choose"] += time.perf_counter() - started
     return Plan(
@@ -125,7 +135,21 @@ def plan(
         interrupted=choice.interrupted,
         target_rsd=target_rsd,
         before=tuple(before),
+        robust=robust_margins,
     )
+
+
+def _robustness(asked: Asked, motions: Sequence[Motion]) -> tuple[Robustness, ...]:
+    """Least margins of motions over the robots that the description states."""
+    shared = (asked.robot, asked.robust)
+    return tuple(in_order(_robustness_of, motions, jobs=asked.jobs, shared=shared, total=len(motions)))
+
+
+def _robustness_of(shared: tuple[Robot, bool], motion: Motion) -> Robustness:
+    robot, decides = shared
+    # The verdict has looked between the samples.
+    sweep = Sweep(robot, motion, (motion.n_samples - 1) / motion.duration)
+    return judge_robustness(sweep, stated_parameters(robot), decides=decides)
 
 
 class _Chosen(NamedTuple):

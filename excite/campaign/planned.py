@@ -29,7 +29,7 @@ from excite.motion.motion import Motion
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
 from excite.robot.shapes.stand_ins import shape_conditions
-from excite.safety.verdict import conditions
+from excite.safety.verdict import Robustness, conditions, robustness_of_all
 from excite.shown import Row, Tabled, count
 
 SCHEMA = "excite.plan/1"
@@ -54,6 +54,7 @@ class Plan(Tabled):
         target_rsd: that is asked for of the essential parameters [percent].
         before: motions that were run already, which what is to be expected counts too.
         interrupted: whether the user broke off: chosen from what was accepted by then, and not rehearsed.
+        robust: least margins of each chosen motion over the robots that it may be; none where the user broke off.
     """
 
     robot: Robot
@@ -70,6 +71,7 @@ class Plan(Tabled):
     target_rsd: float = TARGET_RSD
     before: tuple[Motion, ...] = ()
     interrupted: bool = False
+    robust: tuple[Robustness, ...] = ()
 
     tables = ("motions", "segments", "base_parameters", "rejected")
 
@@ -151,6 +153,10 @@ class Plan(Tabled):
                 }
                 for item in self.selection.selected
             ],
+            "robust": {
+                item.motion: one.to_json()
+                for item, one in zip(self.selection.selected, self.robust, strict=False)
+            },
             "rehearsed_load": self.load,
             "interrupted": self.interrupted,
             "validation": [f"motions/{self.pool.names[i]}.parquet" for i in self.validation],
@@ -184,6 +190,8 @@ class Plan(Tabled):
         if self.validation:
             names = ", ".join(f"{self.pool.names[i]}.parquet" for i in self.validation)
             lines.append(f"written too, to validate on and not to identify from: motions/{names}")
+        if self.robust:
+            lines.append(robustness_of_all(self.robust))
         if self.load is not None and self.load < UNKNOWN_LOAD:
             lines.append(
                 f"rehearsed with {self.load:.0%} of the robot's mass on its back: with {UNKNOWN_LOAD:.0%} every motion "

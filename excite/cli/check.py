@@ -29,6 +29,14 @@ def command(
         str | None,
         typer.Option("--robot", metavar="ROBOT", help="The robot; all arguments are motions then."),
     ] = None,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust",
+            help="Call a motion safe only if it is so for every robot within the uncertainty that robot.yaml states "
+            "(mass ± 10 %, centre of mass ± 1 cm, inertia ± 20 % of each body if it states none).",
+        ),
+    ] = False,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -43,7 +51,9 @@ def command(
 
     loaded = excite.load_robot(robot)
     with workers(jobs, cluster) as crew, progress_bars() as progress:
-        result = excite.check(loaded, excite.load_motions(motions, loaded), jobs=crew, progress=progress)
+        result = excite.check(
+            loaded, excite.load_motions(motions, loaded), robust=robust, jobs=crew, progress=progress
+        )
     document = result.to_json()
     if out is not None:
         document |= stated_origin(robot, None, out)

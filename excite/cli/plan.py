@@ -85,6 +85,14 @@ def command(
     period: Annotated[
         float | None, typer.Option("--period", help="Period of optimised_fourier [s], else as joints need.")
     ] = None,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust",
+            help="Keep torque, balance and friction within limits for every robot within the uncertainty that "
+            "robot.yaml states (mass ± 10 %, centre of mass ± 1 cm, inertia ± 20 % of each body if it states none).",
+        ),
+    ] = False,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -109,6 +117,7 @@ def command(
                 selection=select,
                 budget_s=budget,
                 target_rsd=target_rsd,
+                robust=robust,
                 seed=seed,
                 jobs=crew,
                 progress=progress,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -67,6 +67,43 @@ class Rehearsal(Block):
     drive_share: Number = Field(description="largest torque of a drive, of its limit [no unit]")
 
 
+class Uncertainty(Block):
+    """The set of robots that margins are wanted for, as ``robot.yaml`` states it."""
+
+    mass: Number = Field(description="of each body, as a share")
+    com: Number = Field(description="centre of mass along each axis [m]")
+    inertia: Number = Field(description="principal moments of each body, as a share")
+    payload: dict[Name, Any] | None = Field(description="what may be carried: link, mass [kg], position [m]")
+    identified: FilePath | None = Field(
+        default=None, description="file of an identification, whose ellipsoid stands in place of the shares"
+    )
+    sigmas: Number = Field(default=2.0, description="standard deviations of that ellipsoid")
+    stated: bool = Field(description="whether robot.yaml states it; else it is the default")
+
+
+class Worst(Block):
+    """The least margin over a motion and the set."""
+
+    value: Number = Field(description="the margin [SI], negative beyond the limit")
+    limit: Number = Field(description="what it must not be less than [SI]")
+    where: Text = Field(description="joint or feet")
+    time_s: Number = Field(description="when [s]")
+
+
+class Robust(Block):
+    """Least margins over the robots that it may be; null where one could not be computed or does not apply."""
+
+    uncertainty: Uncertainty = Field(description="the set")
+    joint_torque_nm: Maybe = Field(description="to the torque limit [N·m or N]")
+    zmp_m: Maybe = Field(description="zero-moment point to the edge of the support polygon [m]")
+    friction: Maybe = Field(
+        description="horizontal push at the feet that would make them slip, as a share of the vertical force"
+    )
+    holds: bool = Field(description="whether every limit is kept by every robot of the set")
+    decides: bool = Field(description="whether safe asks for that")
+    worst: dict[Name, Worst | None] = Field(description="by margin that applies, where and when it is least")
+
+
 class CheckedMotion(Block):
     """The verdict on one motion."""
 
@@ -89,6 +126,7 @@ class CheckedMotion(Block):
     rehearsal: Rehearsal | None = Field(
         default=None, description="what it did in simulation; left out where that was not tried"
     )
+    robust: Robust | None = Field(default=None, description="least margins over the robots that it may be")
 
 
 class Check(Document):

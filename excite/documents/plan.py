@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from excite.documents.check import Robust
 from excite.documents.document import (
     MOST_CHANNELS,
     MOST_ENTRIES,
@@ -171,6 +172,9 @@ class Plan(Document):
     )
     as_far_as: AsFarAs = Field(default=[])
     assumed: Assumptions = Field(default=[])
+    robust: Annotated[dict[Name, Robust], Field(max_length=MOST_ENTRIES)] = Field(
+        default={}, description="by chosen motion, least margins over the robots that it may be"
+    )
     rehearsed_load: Maybe = Field(
         default=None,
         description="what the robot carried on its back in the rehearsal, as a share of its mass; null of a robot "

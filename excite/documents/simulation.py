@@ -6,7 +6,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from excite.documents.document import MOST_ENTRIES, Block, Count, Document, FilePath, MaybePositive, Name
+from excite.documents.document import (
+    MOST_ENTRIES,
+    Block,
+    Count,
+    Document,
+    FilePath,
+    MaybePositive,
+    Name,
+    Names,
+)
 
 
 class SimulatedTrial(Block):
@@ -30,3 +39,6 @@ class Simulation(Document):
         description="in the order of the motions"
     )
     fell: bool = Field(description="whether the robot fell in any motion")
+    other_version: Names = Field(
+        default=[], description="motions that were made for this robot with another description or model"
+    )

@@ -30,11 +30,14 @@ from excite.robot.per_joint import (
 from excite.robot.quantities import (
     Coordinate,
     FrictionCoefficient,
+    Gain,
     Gravity,
     JointValue,
     Margin,
+    Mass,
     Rate,
     Rotation3,
+    Share,
     Vector3,
 )
 from excite.robot.sensor_blocks import SensorsBlock
@@ -133,6 +136,30 @@ class SegmentsBlock(Block):
         return self
 
 
+class PayloadBlock(Block):
+    """What the robot may carry: at most this mass, at a point of a link, or nothing."""
+
+    link: Name
+    mass: Mass
+    position: Vector3 = (0.0, 0.0, 0.0)
+
+
+class UncertaintyBlock(Block):
+    """The set of robots that margins are wanted for: how far each body may be from what the model says.
+
+    ``mass`` and ``inertia`` are shares, ``com`` is a length along each axis. With ``identified``, a file that
+    ``excite identify`` wrote, the set is its ellipsoid of ``sigmas`` standard deviations in place of these.
+    """
+
+    mass: Share = 0.1
+    com: Margin = 0.01
+    inertia: Share = 0.2
+    payload: PayloadBlock | None = None
+    identified: FileName | None = None
+    sigmas: Gain = 2.0
+    source: Source | None = None
+
+
 class PostureBlock(Block):
     """The posture at which motions start and end; joints not named are at zero.
 
@@ -182,6 +209,7 @@ class RobotDescription(Block):
     segments: SegmentsBlock = SegmentsBlock()
     collision: CollisionBlock
     gravity: Gravity = (0.0, 0.0, -9.81)
+    uncertainty: UncertaintyBlock | None = None
     assumed: tuple[Assumed, ...] = ()
 
     @model_validator(mode="after")

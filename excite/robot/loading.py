@@ -103,6 +103,15 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
                 field="sensors.imu.link",
                 remedy="name the base's link, or one fixed to it",
             )
+    if description.uncertainty is not None and description.uncertainty.payload is not None:
+        link = description.uncertainty.payload.link
+        if link_placement(model, link, path, "uncertainty.payload.link")[0] == 0:
+            raise RobotError(
+                f"link {link!r} does not move",
+                source=path,
+                field="uncertainty.payload.link",
+                remedy="name the link that carries the load",
+            )
     # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
     standing = description.base in ("fixed", "floating")
     rest = _rest(model, description, upright, feet)
@@ -166,9 +175,12 @@ def _joints_of(block: PerJoint | None) -> set[str]:
 def _fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
     """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
 
-    What the description leaves at its default is left out, so that a field that is added later changes no robot.
+    What the description leaves at its default is left out, so that a field that is added later changes no robot; and so
+    is its uncertainty, which moves margins over a set and no limit: a motion stays this robot's when it becomes known.
     """
-    stated = description.model_dump_json(by_alias=True, exclude_defaults=True)
+    stated = description.model_copy(update={"uncertainty": None}).model_dump_json(
+        by_alias=True, exclude_defaults=True
+    )
     # The file as it is, not the text as loaded: that one holds paths of this machine.
     content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
     digest = hashlib.sha256(stated.encode() + b"\0" + content)
@@ -244,7 +256,13 @@ def _with_limits(
 
 def _portable(robot: Robot, description: RobotDescription) -> str:
     whole = description.model.model_copy(update={"path": str(model_file(robot).resolve()), "package": None})
-    content = description.model_copy(update={"model": whole})
+    stated = description.uncertainty
+    if stated is not None and stated.identified is not None:
+        found = str((robot.source.parent / stated.identified).resolve())
+        stated = stated.model_copy(update={"identified": found})
+    content = description.model_copy(
+        update={"model": whole} if stated is None else {"model": whole, "uncertainty": stated}
+    )
     # What is said to be absent, such as a table, is not what was left out.
     said = content.model_dump(mode="json", by_alias=True, exclude_unset=True)
     return str(yaml.safe_dump(said, sort_keys=False, allow_unicode=True))

@@ -12,7 +12,9 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.stand_ins import shape_conditions
 from excite.robot.sliding import sliding_joints
 from excite.safety.checks.registry import CHECKS
+from excite.safety.checks.robustness import judge_robustness
 from excite.safety.checks.sweep import Sweep
+from excite.safety.parameter_set import ParameterSet, stated_parameters
 from excite.safety.units import unit_of
 from excite.safety.verdict import Margins, Nearest, Verdict, Violation
 
@@ -23,6 +25,8 @@ def check_motion(
     *,
     rate_hz: float | None = None,
     neighbours: Mapping[str, Motion] | None = None,
+    parameters: ParameterSet | None = None,
+    robust: bool = False,
 ) -> Verdict:
     """Judge a motion; nothing is repaired, and what cannot be computed makes the motion unsafe.
 
@@ -33,6 +37,9 @@ def check_motion(
             that, at least 200 Hz. Limits and self-collision hold between the grid's samples too.
         neighbours: motions that are judged together with it, by name: where it says that it goes on from one of
             them, or one from it, it need not start or end at rest.
+        parameters: the robots over which margins are wanted too; None for no such margins.
+        robust: whether the motion is safe only if it is so for all of these; for those that the robot's description
+            states, where ``parameters`` are left out.
 
     Returns:
         The verdict. A motion of which nothing could be computed (NaN, unsorted time, wrong joints, missing
@@ -60,6 +67,13 @@ def check_motion(
         readable = result.readable
         if not readable:
             break
+    if parameters is None and robust:
+        parameters = stated_parameters(robot)
+    found = (
+        judge_robustness(sweep, parameters, decides=robust) if readable and parameters is not None else None
+    )
+    if found is not None and robust:
+        violations += found.violations()
     sliding = sliding_joints(robot)
     violations = [replace(one, unit=unit_of(one.kind, one.where, sliding)) for one in violations]
     return Verdict(
@@ -70,6 +84,7 @@ def check_motion(
         readable=readable,
         nearest=nearest,
         as_far_as=shape_conditions(robot) if readable else (),
+        robust=found,
     )
 
 

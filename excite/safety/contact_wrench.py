@@ -62,25 +62,49 @@ def polygon_margin(corners: Array, points: Array) -> Array:
     Returns:
         ``(n,)`` [m]: positive inside, negative outside, NaN where a point is NaN or the hull has no area.
     """
-    margin = np.full(len(points), np.nan)
+    edges = hull_edges(corners)
+    left = np.einsum("nek,nk->ne", edges[..., :2], points) - edges[..., 2]
+    has_area = np.isfinite(edges[:, :, 0]).any(axis=1)
+    least = np.fmin.reduce(left, axis=1, initial=np.inf)
+    return np.where(has_area & np.isfinite(points).all(axis=1), least, np.nan)
+
+
+def hull_edges(corners: Array) -> Array:
+    """Edges of the convex hull of corners, one hull a sample.
+
+    Args:
+        corners: ``(n, m, 2)`` [m].
+
+    Returns:
+        ``(n, m, 3)``: inward unit normals and offsets ``c`` [m], ``normal @ point - c`` is the distance inside an edge;
+        NaN beyond a hull's last edge, and of a hull without area.
+    """
+    edges = np.full((*corners.shape[:2], 3), np.nan)
     if corners.shape[1] > 2:
-        _margins(
-            np.ascontiguousarray(corners, dtype=float), np.ascontiguousarray(points, dtype=float), margin
-        )
-    return margin
+        _write_edges(np.ascontiguousarray(corners, dtype=float), edges)
+    return edges
 
 
-# Two corners that are nearer to each other than this are one; a corner that is this far on a line's side is beside it,
-# and a hull that reaches less far from all of its lines has no area [m].
+# Two corners that are nearer to each other than this are one, and so are edges; a corner that is this far on a line's
+# side is beside it, and a hull that reaches less far from all of its lines has no area [m].
 _SAME_M, _AREA_M = 1e-9, 1e-6
 
 
 @LazyKernel
-def _margins(corners: Array, points: Array, margin: Array) -> None:
-    """Write the margin of each sample that has one."""
+def _is_known(edges: Array, sample: int, found: int, x: float, y: float) -> bool:
+    """Whether one of the first edges of a sample has this normal."""
+    known = False
+    for k in range(found):
+        known = known or max(abs(edges[sample, k, 0] - x), abs(edges[sample, k, 1] - y)) <= _SAME_M
+    return known
+
+
+@LazyKernel
+def _write_edges(corners: Array, edges: Array) -> None:
+    """Write the edges of each sample's hull that has an area."""
     n_corners = corners.shape[1]
-    for sample in range(len(points)):
-        x, y, least = points[sample, 0], points[sample, 1], np.inf
+    for sample in range(len(corners)):
+        found = 0
         for start in range(n_corners - 1):
             x0, y0 = corners[sample, start, 0], corners[sample, start, 1]
             for end in range(start + 1, n_corners):
@@ -90,17 +114,20 @@ def _margins(corners: Array, points: Array, margin: Array) -> None:
                     continue
                 dx, dy = dx / length, dy / length
                 offset = dx * y0 - dy * x0
-                # Distance to the left of the directed line, of every corner and of the point.
+                # Distance to the left of the directed line, of every corner.
                 lowest, highest = np.inf, -np.inf
                 for corner in range(n_corners):
                     left = dx * corners[sample, corner, 1] - dy * corners[sample, corner, 0] - offset
                     lowest, highest = min(lowest, left), max(highest, left)
                     if lowest <= -_SAME_M and highest >= _SAME_M:
                         break
-                distance = dx * y - dy * x - offset
                 if lowest > -_SAME_M and highest > _AREA_M:
-                    least = np.nan if np.isnan(distance) else min(least, distance)
+                    side = 1.0
                 elif highest < _SAME_M and lowest < -_AREA_M:
-                    least = np.nan if np.isnan(distance) else min(least, -distance)
-        if np.isfinite(least):
-            margin[sample] = least
+                    side = -1.0
+                else:
+                    continue
+                if found < n_corners and not _is_known(edges, sample, found, -side * dy, side * dx):
+                    edges[sample, found, 0], edges[sample, found, 1] = -side * dy, side * dx
+                    edges[sample, found, 2] = side * offset
+                    found += 1

@@ -22,8 +22,10 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
 from excite.safety.filter_report import FilterOutcome, FilterReport, counted
+from excite.safety.parameter_set import stated_parameters
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.registry import make_repairs
+from excite.safety.repairs.shares import Shares
 from excite.safety.verdict import Verdict
 
 # What a caller makes of an accepted motion, in the process that made it; has to be picklable, and so has the answer.
@@ -33,9 +35,10 @@ Keep = Callable[[Robot, Motion], Any]
 class SafetyFilter:
     """Repairs and verdict of one robot, kept ready because they are dear to build."""
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self._repairs = make_repairs(robot)
+    def __init__(self, robot: Robot, *, robust: bool = False) -> None:
+        self._robot, self._robust = robot, robust
+        shares = Shares(robots=stated_parameters(robot)) if robust else Shares()
+        self._repairs = make_repairs(robot, shares)
 
     def filter(self, candidate: Candidate) -> FilterOutcome:
         """Repair a candidate and judge the motion that results."""
@@ -53,7 +56,7 @@ class SafetyFilter:
             rejection = draft.rejected("no_motion", "repairs")
             return FilterOutcome(candidate.name, candidate.generator, None, None, rejection, seconds)
         start = time.process_time()
-        verdict = check_motion(self._robot, draft.motion)
+        verdict = check_motion(self._robot, draft.motion, robust=self._robust)
         seconds["check"] = time.process_time() - start
         return FilterOutcome(
             candidate=candidate.name,
@@ -66,12 +69,14 @@ class SafetyFilter:
         )
 
 
-def filter_candidate(robot: Robot, candidate: Candidate | Proposal) -> FilterOutcome:
+def filter_candidate(robot: Robot, candidate: Candidate | Proposal, *, robust: bool = False) -> FilterOutcome:
     """Make one candidate safe, or say why that failed.
 
     Args:
         robot: the robot.
         candidate: the candidate, or a proposal, which is drawn first.
+        robust: whether torque, zero-moment point and friction shall hold for all robots of the set that the
+            description states.
 
     Returns:
         The motion and its verdict, or the rejection. Repairs never judge: a motion is accepted only if the
@@ -81,11 +86,11 @@ def filter_candidate(robot: Robot, candidate: Candidate | Proposal) -> FilterOut
         RobotError: the robot's collision geometry cannot be read.
     """
     if not isinstance(candidate, Proposal):
-        return _filter_of(robot).filter(candidate)
+        return _filter_of(robot, robust).filter(candidate)
     start = time.process_time()
     drawn = draw(robot, candidate)
     seconds = {"draw": time.process_time() - start}
-    outcome = _filter_of(robot).filter(drawn)
+    outcome = _filter_of(robot, robust).filter(drawn)
     return replace(outcome, seconds={**seconds, **outcome.seconds})
 
 
@@ -98,6 +103,7 @@ def filter_candidates(
     progress: Progress = silent,
     keep: Keep | None = None,
     partial: bool = False,
+    robust: bool = False,
 ) -> FilterReport:
     """Make candidates safe, in several processes.
 
@@ -110,6 +116,7 @@ def filter_candidates(
         keep: called with the robot and each accepted motion where that was made; its answer stands in the report
             in place of all outcomes, so that memory need not grow with the number of candidates.
         partial: where the user interrupts, report what was judged by then instead of passing the interrupt on.
+        robust: as of :func:`filter_candidate`.
 
     Returns:
         What became of the candidates, in their order.
@@ -124,14 +131,20 @@ def filter_candidates(
         # Broken geometry shall raise here, before it is read by every worker.
         collision_model(robot)
     outcomes = in_order(
-        _work, candidates, jobs=jobs, shared=(robot, keep), total=total, stage="filter", progress=progress
+        _work,
+        candidates,
+        jobs=jobs,
+        shared=(robot, keep, robust),
+        total=total,
+        stage="filter",
+        progress=progress,
     )
     return counted(robot, outcomes, whole=keep is None, partial=partial)
 
 
 @lru_cache(maxsize=4)
-def _filter_of(robot: Robot) -> SafetyFilter:
-    return SafetyFilter(robot)
+def _filter_of(robot: Robot, robust: bool) -> SafetyFilter:
+    return SafetyFilter(robot, robust=robust)
 
 
 def _rejection(draft: Draft, verdict: Verdict) -> Rejection | None:
@@ -158,6 +171,6 @@ def _handed_over(robot: Robot, outcome: FilterOutcome, keep: Keep | None) -> Fil
     return replace(outcome, motion=None, kept=keep(robot, outcome.motion))
 
 
-def _work(shared: tuple[Robot, Keep | None], candidate: Candidate | Proposal) -> FilterOutcome:
-    robot, keep = shared
-    return _handed_over(robot, filter_candidate(robot, candidate), keep)
+def _work(shared: tuple[Robot, Keep | None, bool], candidate: Candidate | Proposal) -> FilterOutcome:
+    robot, keep, robust = shared
+    return _handed_over(robot, filter_candidate(robot, candidate, robust=robust), keep)

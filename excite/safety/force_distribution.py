@@ -5,9 +5,12 @@ Everything here takes arrays over samples, in the world frame with z up, and kno
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from excite.lazy_kernel import LazyKernel
@@ -74,6 +77,90 @@ def distribute_wrench(wrench: Array, corners: Array, friction: Array) -> Contact
         The corners' forces and the relative residual.
     """
     n, m = corners.shape[:2]
+    cone = _cone(wrench, corners, friction)
+    weights, residual = np.empty((n, 4 * m)), np.empty(n)
+    _nearest_in_cones(cone.rays, cone.target, _REGULARISATION**2, weights, residual)
+    for k in np.flatnonzero(~(residual <= RESIDUAL_TOLERANCE)):
+        residual[k] = _distance_to_cone(cone.rays[k], cone.target[k])
+    edges = friction_edges(friction)
+    forces = np.einsum("nme,mec->nmc", weights.reshape(n, m, 4), edges) * cone.scale[:, None, None]
+    return ContactForces(forces, residual)
+
+
+def shares_of_wrench(wrench: Array, corners: Array, friction: Array, counts: Sequence[int]) -> Array:
+    """How feet share small changes of a wrench that :func:`distribute_wrench` has shared.
+
+    Of the rays that carry the solution is linear, ``x = Gᵀ(GGᵀ + ε²)⁻¹ w``: these are held, so that the shares are
+    exact as long as no corner comes to carry, or stops.
+
+    Args:
+        wrench: ``(n, 6)`` force, then moment about the world origin, world frame [N, N·m].
+        corners: ``(n, m, 3)`` sole corners that carry load, foot after foot [m].
+        friction: ``(m,)`` friction coefficient at each corner.
+        counts: corners of each foot, ``m`` together.
+
+    Returns:
+        ``(n, n_feet, 6, 6)`` from the total wrench to each foot's, both about the world origin; they give the very
+        forces for the wrench itself. NaN where the forces could not be computed.
+    """
+    n, m = corners.shape[:2]
+    cone = _cone(wrench, corners, friction)
+    weights, residual = np.empty((n, 4 * m)), np.empty(n)
+    _nearest_in_cones(cone.rays, cone.target, _REGULARISATION**2, weights, residual)
+    carrying = np.where(weights > 0.0, cone.rays.transpose(2, 0, 1), 0.0).transpose(1, 2, 0)
+    inner = carrying.transpose(0, 2, 1) @ carrying + _REGULARISATION**2 * np.eye(6)
+    # From a wrench about the origin to the cone's target, and from the rays' weights to wrenches about the origin.
+    to_target = np.tile(np.eye(6), (n, 1, 1))
+    to_target[:, 3:, :3] = -_crossing(corners.mean(axis=1))
+    to_target[:, 3:] /= _LENGTH
+    of_weights = carrying @ np.linalg.solve(inner, to_target)
+    edges = np.broadcast_to(friction_edges(friction), (n, m, 4, 3))
+    about_origin = np.concatenate([edges, np.cross(corners[:, :, None], edges)], axis=3).reshape(n, 4 * m, 6)
+    ends = np.cumsum([4 * count for count in counts])
+    shares = [
+        about_origin[:, end - 4 * count : end].transpose(0, 2, 1) @ of_weights[:, end - 4 * count : end]
+        for count, end in zip(counts, ends, strict=True)
+    ]
+    found = np.stack(shares, axis=1)
+    found[~np.isfinite(residual)] = np.nan
+    return found
+
+
+def cone_facets(corners: Array, friction: Array) -> Array:
+    """Facets of the cone of wrenches that forces inside the corners' friction pyramids supply.
+
+    Of all rays the vertical force is one, so that the cone is that of the polytope which they span in the other five
+    coordinates (the contact wrench cone's faces; Caron, Pham and Nakamura 2015).
+
+    Args:
+        corners: ``(m, 3)`` sole corners that carry load [m].
+        friction: ``(m,)`` friction coefficient at each corner.
+
+    Returns:
+        ``(n_facets, 6)``: wrenches about the origin of ``corners`` with ``facets @ w ≤ 0`` are in the cone; none where
+        the cone is flat (points on a line).
+    """
+    edges = friction_edges(friction)
+    arms = np.cross(corners[:, None], edges) / _LENGTH
+    rays = np.concatenate([edges, arms], axis=2).reshape(-1, 6)
+    try:
+        hull = scipy.spatial.ConvexHull(rays[:, [0, 1, 3, 4, 5]])
+    except scipy.spatial.QhullError:
+        return np.zeros((0, 6))
+    found = np.unique(np.round(hull.equations, 9), axis=0)
+    return np.asarray(np.column_stack([found[:, :2], found[:, 5], found[:, 2:5] / _LENGTH]))
+
+
+class _Cone(NamedTuple):
+    """Rays ``(n, 4·m, 6)`` about the corners' middle, the wrench there as they are scaled, and its scale ``(n,)``."""
+
+    rays: Array
+    target: Array
+    scale: Array
+
+
+def _cone(wrench: Array, corners: Array, friction: Array) -> _Cone:
+    n, m = corners.shape[:2]
     scale = np.maximum(np.linalg.norm(wrench[:, :3], axis=1), 1e-9)
     edges = friction_edges(friction)
     centre = corners.mean(axis=1)
@@ -81,12 +168,16 @@ def distribute_wrench(wrench: Array, corners: Array, friction: Array) -> Contact
     target = np.hstack([wrench[:, :3], moment / _LENGTH]) / scale[:, None]
     arms = np.cross((corners - centre[:, None])[:, :, None], edges[None]) / _LENGTH
     rays = np.concatenate([np.broadcast_to(edges, arms.shape), arms], axis=3).reshape(n, 4 * m, 6)
-    weights, residual = np.empty((n, 4 * m)), np.empty(n)
-    _nearest_in_cones(rays, target, _REGULARISATION**2, weights, residual)
-    for k in np.flatnonzero(~(residual <= RESIDUAL_TOLERANCE)):
-        residual[k] = _distance_to_cone(rays[k], target[k])
-    forces = np.einsum("nme,mec->nmc", weights.reshape(n, m, 4), edges) * scale[:, None, None]
-    return ContactForces(forces, residual)
+    return _Cone(rays, target, scale)
+
+
+def _crossing(vectors: Array) -> Array:
+    """Matrices ``(n, 3, 3)`` that take ``x`` to ``vectors × x``."""
+    found = np.zeros((len(vectors), 3, 3))
+    for row, column, axis, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
+        found[:, row, column] = sign * vectors[:, axis]
+        found[:, column, row] = -sign * vectors[:, axis]
+    return found
 
 
 def _distance_to_cone(rays: Array, target: Array) -> float:

@@ -12,6 +12,7 @@ from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.proposal import Proposal
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
+from excite.robot.description import UncertaintyBlock
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE
 from excite.safety.filter import filter_candidates
@@ -59,7 +60,12 @@ class Remedy:
 
 
 def find_remedy(
-    robot: Robot, refused: Sequence[Refused], candidates: Sequence[Candidate | Proposal], *, jobs: Jobs = 1
+    robot: Robot,
+    refused: Sequence[Refused],
+    candidates: Sequence[Candidate | Proposal],
+    *,
+    jobs: Jobs = 1,
+    robust: bool = False,
 ) -> Remedy | None:
     """The change with which most refused candidates pass, counted by trying.
 
@@ -71,20 +77,25 @@ def find_remedy(
         refused: what refuses its candidates, the commonest first.
         candidates: refused ones.
         jobs: number of processes, or an executor; the answer does not depend on it.
+        robust: whether they shall hold for all robots of the set that the description states.
 
     Returns:
         The change; None if no change lets any of them pass.
     """
     best: Remedy | None = None
     for group in _groups(refused) if candidates else []:
-        tried = _tried(robot, group, candidates, jobs)
+        tried = _tried(robot, group, candidates, jobs, robust)
         if tried is not None and tried.passes > (0 if best is None else best.passes):
             best = tried
     return best
 
 
 def _tried(
-    robot: Robot, group: tuple[Refused, ...], candidates: Sequence[Candidate | Proposal], jobs: Jobs
+    robot: Robot,
+    group: tuple[Refused, ...],
+    candidates: Sequence[Candidate | Proposal],
+    jobs: Jobs,
+    robust: bool,
 ) -> Remedy | None:
     """Candidates tried without some refusals; None where these cannot be lifted.
 
@@ -95,7 +106,7 @@ def _tried(
         lifted = _lifted(robot, group)
         if lifted is None:
             return None
-        report = filter_candidates(lifted, candidates, jobs=jobs, keep=_nothing)
+        report = filter_candidates(lifted, candidates, jobs=jobs, keep=_nothing, robust=robust)
         passes = report.generated - sum(report.rejected.values())
         more = tuple(item for item in report.refused if item.reason == group[0].reason)
         if passes or len(group) == 1 or not more:
@@ -168,12 +179,20 @@ def _more_friction(robot: Robot, where: tuple[str, ...]) -> Robot:
     )
 
 
+def _certain(robot: Robot, where: tuple[str, ...]) -> Robot:
+    certain = UncertaintyBlock(mass=0.0, com=0.0, inertia=0.0)
+    return replace(robot, description=robot.description.model_copy(update={"uncertainty": certain}))
+
+
 _LIFTS: dict[str, Callable[[Robot, tuple[str, ...]], Robot]] = {
     "self_collision": _without_pairs,
     **{f"joint_{kind}": _without_limit(kind) for kind in _UNLIMITED},
     "zmp": _larger_soles,
     "com": _larger_soles,
     "friction": _more_friction,
+    "robust_joint_torque": _certain,
+    "robust_zmp": _certain,
+    "robust_friction": _certain,
 }
 
 
@@ -187,6 +206,8 @@ def _in_words(group: Sequence[Refused]) -> str:
         return (
             "state the true size of the soles, or a posture.joints with the centre of mass above their middle"
         )
+    if reason.startswith("robust_"):
+        return "state a smaller uncertainty, as an identification leaves it, or plan without --robust"
     if reason == "friction":
         return "state the true friction of the feet"
     return f"raise limits.{reason.removeprefix('joint_')} of {places}, if the drives allow it"

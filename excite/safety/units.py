@@ -5,6 +5,7 @@ from __future__ import annotations
 _UNITS = {
     "self_collision": "m",
     "zmp": "m",
+    "robust_zmp": "m",
     "com": "m",
     "foot_lifted": "m",
     "foot_below_ground": "m",
@@ -17,6 +18,7 @@ _UNITS = {
     "joint_acceleration": "rad/s²",
     "joint_jerk": "rad/s³",
     "joint_torque": "N·m",
+    "robust_joint_torque": "N·m",
     "starts_moving": "rad/s",
     "ends_moving": "rad/s",
     "velocity_not_derivative": "rad/s",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -80,6 +80,116 @@ class Margins:
     zmp_m: float | None = None
 
 
+@dataclass(frozen=True)
+class Worst:
+    """The least margin over a motion and a set of robots.
+
+    Attributes:
+        value: the margin, negative beyond the limit.
+        limit: what it must not be less than, same unit.
+        where: joint or feet.
+        time_s: when [s].
+    """
+
+    value: float
+    limit: float
+    where: str
+    time_s: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the limit is kept by every robot of the set."""
+        return self.value >= self.limit
+
+
+# Margins over a set: field, in words, factor and unit in which a person reads it, kind of its violation.
+_ROBUST = {
+    "joint_torque_nm": ("torque", 1.0, "N·m", "robust_joint_torque"),
+    "zmp_m": ("zero-moment point inside", 1e3, "mm", "robust_zmp"),
+    "friction": ("friction left", 1.0, "", "robust_friction"),
+}
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """Least margins over a set of robots, those whose inertial parameters are as uncertain as stated.
+
+    Attributes:
+        uncertainty: the set, as ``robot.yaml`` states it, and ``stated`` whether it does.
+        words: the same for a person.
+        joint_torque_nm: to the torque limit [N·m or N]; None where it could not be computed.
+        zmp_m: of the zero-moment point from the edge of the support polygon [m]; None likewise, or without feet.
+        friction: horizontal push at the feet that would make them slip, as a share of the vertical force.
+        not_applicable: margins that mean nothing for this robot.
+        decides: whether the motion is called safe only if it holds for all of the set.
+    """
+
+    uncertainty: Mapping[str, Any]
+    words: str
+    joint_torque_nm: Worst | None
+    zmp_m: Worst | None = None
+    friction: Worst | None = None
+    not_applicable: tuple[str, ...] = ()
+    decides: bool = False
+
+    @property
+    def margins(self) -> dict[str, Worst | None]:
+        """Those that apply, by field."""
+        return {name: getattr(self, name) for name in _ROBUST if name not in self.not_applicable}
+
+    @property
+    def holds(self) -> bool:
+        """Whether every limit is kept by every robot of the set."""
+        return all(worst is not None and worst.holds for worst in self.margins.values())
+
+    def violations(self) -> tuple[Violation, ...]:
+        """What some robot of the set violates, one a margin; the value is the least margin."""
+        found = []
+        for name, worst in self.margins.items():
+            kind = _ROBUST[name][3]
+            if worst is None:
+                found.append(Violation(kind, None, "all of the set", None, None))
+            elif not worst.holds:
+                found.append(Violation(kind, worst.time_s, worst.where, worst.value, worst.limit))
+        return tuple(found)
+
+    def to_json(self) -> dict[str, Any]:
+        """The block ``robust`` of a motion's entry."""
+        return {
+            "uncertainty": dict(self.uncertainty),
+            **{name: None if (worst := getattr(self, name)) is None else worst.value for name in _ROBUST},
+            "holds": self.holds,
+            "decides": self.decides,
+            "worst": {name: None if worst is None else asdict(worst) for name, worst in self.margins.items()},
+        }
+
+    def in_words(self) -> str:
+        """One line: for which robots, whether it holds, and the least margins or by how much they fall short."""
+        said = []
+        for name, worst in self.margins.items():
+            what, factor, unit, _ = _ROBUST[name]
+            if worst is None:
+                said.append(f"{what} not computed")
+                continue
+            number = f"{what} {factor * worst.value:.3g} {unit}".rstrip()
+            if not worst.holds:
+                short = f"{factor * (worst.limit - worst.value):.3g} {unit}".rstrip()
+                number += f", which falls short by {short}, of {worst.where} at {worst.time_s:.2f} s"
+            said.append(number)
+        return f"for {self.words}: {'holds' if self.holds else 'does not hold'}; {'; '.join(said)}"
+
+
+def robustness_of_all(found: Sequence[Robustness]) -> str:
+    """One line: for which robots, how many of several motions hold, and the least of their margins."""
+    holding = sum(one.holds for one in found)
+    said = []
+    for name, (what, factor, unit, _) in _ROBUST.items():
+        values = [worst.value for one in found if (worst := one.margins.get(name)) is not None]
+        if values:
+            said.append(f"{what} {factor * min(values):.3g} {unit}".rstrip())
+    return f"for {found[0].words}: {holding} of {len(found)} hold; at least {', '.join(said)}"
+
+
 _IN_WORDS = {
     "joint_position_rad": ("position", "rad"),
     "joint_velocity_rad_s": ("velocity", "rad/s"),
@@ -105,6 +215,7 @@ class Verdict:
         nearest: by margin of joints, the nearest to its limit in each unit: metres and radians are not compared.
         rehearsal: what it did in simulation, as it stands in the document; None where that was not tried.
         as_far_as: what has to hold of the robot's shapes, of which some are not known.
+        robust: least margins over the robots that it may be; None where nobody asked for them.
     """
 
     motion: str
@@ -115,6 +226,7 @@ class Verdict:
     nearest: Mapping[str, tuple[Nearest, ...]] = field(default_factory=dict)
     rehearsal: Mapping[str, Any] | None = None
     as_far_as: tuple[str, ...] = ()
+    robust: Robustness | None = None
 
     @property
     def safe(self) -> bool:
@@ -141,6 +253,7 @@ class Verdict:
     def to_json(self) -> dict[str, Any]:
         """The motion's entry in an ``excite.check/1`` document, with the other fields too."""
         rehearsal = {} if self.rehearsal is None else {"rehearsal": dict(self.rehearsal)}
+        robust = {} if self.robust is None else {"robust": self.robust.to_json()}
         return {
             "motion": self.motion,
             "safe": self.safe,
@@ -150,6 +263,7 @@ class Verdict:
             "not_applicable": list(self.not_applicable),
             "violations": [asdict(violation) for violation in self.violations],
             **rehearsal,
+            **robust,
         }
 
     def margins_in_words(self) -> str:

@@ -39,6 +39,8 @@ def test_plan_document_has_what_scripts_read(small_plan: Plan) -> None:
     assert [stage["stage"] for stage in document["stages"]] == ["generate", "filter", "rank", "choose"]
     for entry in document["selected"]:
         assert entry["segments"] and entry["duration_s"] > 0.0
+        over_set = document["robust"][Path(entry["motion"]).stem]
+        assert over_set["joint_torque_nm"] > 0.0 and over_set["decides"] is False
 
 
 def test_best_three_of_every_segment_are_chosen(ur10: Robot, small_plan: Plan) -> None:

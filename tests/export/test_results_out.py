@@ -163,15 +163,29 @@ def test_identify_writes_back_into_a_users_mjcf(tmp_path: Path, monkeypatch, cap
 
 @pytest.mark.parametrize(
     ("extra", "says"),
-    [(("--template", "no.xml", "--out", "o"), "no.xml: is no file"), (("--template", "{mine}"), "--out DIR")],
+    [
+        (("--template", "no.xml", "--out", "o"), "no.xml: is no file"),
+        (("--template", "{mine}"), "--out DIR"),
+        (("--template", "{empty}", "--out", "o"), "empty.xml: is not valid XML"),
+        (("--template", "{binary}", "--out", "o"), "binary.xml: is not valid XML"),
+        (("--template", "{entities}", "--out", "o"), "declares XML entities"),
+        (("--template", "{urdf}", "--out", "o"), "is no MuJoCo model"),
+    ],
 )
 def test_a_template_that_cannot_be_used_is_refused_first(tmp_path, monkeypatch, capsys, extra, says) -> None:
-    mine = tmp_path / "mine.xml"
-    mine.write_text(MINE, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    contents = {
+        "mine": MINE.encode(),
+        "empty": b"",
+        "binary": bytes(range(256)),
+        "entities": b'<!DOCTYPE m [<!ENTITY a "aa">]><mujoco><worldbody>&a;</worldbody></mujoco>',
+        "urdf": b'<robot name="x"><link name="a"/></robot>',
+    }
+    files = {name: tmp_path / f"{name}.xml" for name in contents}
+    for name, content in contents.items():
+        files[name].write_bytes(content)
     log = save_log(
         replace(arm_log(load_robot("ur10"), 0, trials=1, duration=2.0), robot_text="<robot/>"), tmp_path / "l"
     )
-    code, said = run(
-        monkeypatch, capsys, "identify", "ur10", log, *(text.format(mine=mine) for text in extra)
-    )
+    code, said = run(monkeypatch, capsys, "identify", "ur10", log, *(text.format(**files) for text in extra))
     assert code == 4 and said.count("\n") == 1 and says in said

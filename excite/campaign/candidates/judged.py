@@ -62,7 +62,14 @@ class Judged:
         generated = time.perf_counter()
         read = self._first.reading(source.candidates)
         found = filter_candidates(
-            robot, read, jobs=jobs, total=source.count, progress=progress, keep=self._keeper, partial=True
+            robot,
+            read,
+            jobs=jobs,
+            total=source.count,
+            progress=progress,
+            keep=self._keeper,
+            partial=True,
+            robust=self.asked.robust,
         )
         self._report = found if self._report is None else self._report.joined(found)
         self._turn, self._left = self._turn + 1, 0 if found.interrupted else self._left - 1
@@ -73,6 +80,6 @@ class Judged:
     def refusals(self, report: FilterReport, fallen: Sequence[Rejection] = ()) -> Refusals:
         """What refuses them, in rehearsal too; where few are safe, changes are tried on some."""
         started = time.perf_counter()
-        found = refusals_of(self.asked.robot, report, self._first, self.asked.jobs, fallen)
+        found = refusals_of(self.asked, report, self._first, fallen)
         self.seconds["filter"] += time.perf_counter() - started
         return found

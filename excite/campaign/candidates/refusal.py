@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from excite.campaign.candidates.search import Asked
 from excite.campaign.plan_document import robot_file
 from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
 from excite.errors import NothingSafeError
 from excite.json_document import write_json
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.proposal import Proposal
-from excite.parallel.jobs import Jobs
 from excite.robot.robot import Robot
 from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, joined_refusals, refusals_table, tallied
@@ -125,7 +125,7 @@ class Refusals:
 
 
 def refusals_of(
-    robot: Robot, report: FilterReport, first: FirstOf, jobs: Jobs, fallen: Sequence[Rejection] = ()
+    asked: Asked, report: FilterReport, first: FirstOf, fallen: Sequence[Rejection] = ()
 ) -> Refusals:
     """What refuses a plan's candidates, those that do not stand their rehearsal too; where few are safe, changes are
     tried on some that the filter refused, unless the user broke off."""
@@ -133,8 +133,9 @@ def refusals_of(
     remedy = None
     if few and not report.interrupted:
         again = [first.held[index] for index in report.first_refused if index < len(first.held)]
-        remedy = find_remedy(robot, report.refused, again[:TRIED], jobs=jobs)
-    return Refusals(report.generated, joined_refusals(report.refused, tallied(robot, fallen)), few, remedy)
+        remedy = find_remedy(asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust)
+    refused = joined_refusals(report.refused, tallied(asked.robot, fallen))
+    return Refusals(report.generated, refused, few, remedy)
 
 
 def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:

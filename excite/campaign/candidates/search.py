@@ -27,6 +27,7 @@ class Asked:
         series: criterion and period of optimised series; None for the defaults.
         jobs: number of processes, or an executor; the candidates do not depend on it.
         progress: told as work proceeds.
+        robust: whether limits shall hold for all robots of the set that the description states.
     """
 
     robot: Robot
@@ -35,6 +36,7 @@ class Asked:
     series: SeriesSettings | None = None
     jobs: Jobs = 1
     progress: Progress = silent
+    robust: bool = False
 
 
 class CandidateSearch(ABC):

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from excite.atomic import atomic_path
 from excite.errors import InputError
 from excite.export.models.bodies import InconsistentModelError
 from excite.export.models.differences import find_differences
@@ -27,12 +30,15 @@ class ModelFiles:
         urdf: ``identified.urdf``; None where it was refused.
         mjcf: ``identified.xml``; None where it was refused.
         refused: why models were refused, one sentence each.
+        uncertainty: ``uncertainty.npz``, the parameters with their covariance, which ``uncertainty.identified`` of a
+            robot.yaml names; None where it was not computed.
     """
 
     differences: Path
     urdf: WrittenModel | None
     mjcf: WrittenModel | None
     refused: tuple[str, ...]
+    uncertainty: Path | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The block ``models`` of the command's document."""
@@ -41,6 +47,7 @@ class ModelFiles:
             "urdf": None if self.urdf is None else self.urdf.to_json(),
             "mjcf": None if self.mjcf is None else self.mjcf.to_json(),
             "refused": list(self.refused),
+            "uncertainty": None if self.uncertainty is None else self.uncertainty.name,
         }
 
     def summary(self) -> str:
@@ -51,6 +58,11 @@ class ModelFiles:
                 lines.append(f"wrote {model.path.name}: {count(len(model.changed), 'link')} changed")
                 lines += [f"  {note}" for note in model.notes]
         lines.append(f"wrote {self.differences.name}")
+        if self.uncertainty is not None:
+            lines.append(
+                f"wrote {self.uncertainty.name}: named under uncertainty.identified of robot.yaml, it is what "
+                "`excite check` and `plan --robust` keep their margins for"
+            )
         return "\n".join([*lines, *(f"not written: {reason}" for reason in self.refused)])
 
 
@@ -63,7 +75,7 @@ def write_models(
     force: bool = False,
     template: Path | None = None,
 ) -> ModelFiles:
-    """Write ``identified.urdf``, ``identified.xml`` (MJCF) and ``differences.csv`` into a folder.
+    """Write ``identified.urdf``, ``identified.xml`` (MJCF), ``differences.csv`` and ``uncertainty.npz`` into a folder.
 
     Models that no rigid body matches are refused, and a file of an earlier run under their name removed;
     the table is written in any case.
@@ -104,4 +116,21 @@ def write_models(
         attempt(urdf, write_urdf, force=force),
         attempt(mjcf, write_mjcf, template=template),
         tuple(refused),
+        _write_uncertainty(identification, folder / "uncertainty.npz"),
     )
+
+
+def _write_uncertainty(identification: Identification, path: Path) -> Path | None:
+    """Links, inertial parameters and their covariance; None, and no file, where there is none."""
+    known, n = identification.uncertainty, len(identification.parameters)
+    if known is None or known.covariance is None:
+        path.unlink(missing_ok=True)
+        return None
+    arrays: dict[str, Any] = {
+        "links": np.array(identification.links),
+        "parameters": identification.parameters,
+        "covariance": known.covariance[:n, :n],
+    }
+    with atomic_path(path) as temporary:
+        np.savez_compressed(temporary, **arrays)
+    return path

@@ -15,16 +15,18 @@ from excite.identification.regression import prior_std
 
 @dataclass(frozen=True, eq=False)
 class ParameterUncertainty:
-    """Standard deviations of the standard parameters, each ``(n_params,)``.
+    """How well the standard parameters are known.
 
     Attributes:
         std: of each parameter, given the data and the spread that the nominal model is granted [SI].
         determined: share of that spread's variance that the data have taken away, 0 to 1: near 0 the value is
             the nominal model's and the constraints' choice, near 1 it was measured.
+        covariance: ``(n_params, n_params)`` whose diagonal is ``std`` squared; None where only that is known.
     """
 
     std: Array
     determined: Array
+    covariance: Array | None = None
 
 
 def parameter_uncertainty(
@@ -45,7 +47,7 @@ def parameter_uncertainty(
             :func:`~excite.identification.regression.prior_std` takes it.
 
     Returns:
-        Standard deviations and shares.
+        Standard deviations, shares and covariance.
     """
     prior = prior_std(problem, spread)
     power, axes = eigh(statistics.meat)
@@ -53,6 +55,8 @@ def parameter_uncertainty(
     power = np.maximum(power, max(np.finfo(float).eps * power[-1], np.finfo(float).tiny))
     shown = axes.T @ (statistics.factor @ (statistics.base.matrix * prior)) / np.sqrt(power)[:, None]
     _, sizes, directions = svd(shown, full_matrices=False)
-    taken = (sizes**2 / (1.0 + sizes**2)) @ directions**2
-    determined = np.clip(taken, 0.0, 1.0)
-    return ParameterUncertainty(prior * np.sqrt(1.0 - determined), determined)
+    share = sizes**2 / (1.0 + sizes**2)
+    determined = np.clip(share @ directions**2, 0.0, 1.0)
+    left = np.eye(len(prior)) - (directions.T * share) @ directions
+    covariance = left * np.outer(prior, prior)
+    return ParameterUncertainty(prior * np.sqrt(1.0 - determined), determined, covariance)

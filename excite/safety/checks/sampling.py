@@ -41,7 +41,7 @@ class SamplingCheck(Check):
 
     def judge(self, sweep: Sweep) -> CheckResult:
         robot, motion = sweep.robot, sweep.motion
-        for broken in (_structure(robot, motion), _values(motion), _time(motion)):
+        for broken in (_structure(robot, motion), _values(motion), time_faults(motion)):
             if broken:
                 return CheckResult(violations=broken, readable=False)
         contacts = _contacts(robot, motion)
@@ -99,7 +99,8 @@ def _column_name(motion: Motion, name: str, column: int) -> str:
     return f"{name}.{motion.joint_names[joint]}" if joint >= 0 else f"base ({name})"
 
 
-def _time(motion: Motion) -> tuple[Violation, ...]:
+def time_faults(motion: Motion) -> tuple[Violation, ...]:
+    """What keeps a motion's samples from being a motion in time, at most one thing: order, rate, gaps."""
     time = motion.time
     if len(time) < 3:
         return (Violation("too_few_samples", None, "time", float(len(time)), 3.0),)

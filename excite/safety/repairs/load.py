@@ -69,6 +69,29 @@ def _by_nearness(
             tau[i] -= local[row] @ jacobians[i, k]
 
 
+def shares_of_feet(
+    candidate: Candidate, path: MotionPath, soles: Mapping[str, Array], wrench: Array
+) -> Array:
+    """Wrench of each foot about the world origin per total wrench at the knots, ``(n, n_feet, 6, 6)``.
+
+    The shares are those of :func:`take_off_contacts`, whose arguments these are; zero for free feet.
+    """
+    feet, knots = path.robot.feet, path.knots
+    carried = np.column_stack([candidate.supports(knots.s, foot.name) for foot in feet])
+    found = np.zeros((len(knots.s), len(feet), 6, 6))
+    if not (len(feet) == 2 and all(foot.flat for foot in feet)):
+        patterns, member = distinct_rows(carried)
+        return np.array([corner_shares(path.robot, soles, pattern) for pattern in patterns])[member]
+    centres = np.array([soles[foot.name].mean(axis=0) for foot in feet])
+    point = np.column_stack([-wrench[:, 0, 4], wrench[:, 0, 3]]) / wrench[:, 0, 2:3]
+    share = load_shares(point, centres, carried)
+    middle = share @ centres
+    for k in range(len(feet)):
+        found[:, k] = np.eye(6)
+        found[:, k, 3:, :3] = [pin.skew(lever) for lever in centres[k] - middle]
+    return np.asarray(found * share[:, :, None, None])
+
+
 def load_shares(point: Array, centres: Array, carried: NDArray[np.bool_]) -> Array:
     """Share of the load on each of two feet, ``(n, 2)``, from where it acts between their centres."""
     line = centres[1, :2] - centres[0, :2]

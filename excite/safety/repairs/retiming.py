@@ -64,9 +64,9 @@ def _standing_still(draft: Draft, path: MotionPath, rows: Rows) -> Rejection:
         return draft.rejected("no_time_law", "path")
     reason, where = rows.labels[int(worst[1])]
     q = path.knots.q[int(worst[0])]
-    if reason == "joint_torque":
+    if reason.endswith("joint_torque"):
         return draft.rejected(reason, where, None, 1.0 + excess, 1.0, SHARE_USED, q)
-    if reason == "zmp":
+    if reason.endswith("zmp"):
         # Rows are relative to the weight, which the ground carries here: what is left is a distance.
         return draft.rejected(reason, where, None, -excess, 0.0, "m inside the edge", q)
     return draft.rejected(reason, where, None, excess, 0.0, "of its weight", q)

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 import scipy
+from numpy.typing import NDArray
 
-from excite.arrays import Array, distinct_rows
+from excite.arrays import Array, Moved, distinct_rows
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.candidate import Candidate
 from excite.robot.holding import usable_torque
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
-from excite.safety.repairs.load import take_off_contacts
+from excite.safety.parameter_set import ParameterSet, RowsOfSet, parameter_set
+from excite.safety.repairs.load import shares_of_feet, take_off_contacts
 from excite.safety.repairs.path import MotionPath, PathSample
 from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows
@@ -134,12 +137,119 @@ class PathLimits:
     def rows(self, sample: PathSample) -> Rows:
         """All rows at samples of the path."""
         joints, contacts = self.joint_shares(sample), self.contact_rows(sample)
-        return Rows(
-            joints.labels + joints.labels + contacts.labels,
-            np.hstack([joints.static - 1.0, -joints.static - 1.0, contacts.static]),
-            np.hstack([joints.curved, -joints.curved, contacts.curved]),
-            np.hstack([joints.driven, -joints.driven, contacts.driven]),
+        both_ways = (
+            replace(joints, static=joints.static - 1.0),
+            Rows(joints.labels, -joints.static - 1.0, -joints.curved, -joints.driven),
         )
+        return _together([*both_ways, contacts, *self.rows_of_set(sample)])
+
+    def rows_of_set(self, sample: PathSample) -> tuple[Rows, ...]:
+        """Rows that hold for all robots of ``shares.robots``: those for ``s̈ ≥ 0`` and for ``s̈ ≤ 0``; else none.
+
+        What a sum of parts rises over the set is at most the sum of what each rises: ``h(y₀ + y₁ṡ² + y₂s̈) ≤ h(y₀) +
+        h(y₁)ṡ² + h(±y₂)|s̈|``, linear for either sign of ``s̈``.
+        """
+        if self.shares.robots is None:
+            return ()
+        parts = [self._joints_of_set(sample)]
+        if self._robot.feet and self._robot.floating:
+            parts.append(self._contacts_of_set(sample))
+        return tuple(_together([part[k] for part in parts]) for k in range(2))
+
+    def _joints_of_set(self, sample: PathSample) -> tuple[Rows, Rows]:
+        share = np.full(self._robot.n_joints, self.shares.of_robots)
+        usable = usable_torque(self._robot, share, self.shares.velocity * self._robot.limits.velocity)
+        nominal = _interpolate(self.path.s, self._dynamics[0], sample.s)[..., None, :]
+        rises = _interpolate(self.path.s, self._rises_of_torques, sample.s)
+        # The torque upwards, and downwards.
+        ways = np.concatenate([nominal, -nominal], axis=2) / usable
+        up, down = rises / usable, rises[:, :, ::-1] / usable
+        labels = tuple(("robust_joint_torque", joint) for joint in self._robot.joint_names) * 2
+        return _either_way(labels, ways, up, down, 1.0)
+
+    def _contacts_of_set(self, sample: PathSample) -> tuple[Rows, Rows]:
+        wrench = _interpolate(self.path.s, self._dynamics[1], sample.s) / self._weight
+        carried = self._carried(sample.s)
+        patterns, member = distinct_rows(carried)
+        n_edges = max(len(self._support(row).normals) for row in patterns)
+        # Rows that no support has are never broken.
+        values, up, down = np.zeros((3, len(sample.s), 3, n_edges + 8))
+        values[:, 0] = -1.0
+        for k, pattern in enumerate(patterns):
+            at = np.flatnonzero(member == k)
+            forms, rises = self._forms(pattern), self._rises_of_forms(pattern)
+            columns = np.r_[0 : len(forms) - 8, n_edges : n_edges + 8]
+            values[np.ix_(at, np.arange(3), columns)] = wrench[at] @ forms.T
+            found = _interpolate(self.path.s, rises, sample.s[at])
+            up[np.ix_(at, np.arange(3), columns)], down[np.ix_(at, np.arange(3), columns)] = (
+                found[..., 0],
+                found[..., 1],
+            )
+        labels = (("robust_zmp", "feet"),) * n_edges + (("robust_friction", "feet"),) * 8
+        return _either_way(labels, values[:, :, None], up[:, :, None], down[:, :, None], 0.0)
+
+    def _forms(self, carried: Array) -> Array:
+        """Linear forms ``(n_edges + 8, 6)`` of the wrench, relative to the weight, that shall not be positive."""
+        support = self._support(carried)
+        unit = np.eye(6)
+        return np.vstack(
+            [
+                zmp_rows(unit, support, self.shares.zmp_inwards).T,
+                friction_rows(unit, support, self.shares.of_robots).T,
+            ]
+        )
+
+    @cached_property
+    def _robots(self) -> ParameterSet:
+        """Robots that rows are wanted for: the model's own alone where nobody said which."""
+        return self.shares.robots or parameter_set(self._robot.model)
+
+    @cached_property
+    def _rows_of_set(self) -> tuple[Array, Array]:
+        """Torques' and the wrench's rows at the knots in the set's coordinates, each ``(3, n, …)`` for 1, ṡ², s̈."""
+        knots, robot, shares = self.path.knots, self._robot, None
+        of_set, nothing = RowsOfSet(robot, self._robots), np.zeros_like(knots.twist)
+        moved = [
+            Moved(knots.q, *rates)
+            for rates in ((nothing, nothing), (knots.twist, knots.curvature), (nothing, knots.twist))
+        ]
+        if robot.feet and robot.floating:
+            shares = shares_of_feet(self.candidate, self.path, self._soles, self._dynamics[1])
+        torques = np.array([of_set.of_torques(one, shares) for one in moved])
+        wrenches = np.array([of_set.of_wrench(one).of_wrench for one in moved])
+        for rows in (torques, wrenches):
+            rows[1:] -= rows[:1]
+        return torques, wrenches
+
+    @cached_property
+    def _rises_of_torques(self) -> Array:
+        """How far the torques at the knots rise and fall over the set, ``(n, 3, 2, n_joints)`` [N·m or N]."""
+        rises = [self._robots.rise(self._rows_of_set[0], sign) for sign in (1.0, -1.0)]
+        return np.stack(rises, axis=2).transpose(1, 0, 2, 3)
+
+    @cached_property
+    def _known_rises(self) -> dict[tuple[bool, ...], Array]:
+        """Those of contacts that were asked for, by the feet that carry."""
+        return {}
+
+    def _rises_of_forms(self, carried: Array) -> Array:
+        """How far the forms of a support rise and fall at the knots, ``(n, 3, n_forms, 2)``, relative to the weight."""
+        key = tuple(carried.tolist())
+        if key not in self._known_rises:
+            forms, of_wrench = self._forms(carried) / self._weight, self._rows_of_set[1]
+            n, n_forms = len(self.path.s), len(forms)
+            every, at = np.tile(forms, (n, 1)), np.repeat(np.arange(n), n_forms)
+            self._known_rises[key] = (
+                np.array(
+                    [
+                        [self._robots.rise_of_forms(sign * every, at, part) for part in of_wrench]
+                        for sign in (1.0, -1.0)
+                    ]
+                )
+                .reshape(2, 3, n, n_forms)
+                .transpose(2, 1, 3, 0)
+            )
+        return self._known_rises[key]
 
     def joint_shares(self, sample: PathSample) -> Rows:
         """Accelerations and torques of the joints as shares of what they may be, either way: within ±1, not below 0."""
@@ -163,18 +273,14 @@ class PathLimits:
 
     def _contact_rows(self, s: Array, wrench: Array) -> tuple[Array, list[tuple[str, str]]]:
         """ZMP inside the polygon, friction with torsion, enough load; relative to the weight, ``(n, 3, m)``."""
-        carried = np.column_stack([self.candidate.supports(s, foot.name) for foot in self._robot.feet])
-        # At the border between two phases the smaller support counts.
-        for phase in [phase for phase in self.candidate.phases if len(phase.feet) < len(self._robot.feet)]:
-            carried[(s >= phase.start) & (s <= phase.end)] = [f.name in phase.feet for f in self._robot.feet]
-        weight = self._robot.mass * float(np.linalg.norm(self._robot.model.gravity.linear))
+        carried = self._carried(s)
         patterns, member = distinct_rows(carried)
         supports = [self._support(row) for row in patterns]
         n_edges = max(len(support.normals) for support in supports)
         rows = np.zeros((len(s), 3, n_edges + 9))
         for k, support in enumerate(supports):
             at = member == k
-            w = wrench[at] / weight
+            w = wrench[at] / self._weight
             margin = self._zmp_margins(s[at], patterns[k], support)
             rows[at, :, : len(support.normals)] = zmp_rows(w, support, margin[:, None])
             friction = self.shares.friction_one_foot if patterns[k].sum() == 1 else self.shares.friction
@@ -183,6 +289,18 @@ class PathLimits:
             rows[at, 0, -1] += self.shares.weight
         labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]
         return rows, labels
+
+    @cached_property
+    def _weight(self) -> float:
+        """[N]"""
+        return self._robot.mass * float(np.linalg.norm(self._robot.model.gravity.linear))
+
+    def _carried(self, s: Array) -> NDArray[np.bool_]:
+        """Which feet carry, ``(n, n_feet)``; at the border between two phases the smaller support counts."""
+        carried = np.column_stack([self.candidate.supports(s, foot.name) for foot in self._robot.feet])
+        for phase in [phase for phase in self.candidate.phases if len(phase.feet) < len(self._robot.feet)]:
+            carried[(s >= phase.start) & (s <= phase.end)] = [f.name in phase.feet for f in self._robot.feet]
+        return carried
 
     def _zmp_margins(self, s: Array, carried: Array, support: Support) -> Array:
         """Distance of the ZMP from the edges of a support polygon, ``(n, n_edges)`` [m]."""
@@ -224,6 +342,26 @@ class PathLimits:
             friction = min(foot.friction for foot in feet)
             self._supports[key] = support_of([self._soles[foot.name] for foot in feet], friction)
         return self._supports[key]
+
+
+def _together(parts: Sequence[Rows]) -> Rows:
+    """All rows side by side."""
+    return Rows(
+        sum((part.labels for part in parts), ()),
+        *(np.hstack([getattr(part, kind) for part in parts]) for kind in ("static", "curved", "driven")),
+    )
+
+
+def _either_way(
+    labels: tuple[tuple[str, str], ...], values: Array, up: Array, down: Array, limit: float
+) -> tuple[Rows, Rows]:
+    """Rows with what they rise over a set added, for ``s̈ ≥ 0`` and ``s̈ ≤ 0``, from ``(n, 3, …)`` for 1, ṡ², s̈."""
+    values, up, down = (part.reshape(*part.shape[:2], -1) for part in (values, up, down))
+    static, curved = values[:, 0] + up[:, 0] - limit, values[:, 1] + up[:, 1]
+    return (
+        Rows(labels, static, curved, values[:, 2] + up[:, 2]),
+        Rows(labels, static, curved, values[:, 2] - down[:, 2]),
+    )
 
 
 def _interpolate(knots: Array, values: Array, s: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from excite.robot.holding import TORQUE_SHARE
+from excite.safety.parameter_set import ParameterSet
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,9 @@ class Shares:
             a robot that tips over them steps on its other foot. The verdict asks for 0.015 m.
         zmp_shift: the same while the weight shifts from two feet to one or back, where a push outwards tips the
             robot over the foot's outer edge.
+        robots: for all of which the limits shall hold, too; None for the model's own alone.
+        of_robots: of torque and friction, for each of these: what smoothing and the finer grid of the verdict need,
+            where the other shares also leave room for robots that are not as the model says.
     """
 
     velocity: float = 0.8
@@ -44,3 +48,5 @@ class Shares:
     zmp_one_foot: float = 0.64
     zmp_inwards: float = 0.02
     zmp_shift: float = 0.7
+    robots: ParameterSet | None = None
+    of_robots: float = 0.95

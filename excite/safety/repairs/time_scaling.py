@@ -130,9 +130,14 @@ def _row_bound(
 ) -> Scaling:
     """The bound from the rows at some samples."""
     found = []
-    joints, contacts = limits.joint_shares(sample), limits.contact_rows(sample)
+    kinds = [(limits.joint_shares(sample), True), (limits.contact_rows(sample), False)]
+    of_set = limits.rows_of_set(sample)
+    if of_set:
+        forward, backward = of_set
+        driven = np.where(acceleration[:, None] < 0.0, backward.driven, forward.driven)
+        kinds.append((replace(forward, driven=driven), False))
     with np.errstate(divide="ignore", invalid="ignore"):
-        for rows, either_way in ((joints, True), (contacts, False)):
+        for rows, either_way in kinds:
             dynamic = rows.curved * speed[:, None] ** 2 + rows.driven * acceleration[:, None]
             # What is left of the limit while the robot stands, in the direction in which motion uses it.
             left = 1.0 - rows.static * np.sign(dynamic) if either_way else -rows.static

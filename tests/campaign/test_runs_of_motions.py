@@ -1,0 +1,66 @@
+"""Which motions a virtual robot runs: those of its own that time makes a motion, of another version with a word."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import excite
+from excite.errors import MotionError
+from excite.motion.library import library_folder
+from excite.motion.motion import Motion
+from excite.robot.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def ur10() -> Robot:
+    return excite.load_robot("ur10")
+
+
+@pytest.fixture(scope="module")
+def motion(ur10: Robot) -> Motion:
+    return excite.load_motions([library_folder("ur10")], ur10)[0]
+
+
+def stretched(time: np.ndarray, kind: str) -> np.ndarray:
+    if kind == "a gap of an hour":
+        return time + np.where(np.arange(len(time)) > len(time) // 2, 3600.0, 0.0)
+    if kind == "thirty thousand years":
+        return time * 1e12 / time[-1]
+    if kind == "backwards":
+        return time[::-1].copy()
+    return np.where(np.arange(len(time)) == 5, time[4], time)
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("a gap of an hour", "time_gap"),
+        ("thirty thousand years", "rate_too_low"),
+        ("backwards", "time_not_increasing"),
+        ("a time that stands still", "time_not_increasing"),
+    ],
+)
+def test_what_time_makes_no_motion_is_refused_in_a_line(
+    kind: str, said: str, ur10: Robot, motion: Motion
+) -> None:
+    with pytest.raises(MotionError, match=said) as refused:
+        excite.simulate(ur10, [replace(motion, time=stretched(motion.time, kind))])
+    assert motion.name in str(refused.value)
+
+
+def test_a_motion_of_another_robot_is_refused(ur10: Robot, motion: Motion) -> None:
+    with pytest.raises(MotionError, match="is a motion of 'ur5', not of 'ur10'"):
+        excite.simulate(ur10, [replace(motion, robot="ur5")])
+
+
+def test_a_motion_of_another_version_is_run_and_said(ur10: Robot, motion: Motion) -> None:
+    own = excite.simulate(ur10, [motion])
+    assert own.other_version == ()
+    assert "version" not in own.summary()
+    other = replace(motion, metadata=replace(motion.metadata, robot_hash="0" * 64))
+    run = excite.simulate(ur10, [other])
+    assert run.to_json()["other_version"] == [motion.name]
+    assert "another version of this robot" in run.summary()
