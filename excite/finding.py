@@ -89,15 +89,6 @@ class FindingList(Tabled):
         """Whether nothing was found that spoils results."""
         return all(finding.severity in {"note", "limits"} for finding in self.findings)
 
-    def paragraphs(self) -> list[str]:
-        """Lines with one finding a paragraph, worst first: what, and what was done or is to be done."""
-        lines = []
-        for finding in self.findings:
-            state = "repaired" if finding.repaired else finding.severity
-            sure = "" if finding.sure == 1.0 else f", {100 * finding.sure:.0f} % sure"
-            lines += [f"{finding.kind} ({state}{sure}): {finding.text}", f"    {finding.remedy}"]
-        return lines
-
 
 def worst_first(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """What spoils most and is not mended first; the order within a class is kept."""

@@ -63,7 +63,11 @@ class Chart(FindingList):
         """One finding a paragraph, worst first: what, and what was done or is to be done."""
         if not self.findings:
             return "nothing wrong was found"
-        lines = self.paragraphs()
+        lines = []
+        for finding in self.findings:
+            state = "repaired" if finding.repaired else finding.severity
+            sure = "" if finding.sure == 1.0 else f", {100 * finding.sure:.0f} % sure"
+            lines += [f"{finding.kind} ({state}{sure}): {finding.text}", f"    {finding.remedy}"]
         if not self.healthy:
             last = "what is said to be repaired is so for identify and diagnose, too"
             lines.append(last if repaired is None else f"repaired log written to {repaired}")

@@ -24,6 +24,7 @@ from excite.documents.document import (
     Seconds,
     Text,
 )
+from excite.documents.finding import Finding
 
 
 class Candidates(Block):
@@ -169,6 +170,9 @@ class Plan(Document):
         default=None, description="what that makes of the target; null where the sensors' noise is not stated"
     )
     assumed: Assumptions = Field(default=[])
+    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what spoils the robot's description itself, worst first"
+    )
     rehearsed_load: Maybe = Field(
         default=None,
         description="what the robot carried on its back in the rehearsal, as a share of its mass; null of a robot "

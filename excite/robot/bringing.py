@@ -9,15 +9,13 @@ from pathlib import Path
 
 from excite.atomic import all_or_nothing, write_bytes
 from excite.errors import InputError
-from excite.robot.catalogue import find_robot
+from excite.robot.catalogue import MODEL_SUFFIXES, find_robot
 from excite.robot.loading import load_robot as load_described
 from excite.robot.robot import Robot
 from excite.temporary_folder import TemporaryFolder, in_temporary_folder
 
 RobotLike = Robot | str | Path
 """A robot, or what :func:`load_robot` makes one of."""
-
-_MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -35,8 +33,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
         RobotError: a file is missing or malformed, or a number in it is absurd.
         UnknownNameError: neither a file nor a bundled robot.
     """
-    path = Path(name_or_path) if Path(name_or_path).suffix in _MODELS else find_robot(name_or_path)
-    if path.suffix not in _MODELS:
+    path = Path(name_or_path) if Path(name_or_path).suffix in MODEL_SUFFIXES else find_robot(name_or_path)
+    if path.suffix not in MODEL_SUFFIXES:
         return load_described(path)
     from excite.robot.scaffold.files import write_scaffold  # lazy: scipy
 

@@ -119,14 +119,27 @@ class DescribedLink:
         return self.axes @ tensor(self.stated) @ self.axes.T
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DescribedJoint:
-    """A joint that moves, with the limits that it states; None where it states none."""
+    """A joint that moves, with the limits that it states; None where it states none.
+
+    Attributes:
+        name: of the joint.
+        kind: ``revolute``, ``continuous`` or ``prismatic``.
+        parent: link that carries it.
+        child: link that it carries.
+        axis: in the child's frame, of length one ``(3,)``.
+        lower: position limit [rad or m].
+        upper: position limit [rad or m].
+        effort: [N·m or N].
+        velocity: [rad/s or m/s].
+    """
 
     name: str
     kind: str
     parent: str
     child: str
+    axis: Array
     lower: float | None
     upper: float | None
     effort: float | None
@@ -140,6 +153,8 @@ class DescribedRobot:
         root: the ``robot`` element.
         path: its file.
         floating: whether the base is free.
+        thorough: whether meshes of looks are read for every link that needs them; else only where the collision
+            geometry alone would make a link impossible.
 
     Attributes:
         links: by name, in the file's order.
@@ -148,8 +163,11 @@ class DescribedRobot:
         missing: meshes that are not there, by link.
     """
 
-    def __init__(self, root: ElementTree.Element, path: Path, *, floating: bool = False) -> None:
-        self.path, self._elements = path, {e.get("name", ""): e for e in root.findall("link")}
+    def __init__(
+        self, root: ElementTree.Element, path: Path, *, floating: bool = False, thorough: bool = True
+    ) -> None:
+        self.path, self.thorough = path, thorough
+        self._elements = {e.get("name", ""): e for e in root.findall("link")}
         self.faults: list[Finding] = []
         self.missing: dict[str, list[str]] = {}
         self._solids: dict[tuple[str, str], list[Array]] = {}
@@ -169,7 +187,7 @@ class DescribedRobot:
             return np.array(numbers(element, key, n, self.path, where, default=default))
         except RobotError as error:
             place = where.split("/")[0].split(" ", 1)[1].strip("'")
-            said = f"{error.field} {error.what}"
+            said = f"{str(error.field).partition('/')[2]} {error.what}"
             if said not in {fault.text for fault in self.faults}:
                 self.faults.append(
                     Finding("bad_number", said, {}, (place,), "spoils", remedy=error.remedy or "")
@@ -185,7 +203,12 @@ class DescribedRobot:
                 found = self._numbers(limit, key, 1, f"joint {name!r}/limit", None)
             stated[key] = None if found is None else float(found[0])
         ends = link_at(joint, "parent"), link_at(joint, "child")
-        return DescribedJoint(name, str(joint.get("type")), *ends, **stated)
+        stated_axis = joint.find("axis")
+        axis = np.array([1.0, 0.0, 0.0])
+        if stated_axis is not None:
+            found = self._numbers(stated_axis, "xyz", 3, f"joint {name!r}/axis", None)
+            axis = axis if found is None or not found.any() else found / np.linalg.norm(found)
+        return DescribedJoint(name, str(joint.get("type")), *ends, axis, **stated)
 
     def _link(
         self, name: str, link: ElementTree.Element, carriers: dict[str, ElementTree.Element], floating: bool
@@ -234,7 +257,13 @@ class DescribedRobot:
         if mass is None or pose is None or written is None or any(value is None for value in six):
             return nothing
         values = np.array([float(value[0]) for value in six if value is not None])
-        step = max(_half_digit(written.get(key, "")) for key in MOMENTS)
+        step = (
+            max(
+                _half_digit(written.get(key, "")) for key, value in zip(MOMENTS, values, strict=True) if value
+            )
+            if values.any()
+            else 0.0
+        )
         return float(mass[0]), pose.translation.copy(), values, step, pose.rotation.copy()
 
     def _note_missing(self, link: str) -> None:
@@ -258,16 +287,30 @@ class DescribedRobot:
             self._hulls[key] = hull_of([points for kind in kinds for points in self._points(link, kind)])
         return self._hulls[key]
 
+    @cached_property
+    def mass(self) -> float:
+        """Of all links [kg]."""
+        return sum(link.mass or 0.0 for link in self.links.values())
+
+    def own_hull(self, link: str) -> Solid | None:
+        """Convex hull of a link's collision geometry, else, of a thorough view, of its looks; None without them."""
+        found = self.hull(link, "collision")
+        return self.hull(link, "visual") if found is None and self.thorough else found
+
     def hulls(self, link: str) -> Iterable[Solid]:
         """Hulls that the link may be, each with more in it: its collision geometry, with its looks, its whole body's.
 
         The last stands only for a link without geometry of its own, or holds what is mounted on it: what an earlier one
         forgives, a later one does too.
         """
-        for kinds in (("collision",), ("collision", "visual")):
-            found = self.hull(link, *kinds)
-            if found is not None:
-                yield found
+        own = self.hull(link, "collision")
+        if own is not None:
+            yield own
+        elif not self.thorough:
+            return
+        both = self.hull(link, "collision", "visual")
+        if both is not None:
+            yield both
         found = self.body_hull(link)
         if found is not None:
             yield found
@@ -328,7 +371,7 @@ class DescribedRobot:
         files = set()
         for name, link in self._elements.items():
             if self.links[name].weighs:
-                kind = "visual" if link.find("collision") is None else "collision"
+                kind = "visual" if self.thorough and link.find("collision") is None else "collision"
                 for mesh in link.iterfind(f"{kind}/geometry/mesh"):
                     file = find_mesh(mesh.get("filename", "").strip(), self.path)
                     files |= set() if file is None else {file}
@@ -396,5 +439,5 @@ def outline(shape: Shape) -> Array:
 def _half_digit(text: str) -> float:
     """Half a unit of the last digit that a number is written with."""
     mantissa, _, exponent = text.strip().lower().partition("e")
-    decimals = len(mantissa.partition(".")[2])
-    return 0.5 * 10.0 ** (int(exponent or 0) - decimals)
+    whole, point, decimals = mantissa.partition(".")
+    return 0.5 * 10.0 ** (int(exponent or 0) - len(decimals)) if point or exponent else 0.0
