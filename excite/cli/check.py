@@ -40,7 +40,7 @@ def command(
     if not motions:
         raise typer.BadParameter("name at least one", param_hint="'MOTION…'")
     from excite.motion.collection import motion_paths  # lazy: pinocchio
-    from excite.robot.description_checks import examine_model  # lazy: pinocchio
+    from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     loaded = excite.load_robot(robot)
     with workers(jobs, cluster) as crew, progress_bars() as progress:

@@ -77,7 +77,7 @@ def command(
 
 
 def _examine_robot(robot: Path, out: Path | None, *, as_json: bool) -> None:
-    from excite.robot.description_checks import examine_description  # lazy: pinocchio
+    from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
 
     chart = examine_description(robot)
     document = chart.to_json()

@@ -53,7 +53,7 @@ def command(
 
     Of a MuJoCo model or xacro file the URDF is written too.
     """
-    from excite.robot.description_checks import examine_description  # lazy: pinocchio
+    from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
 
     arguments = dict(one.split(":=", 1) for one in xacro_arg or [])
     source = Source(srdf, tuple(package_path or ()), arguments)

@@ -92,7 +92,7 @@ def command(
     cluster: ClusterOption = None,
 ) -> None:
     """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
-    from excite.robot.description_checks import examine_model  # lazy: pinocchio
+    from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     with (
         claimed(out or Path("plan")) as folder,

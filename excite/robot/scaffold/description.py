@@ -24,7 +24,6 @@ from excite.robot.shapes.collision import TABLE
 from excite.robot.shapes.ground import ground_height, links_below
 from excite.robot.urdf.tree import MAX_NAME
 
-
 AS_IT_IS = "as the model has it"
 """How the reason begins with which a first description takes a fault of a link's inertia that no person accepted."""
 

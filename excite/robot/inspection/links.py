@@ -6,7 +6,7 @@ a number, a mesh or a joint that is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,7 @@ from excite.finding import Finding
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape
+from excite.robot.urdf.inertia import WEIGHTLESS
 from excite.robot.urdf.numbers import numbers
 from excite.robot.urdf.reading import find_mesh
 from excite.robot.urdf.tree import MOVING, link_at
@@ -292,6 +293,14 @@ class DescribedRobot:
         """Of all links [kg]."""
         return sum(link.mass or 0.0 for link in self.links.values())
 
+    def bodies(self) -> Iterator[DescribedLink]:
+        """Links that state a mass which counts."""
+        return (link for link in self.links.values() if link.weighs and not self.is_weightless(link))
+
+    def is_weightless(self, link: DescribedLink) -> bool:
+        """Whether a link's share of the robot's mass is that of a frame."""
+        return (link.mass or 0.0) < WEIGHTLESS * self.mass
+
     def own_hull(self, link: str) -> Solid | None:
         """Convex hull of a link's collision geometry, else, of a thorough view, of its looks; None without them."""
         found = self.hull(link, "collision")
@@ -439,5 +448,5 @@ def outline(shape: Shape) -> Array:
 def _half_digit(text: str) -> float:
     """Half a unit of the last digit that a number is written with."""
     mantissa, _, exponent = text.strip().lower().partition("e")
-    whole, point, decimals = mantissa.partition(".")
+    _, point, decimals = mantissa.partition(".")
     return 0.5 * 10.0 ** (int(exponent or 0) - len(decimals)) if point or exponent else 0.0
