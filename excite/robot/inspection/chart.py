@@ -105,7 +105,7 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
         path = find_robot(name_or_path)
     if path.suffix not in {".yaml", ".yml"}:
         place = TemporaryFolder()
-        return _examined(path.stem, _urdf_of_model(path, place.path), path)
+        return _examined(path.stem, _urdf_of_model(path, place.path))
     chart = _of_description(read_description(path), path)
     if not chart.healthy:
         return chart
@@ -134,7 +134,6 @@ def _of_description(description: RobotDescription, path: Path, *, thorough: bool
     return _examined(
         description.name,
         urdf,
-        urdf,
         floating=description.base in FREE_BASES,
         acknowledged=accepted,
         thorough=thorough,
@@ -155,13 +154,12 @@ def _urdf_of_model(path: Path, folder: Path) -> Path:
 def _examined(
     name: str,
     urdf: Path,
-    path: Path,
     *,
     floating: bool = False,
     acknowledged: Mapping[str, str] | None = None,
     thorough: bool = True,
 ) -> RobotChart:
-    """Judge a URDF; ``path`` is the file that a person knows."""
+    """Judge a URDF."""
     root = read_xml(urdf, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
         parse_urdf(urdf)
@@ -169,7 +167,7 @@ def _examined(
     robot = DescribedRobot(root, urdf, floating=floating, thorough=thorough)
     found = [finding for rule in RULES for finding in rule(robot)]
     found = [*robot.faults, *found]
-    found += _refused(urdf, path, floating, {place for one in found for place in one.places})
+    found += _refused(urdf, floating, {place for one in found for place in one.places})
     stated = acknowledged or {}
     told = {(one.kind, place) for one in found for place in one.places}
     found = [
@@ -206,7 +204,7 @@ def _accepted(finding: Finding, acknowledged: Mapping[str, str]) -> Finding:
     )
 
 
-def _refused(urdf: Path, path: Path, floating: bool, named: set[str]) -> Iterator[Finding]:
+def _refused(urdf: Path, floating: bool, named: set[str]) -> Iterator[Finding]:
     """What the strict reader refuses that no rule has named."""
     try:
         root = parse_urdf(urdf)
@@ -216,9 +214,9 @@ def _refused(urdf: Path, path: Path, floating: bool, named: set[str]) -> Iterato
         if not any(f"'{name}'" in str(error.field) for name in named):
             yield _refusal(error)
         return
-    for name, error in faults.items():
+    for name, fault in faults.items():
         if name not in named:
-            said = f"{str(error.field).partition('/')[2]} {error.what}"
+            said = f"{str(fault.field).partition('/')[2]} {fault.what}"
             yield Finding(
                 "inertial", said, {}, (name,), "spoils", remedy="give it a mass and moments that a body has"
             )

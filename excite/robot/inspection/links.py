@@ -209,7 +209,7 @@ class DescribedRobot:
         if stated_axis is not None:
             found = self._numbers(stated_axis, "xyz", 3, f"joint {name!r}/axis", None)
             axis = axis if found is None or not found.any() else found / np.linalg.norm(found)
-        return DescribedJoint(name, str(joint.get("type")), *ends, axis, **stated)
+        return DescribedJoint(name, str(joint.get("type")), *ends, axis, *stated.values())
 
     def _link(
         self, name: str, link: ElementTree.Element, carriers: dict[str, ElementTree.Element], floating: bool
@@ -370,7 +370,7 @@ class DescribedRobot:
             if "plane" not in said:
                 remedy = getattr(error, "remedy", None) or "correct its geometry"
                 self.faults.append(
-                    Finding("bad_geometry", f"{where} {said}", {}, (link,), "limits", remedy=remedy)
+                    Finding("bad_geometry", f"{where} {said}", {}, (link,), "spoils", remedy=remedy)
                 )
             return None
         return points @ pose.rotation.T + pose.translation

@@ -39,7 +39,7 @@ def density(robot: DescribedRobot) -> Iterator[Finding]:
         if not mass or own is None or _is_stand_in(robot, link):
             continue
         light = mass / own.volume
-        dense = _least(robot, link, lambda solid, mass=mass: mass / solid.volume, _COPPER)
+        dense = _least(robot, link, _density_in, _COPPER)
         if light >= _FOAM and dense <= _COPPER:
             continue
         density, than, sure = dense, "denser than any metal", 1.0
@@ -93,7 +93,7 @@ def com_outside(robot: DescribedRobot) -> Iterator[Finding]:
         at_frame, most = not link.com.any(), _SLACK if robot.thorough else _FAR
         share = own.distance(link.com) / own.size
         if not at_frame:
-            share = _least(robot, link, lambda solid, com=link.com: solid.distance(com) / solid.size, most)
+            share = _least(robot, link, _share_outside, most)
         if share <= _SLACK:
             continue
         outside = share * own.size
@@ -142,12 +142,10 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
         own = next(iter(robot.hulls(link.name)), None)
         if own is None or not is_possible(link.stated) or own.distance(link.com) > 0.0:
             continue
-        squared = 0.5 * float(np.trace(link.inertia)) / float(link.mass or 1.0)
+        squared = _squared_spread(link)
         even = float(np.trace(own.spread[1]))
         most = 1.0 if robot.thorough else _SLIPPED
-        beyond = _least(
-            robot, link, lambda solid, link=link, r=squared: r / _farthest(solid, link.com) ** 2, most
-        )
+        beyond = _least(robot, link, _spread_beyond, most)
         factor = squared / even
         said = f"its inertia spreads its mass over a radius of {_millimetres(squared)}"
         if beyond > 1.0:
@@ -169,19 +167,32 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
 
 
 def _least(
-    robot: DescribedRobot, link: DescribedLink, measure: Callable[[Solid], float], most: float
+    robot: DescribedRobot, link: DescribedLink, measure: Callable[[DescribedLink, Solid], float], most: float
 ) -> float:
     """The least of a measure over the hulls that a link may be; no further one is made once it is within ``most``."""
     least = math.inf
     for solid in robot.hulls(link.name):
-        least = min(least, measure(solid))
+        least = min(least, measure(link, solid))
         if least <= most:
             break
     return least
 
 
-def _farthest(solid: Solid, point: Array) -> float:
-    return float(np.linalg.norm(solid.points - point, axis=1).max())
+def _density_in(link: DescribedLink, solid: Solid) -> float:
+    return (link.mass or 0.0) / solid.volume
+
+
+def _share_outside(link: DescribedLink, solid: Solid) -> float:
+    return solid.distance(link.com) / solid.size
+
+
+def _spread_beyond(link: DescribedLink, solid: Solid) -> float:
+    return _squared_spread(link) / float(((solid.points - link.com) ** 2).sum(axis=1).max())
+
+
+def _squared_spread(link: DescribedLink) -> float:
+    """Mean squared distance of a link's mass from its centre [m²]."""
+    return 0.5 * float(np.trace(link.inertia)) / float(link.mass or 1.0)
 
 
 def _millimetres(squared: float) -> str:
