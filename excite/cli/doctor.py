@@ -99,6 +99,5 @@ def _save(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: P
         shown = ForceComparison(
             seen.trial, seen.joints, seen.units, seen.time, seen.model, seen.logged, seen.repaired
         )
-    if shown is not None or (out / DOCTOR_DATA).exists():
-        save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
+    save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
     write_json(document, out / "doctor.json")

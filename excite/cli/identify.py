@@ -104,7 +104,7 @@ def command(
         then = command_line("identify", robot, *logs, "--method", "physical", "--bounds", path)
         emit(f"wrote {path}", {"bounds_template": str(path)}, as_json=as_json, then=then)
         return
-    _check_template(template, out)
+    _check_template(loaded, template, out)
     stated = None if bounds is None else excite.load_bounds(bounds, loaded)
     read = [excite.load_log(log, loaded) for log in logs]
     log = excite.join_logs(read)
@@ -165,12 +165,17 @@ def _write_extras(pooled: Sessions | None, trace: SignalTrace | None, out: Path)
         excite.save_signal_figure(trace, out / "signals.png")
 
 
-def _check_template(template: Path | None, out: Path | None) -> None:
+def _check_template(robot: excite.Robot, template: Path | None, out: Path | None) -> None:
     """Say before the work is done that it could not be written."""
-    if template is not None and not template.is_file():
+    if template is None:
+        return
+    from excite.export.models.mjcf_template import read_template  # lazy: mujoco
+
+    if not template.is_file():
         raise InputError("is no file", source=template, remedy="give the MJCF file of the robot")
-    if template is not None and out is None:
+    if out is None:
         raise InputError("nothing to write into", source="--template", remedy="give --out DIR")
+    read_template(robot, template, {})
 
 
 def _show_best(
