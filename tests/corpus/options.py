@@ -85,6 +85,7 @@ def _each(
 
 
 _SCHEMA = "schema: excite.physical_bounds/1\n"
+_ENTITIES = b'<!DOCTYPE m [<!ENTITY a "x">]><mujoco model="&a;"/>'
 
 _FAMILIES = (
     (
@@ -147,14 +148,14 @@ _FAMILIES = (
             ("--mass-range of a link", _identify("--method=hqp", "--mass-range=fore=1e300"), "mass_range.fore"),
             ("--mass-range of ls", _identify("--method=ls", "--mass-range=0.1"), "not used by method 'ls'"),
             ("--asymmetric magic", _identify("--method=hqp", "--asymmetric=magic"), "magic"),
-            ("--cutoff at half the rate", _identify("--cutoff=50"), "cutoff_hz: is 50 Hz, and rows at 100 Hz hold nothing"),
-            ("--cutoff beyond it", _identify("--cutoff=80"), "cutoff_hz: is 80 Hz, and rows at 100 Hz hold nothing"),
+            ("--cutoff at half the rate", _identify("--cutoff=50"), "cutoff_hz: is 50 Hz, and rows at 100 Hz"),
+            ("--cutoff beyond it", _identify("--cutoff=80"), "cutoff_hz: is 80 Hz, and rows at 100 Hz"),
             ("--template of a folder", _identify("--template", "/"), "is no file"),
             ("--template of bytes", _template(bytes(range(256))), "is not valid XML"),
             ("--template empty", _template(b""), "is not valid XML"),
-            ("--template with entities", _template(b'<!DOCTYPE m [<!ENTITY a "x">]><mujoco model="&a;"/>'), "declares XML entities"),
+            ("--template with entities", _template(_ENTITIES), "declares XML entities"),
             ("--template of a URDF", _template(ARM.encode()), "is no MuJoCo model"),
-            ("--template of another robot", _template(MJCF.encode()), "template.xml"),
+            ("--template of another robot", _template(MJCF.encode()), "does not move with joint"),
         ),
     ),
     (

@@ -20,18 +20,37 @@ _SLIPS: Mapping[float, str] = {
 
 
 def by_factor(what: str, value: float | None, factor: float) -> str:
-    """The remedy of something that is off by a factor: a slip of unit or decimal point where it is near one."""
-    better = "" if value is None else f", {value * factor:.3g} kg"
-    return f"{what} × {factor:.2g}{better}" + slip_in_words(1.0 / factor)
+    """The remedy of something that is to be multiplied by about a factor; exactly by the slip's that is near it.
+
+    Args:
+        what: the quantity, in words.
+        value: the mass that is stated [kg]; None of anything else.
+        factor: what makes it usual.
+    """
+    slip = _nearest_slip(1.0 / factor)
+    exact = factor if slip is None else 1.0 / slip
+    better = "" if value is None else f", {value * exact:.3g} kg"
+    return f"{what} × {exact:.2g}{better}" + slip_in_words(1.0 / factor)
 
 
 def slip_in_words(factor: float) -> str:
-    """What a factor looks like, in words; empty where it is no slip."""
-    for size, words in _SLIPS.items():
-        if abs(math.log10(max(factor, 1.0 / factor) / size)) < 0.25:
-            return f" (looks like {words if factor > 1.0 or size < 1e3 else words + ', the other way round'})"
-    return ""
+    """What a factor looks like; empty where it is near no slip."""
+    slip = _nearest_slip(factor)
+    if slip is None:
+        return ""
+    words = _SLIPS[max(slip, round(1.0 / slip))]
+    return f" (looks like {words}{', the other way round' if slip < 1e-2 else ''})"
+
+
+def _nearest_slip(factor: float) -> float | None:
+    """The factor of the slip that one is within a quarter of a decade of; None where it is near none."""
+    for size in _SLIPS:
+        for slip in (size, 1.0 / size):
+            if abs(math.log10(factor / slip)) < 0.25:
+                return slip
+    return None
 
 
 def numbers_in_words(values: Array) -> str:
+    """The numbers of a vector as an attribute holds them."""
     return " ".join(f"{value:.4g}" for value in values)
