@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import yaml
 from scipy.optimize import minimize
 from typer.testing import CliRunner
 
@@ -259,9 +260,9 @@ def test_what_a_person_accepted_is_a_note_and_what_a_first_description_took_is_n
     assert [one["kind"] for one in json.loads(run.output)["findings"]] == ["triangle"]
     robot = tmp_path / "robot.yaml"
     assert not examine_description(robot).healthy
-    robot.write_text(
-        re.sub("as the model has it: [^}\n]*", "measured on a bifilar pendulum", robot.read_text())
-    )
+    content = yaml.safe_load(robot.read_text())
+    content["model"]["acknowledged"] = {"lower": "measured on a pendulum"}
+    robot.write_text(yaml.safe_dump(content))
     assert [one.severity for one in examine_description(robot).findings] == ["note"]
 
 

@@ -43,12 +43,14 @@ def slip_in_words(factor: float) -> str:
 
 
 def _nearest_slip(factor: float) -> float | None:
-    """The factor of the slip that one is within a quarter of a decade of; None where it is near none."""
-    for size in _SLIPS:
-        for slip in (size, 1.0 / size):
-            if abs(math.log10(factor / slip)) < 0.25:
-                return slip
-    return None
+    """The slip that a factor is nearest to; None where it is near none.
+
+    What is usual is known to a factor of three: half a decade for units, less for a digit more or less.
+    """
+    slips = [slip for size in _SLIPS for slip in (size, 1.0 / size)]
+    nearest = min(slips, key=lambda slip: abs(math.log10(factor / slip)))
+    decades = 0.5 if abs(math.log10(nearest)) > 2.5 else 0.25
+    return nearest if abs(math.log10(factor / nearest)) < decades else None
 
 
 def numbers_in_words(values: Array) -> str:
