@@ -19,6 +19,7 @@ from excite.robot.catalogue import bundled_robots
 from excite.robot.inspection.chart import examine_description
 from excite.robot.inspection.inertia_rules import nearest_inertia
 from excite.robot.inspection.links import hull_of, tensor
+from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
 
 SHARED = Path(__file__).parents[3] / "shared" / "cases"
@@ -252,6 +253,31 @@ def test_an_even_body_of_a_hull_has_the_moments_of_a_box() -> None:
     assert solid.spread[0] == pytest.approx(centre)
     assert solid.spread[1] == pytest.approx(np.diag(sides**2 / 12.0), abs=1e-12)
     assert solid.nearest(centre + 10.0 * sides * [1, 1, 0]) == pytest.approx(centre + 0.5 * sides * [1, 1, 0])
+
+
+def test_inertias_of_a_mujoco_model_that_mujoco_refuses(tmp_path: Path) -> None:
+    """MuJoCo stops at the first; what is written in the order of a URDF is told from what is a slip of the pen."""
+    file = tmp_path / "arm.xml"
+    text = replaced(MJCF, 'diaginertia="0.03 0.03 0.004"', 'diaginertia="0.03 0.02 0.004"')
+    file.write_text(replaced(text, 'diaginertia="0.01 0.01 0.002"', 'fullinertia="0.01 0 0 0.01 0 0.002"'))
+    chart = examine_description(file)
+    assert {one.kind: one.places for one in chart.findings} == {
+        "triangle": ("upper",),
+        "not_positive": ("lower",),
+        "refused": (),
+    }
+    (order,) = [one for one in chart.findings if one.kind == "not_positive"]
+    assert "in URDF's order" in order.remedy and 'iyy="0.01"' in order.remedy
+
+
+def test_a_mujoco_model_is_judged_as_a_urdf_is(tmp_path: Path) -> None:
+    file = tmp_path / "arm.xml"
+    file.write_text(MJCF)
+    assert examine_description(file).findings == ()
+    file.write_text(replaced(MJCF, 'pos="0 0 0.15" mass="1"', 'pos="0 0 -0.15" mass="1"'))
+    assert [(one.kind, one.places) for one in examine_description(file).findings] == [
+        ("com_outside", ("lower",))
+    ]
 
 
 def test_what_a_person_accepted_is_a_note_and_what_a_first_description_took_is_not(tmp_path: Path) -> None:

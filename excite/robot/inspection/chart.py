@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from excite.errors import RobotError
 from excite.finding import Finding, FindingList, listed, merged, worst_first
@@ -105,7 +106,11 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
         path = find_robot(name_or_path)
     if path.suffix not in {".yaml", ".yml"}:
         place = TemporaryFolder()
-        return _examined(path.stem, _urdf_of_model(path, place.path))
+        try:
+            urdf = _urdf_of_model(path, place.path)
+        except RobotError as error:
+            return _inertials_alone(path, place.path, error)
+        return _examined(path.stem, urdf)
     chart = _of_description(read_description(path), path)
     if not chart.healthy:
         return chart
@@ -138,6 +143,31 @@ def _of_description(description: RobotDescription, path: Path, *, thorough: bool
         acknowledged=accepted,
         thorough=thorough,
     )
+
+
+def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
+    """Judge the inertials that a MuJoCo model states which MuJoCo refuses; raise its error where that is not why."""
+    if not is_mjcf(path):
+        raise error
+    urdf = ElementTree.Element("robot", name=path.stem)
+    for number, body in enumerate(read_xml(path, error=RobotError, max_depth=MAX_NESTING).iter("body")):
+        stated = body.find("inertial")
+        if stated is None:
+            continue
+        moments = (stated.get("fullinertia") or stated.get("diaginertia", "")).split()
+        if len(moments) not in {3, 6}:
+            raise error
+        xx, yy, zz, xy, xz, yz = [*moments, "0", "0", "0"][:6]
+        link = ElementTree.SubElement(urdf, "link", name=body.get("name") or f"body_{number}")
+        inertial = ElementTree.SubElement(link, "inertial")
+        ElementTree.SubElement(inertial, "origin", xyz=stated.get("pos", "0 0 0"))
+        ElementTree.SubElement(inertial, "mass", value=stated.get("mass", "0"))
+        ElementTree.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz)
+    robot = DescribedRobot(urdf, folder / f"{path.stem}.urdf")
+    found = (*robot.faults, *impossible_inertia(robot))
+    if not found:
+        raise error
+    return RobotChart(path.stem, worst_first(merged((*found, _refusal(error)))))
 
 
 def _urdf_of_model(path: Path, folder: Path) -> Path:

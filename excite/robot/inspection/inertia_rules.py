@@ -109,6 +109,7 @@ def _readings(six: Array, even: Array) -> Iterator[tuple[str, Array]]:
             np.array([a, b, c, e, f, zz]),
         )
     yield "in MJCF's order, ixx iyy izz ixy ixz iyz", np.array([a, d, e, b, f, c])
+    yield "in URDF's order, ixx ixy ixz iyy iyz izz", np.array([a, d, f, b, c, e])
     yield "its lower triangle row by row, ixx ixy iyy ixz iyz izz", np.array([a, b, d, c, e, f])
     for index in range(6):
         turned = six.copy()
@@ -117,7 +118,8 @@ def _readings(six: Array, even: Array) -> Iterator[tuple[str, Array]]:
     turned = six.copy()
     turned[[1, 2, 4]] *= -1.0
     yield "signs lost of all products of inertia", turned
-    for index in range(6):
+    # Without a shape any digit may be the lost one.
+    for index in range(6 if even.any() else 0):
         for factor in (0.1, 10.0, 0.01, 100.0, 1e-3, 1e3):
             moved = six.copy()
             moved[index] *= factor

@@ -373,7 +373,7 @@ class DescribedRobot:
                     Finding("bad_geometry", f"{where} {said}", {}, (link,), "spoils", remedy=remedy)
                 )
             return None
-        return points @ pose.rotation.T + pose.translation
+        return np.asarray(points @ pose.rotation.T + pose.translation)
 
     def _read_most(self) -> None:
         """Read in one go what is needed of every robot: meshes of the first kind of geometry that each link has."""
