@@ -169,7 +169,7 @@ def _check_template(robot: excite.Robot, template: Path | None, out: Path | None
     """Say before the work is done that it could not be written."""
     if template is None:
         return
-    from excite.export.models.mjcf_template import read_template  # lazy: mujoco
+    from excite.export.models.mjcf_template import read_template  # lazy: pinocchio
 
     if not template.is_file():
         raise InputError("is no file", source=template, remedy="give the MJCF file of the robot")

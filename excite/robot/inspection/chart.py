@@ -154,7 +154,7 @@ def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
         stated = body.find("inertial")
         if stated is None:
             continue
-        moments = (stated.get("fullinertia") or stated.get("diaginertia", "")).split()
+        moments = stated.get("fullinertia", stated.get("diaginertia", "")).split()
         if len(moments) not in {3, 6}:
             raise error
         xx, yy, zz, xy, xz, yz = [*moments, "0", "0", "0"][:6]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.finding import Finding
+from excite.finding import Finding, Severity
 from excite.robot.inspection.links import MOMENTS, DescribedLink, DescribedRobot, Solid, tensor
 from excite.robot.inspection.slips import numbers_in_words
 from excite.robot.urdf.inertia import TOLERANCE
@@ -38,32 +39,27 @@ def impossible_inertia(robot: DescribedRobot) -> Iterator[Finding]:
         # Digits that were not written move a principal moment by at most the norm of a matrix of half-steps.
         slack = TOLERANCE * abs(moments[2]) + 3.0 * link.step
         excess = moments[2] - moments[0] - moments[1]
-        solid = next(iter(robot.hulls(link.name)), None)
         if moments[0] < -TOLERANCE * max(moments[2], 0.0) or moments[2] <= 0.0:
             said = f"its inertia is not positive definite: the smallest principal moment is {moments[0]:.3g} kg·m²"
-            kind, figures = "not_positive", {"smallest_moment": float(moments[0])}
+            found = Finding("not_positive", said, {"smallest_moment": float(moments[0])})
         elif excess > TOLERANCE * moments[2]:
-            axis = axes[:, 2]
             share = 100.0 * excess / moments[2]
             said = (
                 f"its inertia breaks the triangle inequality by {share:.2g} %: the principal moment {moments[2]:.4g}"
-                f" about ({numbers_in_words(axis)}), nearest {'xyz'[int(np.abs(axis).argmax())]}, is more than the sum"
-                f" {moments[0]:.4g} + {moments[1]:.4g} kg·m² of the other two"
+                f" about ({numbers_in_words(axes[:, 2])}), nearest {'xyz'[int(np.abs(axes[:, 2]).argmax())]}, is more"
+                f" than the sum {moments[0]:.4g} + {moments[1]:.4g} kg·m² of the other two"
             )
-            kind, figures = "triangle", {"excess_percent": float(share)}
+            rounded = excess <= min(slack, _ROUNDED * moments[2])
+            found = Finding(
+                "triangle", said + ", by rounding" * bool(rounded), {"excess_percent": float(share)}
+            )
         else:
             continue
-        rounded = kind == "triangle" and excess <= min(slack, _ROUNDED * moments[2])
-        words, better = _better_inertia(link, solid)
+        note = robot.is_weightless(link) or found.text.endswith("rounding")
+        words, better = _better_inertia(link, next(iter(robot.hulls(link.name)), None))
         values = " ".join(f'{name}="{value:.6g}"' for name, value in zip(MOMENTS, better, strict=True))
-        yield Finding(
-            kind,
-            said + (", by rounding" if rounded else ""),
-            figures,
-            (link.name,),
-            "note" if rounded or robot.is_weightless(link) else "spoils",
-            remedy=f"{words}: {values}",
-        )
+        severity: Severity = "note" if note and found.kind == "triangle" else "spoils"
+        yield replace(found, places=(link.name,), severity=severity, remedy=f"{words}: {values}")
 
 
 def _better_inertia(link: DescribedLink, solid: Solid | None) -> tuple[str, Array]:
