@@ -41,7 +41,8 @@ def placeholders(robot: DescribedRobot) -> Iterator[Finding]:
         sizes = [solid.size for link in links if (solid := robot.own_hull(link.name)) is not None]
         differ = len(sizes) > 1 and max(sizes) > _OTHER_SIZE * min(sizes)
         masses = len({link.mass for link in links}) > 1
-        if len(links) < 3 or not (differ or (not sizes and (masses or _ALIKE in what))):
+        # Of three reasons to think of a copy, two.
+        if len(links) < 3 or not (differ or (_ALIKE in what) + masses + (not sizes) > 1):
             continue
         why = f", though their {'shapes' if differ else 'masses'} differ" if differ or masses else ""
         most = 2 * len(links) > len(bodies)
