@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from excite.shown import Row, Tabled
+
 Severity = Literal["fatal", "spoils", "limits", "note"]
 _WORST_FIRST: tuple[Severity, ...] = ("fatal", "spoils", "limits", "note")
 
@@ -55,6 +57,37 @@ class Finding:
             "remedy": self.remedy,
             "trials": list(self.trials),
         }
+
+
+class FindingList(Tabled):
+    """What was looked at, as a table of what was found in it.
+
+    Attributes:
+        findings: worst first.
+    """
+
+    findings: tuple[Finding, ...]
+    tables = ("findings",)
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`: one finding a row, worst first."""
+        return [
+            {
+                "kind": f.kind,
+                "severity": f.severity,
+                "where": f.where,
+                "found": f.text,
+                "remedy": f.remedy,
+                "repaired": f.repaired,
+                "sure": f.sure,
+            }
+            for f in self.findings
+        ]
+
+    @property
+    def healthy(self) -> bool:
+        """Whether nothing was found that spoils results."""
+        return all(finding.severity in {"note", "limits"} for finding in self.findings)
 
 
 def worst_first(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:

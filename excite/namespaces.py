@@ -12,6 +12,7 @@ SPACES: dict[str, dict[str, str]] = {
         "scaffold_description": "excite.robot.scaffold.description",
         "write_scaffold": "excite.robot.scaffold.files",
         "robot_for_log": "excite.logs.robot",
+        "examine_description": "excite.robot.inspection.chart",
     },
     "recordings": {
         "import_recordings": "excite.logs.recordings",
@@ -68,7 +69,7 @@ SPACES: dict[str, dict[str, str]] = {
 """By group, the module that defines each of its names."""
 
 _ABOUT = {
-    "robots": "Robots of one's own: the first robot.yaml of a model, and the robot that a log was recorded with.",
+    "robots": "Robots of one's own: first descriptions, what is wrong with one, and a log's robot.",
     "recordings": "What is done with recordings beside loading and converting: their signals, delays, parts.",
     "methods": "How parameters are identified: estimators and settings, bounds, sessions, residuals.",
     "models": "Models of robots with what was identified in them, file by file, and how uncertain they are.",

@@ -48,19 +48,22 @@ def command(
     if not motions:
         raise typer.BadParameter("name at least one", param_hint="'MOTION…'")
     from excite.motion.collection import motion_paths  # lazy: pinocchio
+    from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     loaded = excite.load_robot(robot)
     with workers(jobs, cluster) as crew, progress_bars() as progress:
         result = excite.check(
             loaded, excite.load_motions(motions, loaded), robust=robust, jobs=crew, progress=progress
         )
-    document = result.to_json()
+    chart = examine_model(loaded)
+    document = result.to_json() | {"findings": [finding.to_json() for finding in chart.spoiling]}
     if out is not None:
         document |= stated_origin(robot, None, out)
         for entry, path in zip(document["motions"], motion_paths(motions), strict=True):
             entry["file"] = relative_to(out, path)
         write_json(document, out / "check.json")
     then = command_line("rank", robot, *motions) if result.safe else ""
-    emit(result.summary(), document, as_json=as_json, then=then)
+    said = "\n".join(filter(None, (chart.worst_in_words(), result.summary())))
+    emit(said, document, as_json=as_json, then=then)
     if not result.safe:
         raise typer.Exit(EXIT_NEGATIVE)

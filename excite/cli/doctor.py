@@ -1,4 +1,4 @@
-"""``excite doctor``: what is wrong with a log, and the log without it."""
+"""``excite doctor``: what is wrong with a log, and the log without it, or with a robot's description."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOp
 from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.json_document import write_json
-from excite.robot.catalogue import robot_of_log
+from excite.robot.catalogue import is_robot, robot_of_log
 
 if TYPE_CHECKING:
     from excite.doctor.examine import Chart
@@ -23,7 +23,13 @@ NAME = "doctor"
 
 
 def command(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log folder (excite.log/1).")],
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG|ROBOT",
+            help="Log folder (excite.log/1); or a robot: bundled name, robot.yaml, URDF, xacro or MJCF.",
+        ),
+    ],
     robot: Annotated[
         str | None,
         typer.Option("--robot", metavar="ROBOT", help="The robot; by default the one that the log names."),
@@ -39,7 +45,16 @@ def command(
     seed: SeedOption = 0,
     jobs: JobsOption = None,
 ) -> None:
-    """Say what is wrong with a log, worst first: rows, clock, units, signs, order, zeros, dead channels."""
+    """Say what is wrong with a log, worst first: rows, clock, units, signs, order, zeros, dead channels.
+
+    Of a robot say what is wrong with its description: masses, centres, inertias, limits, meshes.
+    """
+    if is_robot(log):
+        if repair is not None or robot is not None:
+            option = "--repair" if robot is None else "--robot"
+            raise typer.BadParameter("is for a log; this is a robot", param_hint=f"'{option}'")
+        _examine_robot(log, out, as_json=as_json)
+        return
     from excite.doctor.doctor import doctor  # lazy: pinocchio
     from excite.logs.files import load_log  # lazy: pinocchio
     from excite.logs.robot import nominal_robot  # lazy: pinocchio
@@ -61,6 +76,17 @@ def command(
     chart.check_usable()
 
 
+def _examine_robot(robot: Path, out: Path | None, *, as_json: bool) -> None:
+    from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
+
+    chart = examine_description(robot)
+    document = chart.to_json()
+    if out is not None:
+        write_json(document | stated_origin(str(robot), None, out), out / "doctor.json")
+    then = command_line("plan", robot) if chart.healthy else ""
+    emit(chart.summary(), document, as_json=as_json, then=then)
+
+
 def _save(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
     """Write what was found, and the torques that a page of it shows."""
     from excite.doctor.beside_model import beside_model  # lazy: pinocchio
@@ -73,6 +99,5 @@ def _save(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: P
         shown = ForceComparison(
             seen.trial, seen.joints, seen.units, seen.time, seen.model, seen.logged, seen.repaired
         )
-    if shown is not None or (out / DOCTOR_DATA).exists():
-        save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
+    save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
     write_json(document, out / "doctor.json")

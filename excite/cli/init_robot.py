@@ -46,8 +46,11 @@ def command(
 
     Of a MuJoCo model or xacro file the URDF is written too.
     """
+    from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
+
     source = replace(stated_source(package_path, xacro_arg, limits), srdf=srdf)
     written = excite.write_scaffold(file, out or file.parent, seed=seed, overwrite=force, source=source)
+    chart = examine_description(written.description)
     document = {
         "schema": "excite.init-robot/1",
         "file": "robot.yaml" if out else str(written.description),
@@ -55,10 +58,13 @@ def command(
         "assumed": [one.model_dump() for one in written.assumed],
         "urdf": str(written.urdf) if not out else written.urdf.name,
         "notes": list(written.notes),
+        "findings": [finding.to_json() for finding in chart.findings],
     }
     lines = [f"wrote {written.description}"]
     if written.urdf != file:
         lines.append(f"wrote {written.urdf}")
     lines += [f"  note: {note}" for note in written.notes]
     lines += [f"  assumed: {one}" for one in written.assumed]
+    if chart.findings:
+        lines += ["the model itself:", *(f"  {line}" for line in chart.summary().splitlines())]
     emit("\n".join(lines), document, as_json=as_json, then=command_line("plan", written.description))

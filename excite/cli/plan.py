@@ -100,6 +100,8 @@ def command(
     cluster: ClusterOption = None,
 ) -> None:
     """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
+    from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
+
     with (
         claimed(out or Path("plan")) as folder,
         workers(jobs, cluster) as crew,
@@ -107,6 +109,7 @@ def command(
         keeping_best(),
     ):
         loaded = excite.load_robot(robot)
+        chart = examine_model(loaded)
         with refusals_shown(loaded, folder):
             plan = excite.plan(
                 loaded,
@@ -126,8 +129,8 @@ def command(
         if not plan.interrupted:
             excite.report(folder)
     emit(
-        f"{plan.summary()}\nwritten to {folder}",
-        plan.to_json(),
+        "\n".join(filter(None, (chart.worst_in_words(), plan.summary(), f"written to {folder}"))),
+        plan.to_json() | {"findings": [finding.to_json() for finding in chart.spoiling]},
         as_json=as_json,
         then=command_line("report", folder) if plan.interrupted else command_line("capture", robot, folder),
     )

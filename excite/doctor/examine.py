@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,19 +9,18 @@ from typing import Any
 from excite.doctor.doubt import Doubt
 from excite.doctor.registry import CHECKS
 from excite.errors import IllLogError
-from excite.finding import Finding, merged, worst_first
+from excite.finding import Finding, FindingList, merged, worst_first
 from excite.logs.log import Log
 from excite.progress import step
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
-from excite.shown import Row, Tabled
 from excite.threads import one_blas_thread
 
 SCHEMA = "excite.doctor/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Chart(Tabled):
+class Chart(FindingList):
     """What the doctor found and made of a log.
 
     Attributes:
@@ -36,28 +34,6 @@ class Chart(Tabled):
     log: Log
     findings: tuple[Finding, ...]
     doubts: frozenset[Doubt] = frozenset()
-
-    tables = ("findings",)
-
-    def rows(self, table: str) -> Sequence[Row]:
-        """See :class:`~excite.shown.Tabled`: one finding a row, worst first."""
-        return [
-            {
-                "kind": f.kind,
-                "severity": f.severity,
-                "where": f.where,
-                "found": f.text,
-                "remedy": f.remedy,
-                "repaired": f.repaired,
-                "sure": f.sure,
-            }
-            for f in self.findings
-        ]
-
-    @property
-    def healthy(self) -> bool:
-        """Whether nothing was found that spoils results."""
-        return all(finding.severity in {"note", "limits"} for finding in self.findings)
 
     @property
     def usable(self) -> bool:

@@ -18,6 +18,7 @@ from excite.documents.document import (
     Number,
     Text,
 )
+from excite.documents.finding import Finding
 
 # A motion has a few kinds of violations at each joint, foot and pair of links.
 _MOST_VIOLATIONS = 5 * MOST_ENTRIES
@@ -142,3 +143,6 @@ class Check(Document):
         description="one entry a motion"
     )
     assumed: Assumptions = Field(default=[])
+    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what spoils the robot's description itself, worst first"
+    )

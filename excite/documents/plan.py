@@ -26,6 +26,7 @@ from excite.documents.document import (
     Seconds,
     Text,
 )
+from excite.documents.finding import Finding
 
 
 class Candidates(Block):
@@ -174,6 +175,9 @@ class Plan(Document):
     assumed: Assumptions = Field(default=[])
     robust: Annotated[dict[Name, Robust], Field(max_length=MOST_ENTRIES)] = Field(
         default={}, description="by chosen motion, least margins over the robots that it may be"
+    )
+    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what spoils the robot's description itself, worst first"
     )
     rehearsed_load: Maybe = Field(
         default=None,

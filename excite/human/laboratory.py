@@ -92,9 +92,16 @@ def in_metres(recording: Recording, subject: Subject) -> Recording:
     The largest distance between two markers in a frame is some 0.4 to 1.4 of the stature.
 
     Raises:
-        LogError: the size fits no unit of length.
+        LogError: no marker is ever seen, or the size fits no unit of length.
     """
     points = np.stack(list(recording.markers.values()), axis=1)
+    if not np.isfinite(points).all(axis=2).any():
+        raise LogError(
+            "no marker is seen in any frame",
+            source=recording.source,
+            field="markers",
+            remedy="export the markers again, with their positions",
+        )
     extent = np.nanmedian(np.nanmax(points, axis=1) - np.nanmin(points, axis=1), axis=0).max()
     share = float(extent) / subject.height
     if 0.3 < share < 1.6:

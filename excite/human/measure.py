@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from excite.atomic import atomic_path
-from excite.errors import UnknownNameError
+from excite.errors import InputError, UnknownNameError
 from excite.finding import Finding
 from excite.human.body import Body, body_of
 from excite.human.dimensions import DIMENSIONS, Dimensions
@@ -192,6 +192,13 @@ def measure_recordings(
     for number, recording in enumerate(upright_trials):
         progress("trials", number, len(upright_trials))
         findings += [*recording.findings, *absent_markers(recording, wanted)]
+        if cutoff is not None and cutoff >= 0.5 * recording.rate_hz:
+            raise InputError(
+                f"is {cutoff:g} Hz, and markers at {recording.rate_hz:g} Hz hold nothing beyond half of that",
+                source=recording.source,
+                field="cutoff_hz",
+                remedy=f"choose one below {0.5 * recording.rate_hz:g} Hz, or 0 for none",
+            )
         trial, report, found = measured_trial(body, calibration, recording, cutoff)
         measured.append(trial)
         reports[trial.name] = report

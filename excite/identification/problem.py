@@ -152,6 +152,7 @@ def build_problem(
     """
     settings = settings or ProblemSettings()
     filters = settings.filters(floating=log.header.measures_contacts, lowpass_hz=log.header.lowpass_hz)
+    settings.check_rate(log.header.rate_hz)
     trials = log.trials if role is None else log.role(role)
     if not trials:
         raise LogError(f"has no trial with role {role!r}", source=log.folder, field="trials")

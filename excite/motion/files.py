@@ -212,12 +212,14 @@ def _said(metadata: Any, path: Path) -> MotionDocument | None:
     if set(metadata) <= {"robot", "robot_hash"}:
         metadata = {"schema": SCHEMA, **metadata}
     if metadata.get("schema") != SCHEMA:
-        found = repr(metadata.get("schema"))[:60]
+        found = metadata.get("schema")
         raise MotionError(
-            f"schema is {found}, not {SCHEMA!r}",
+            f"states no schema, as a motion of {SCHEMA!r} does"
+            if found is None
+            else f"schema is {repr(found)[:60]}, not {SCHEMA!r}",
             source=path,
             field="schema",
-            remedy="check that it is a motion",
+            remedy="check that it is a motion; write one with excite.save_motion, or a table without metadata",
         )
     return checked(
         MotionDocument, dict(metadata), path, remedy="check that it is a motion", error=MotionError

@@ -61,7 +61,7 @@ _ROUNDING = 1e-9
 
 
 def save_report_data(data: ReportData, path: Path) -> Path:
-    """Write the arrays under the names ``PART/FIELD``; appears only when complete."""
+    """Write the arrays under the names ``PART/FIELD``; appears only when complete, and not at all without any."""
     arrays: dict[str, Any] = {}
     for part, kind in _PARTS.items():
         content = getattr(data, part)
@@ -70,6 +70,9 @@ def save_report_data(data: ReportData, path: Path) -> Path:
             if value is not None:
                 arrays[f"{part}/{field.name}"] = np.asarray(value)
     path = Path(path)
+    if not arrays:
+        path.unlink(missing_ok=True)
+        return path
     with atomic_path(path) as temporary:
         np.savez_compressed(temporary, **arrays)
     return path
@@ -79,10 +82,12 @@ def load_report_data(path: Path) -> ReportData:
     """Read what :func:`save_report_data` wrote.
 
     Raises:
-        InputError: unreadable, a field is missing, or the lengths of a part's arrays disagree.
+        InputError: unreadable, empty, a field is missing, or the lengths of a part's arrays disagree.
     """
     known = {f"{part}/{field.name}" for part, kind in _PARTS.items() for field in fields(kind)}
     arrays = read_npz(path, known)
+    if not arrays:
+        raise InputError("holds no arrays", source=path, remedy="write it again, or remove it")
     parts = {part: _part(part, kind, arrays, path) for part, kind in _PARTS.items()}
     return ReportData(**parts)
 

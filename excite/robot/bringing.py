@@ -9,7 +9,7 @@ from pathlib import Path
 
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.errors import InputError
-from excite.robot.catalogue import find_robot
+from excite.robot.catalogue import MODEL_SUFFIXES, find_robot
 from excite.robot.loading import limited_description
 from excite.robot.loading import load_robot as load_described
 from excite.robot.robot import Robot
@@ -18,9 +18,6 @@ from excite.temporary_folder import TemporaryFolder, in_temporary_folder
 
 RobotLike = Robot | str | Path
 """A robot, or what :func:`load_robot` makes one of."""
-
-# What an SDF is, its reader says.
-_MODELS = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
 
 
 def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
@@ -40,9 +37,9 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
         RobotError: a file is missing or malformed, or a number in it is absurd.
         UnknownNameError: neither a file nor a bundled robot.
     """
-    path = Path(name_or_path) if Path(name_or_path).suffix in _MODELS else find_robot(name_or_path)
+    path = Path(name_or_path) if Path(name_or_path).suffix in MODEL_SUFFIXES else find_robot(name_or_path)
     source = source or model_source()
-    described = None if path.suffix in _MODELS else load_described(path)
+    described = None if path.suffix in MODEL_SUFFIXES else load_described(path)
     if described is not None and source.limits is None:
         return described
     # A model's path tells it from others of its name, and may be longer than a name of a folder.

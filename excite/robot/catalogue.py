@@ -9,6 +9,8 @@ from pathlib import Path
 import excite
 from excite.errors import RobotError, UnknownNameError
 
+# What an SDF is, its reader says.
+MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
 _PACKAGE = Path(excite.__file__).resolve().parent
 
 
@@ -37,6 +39,20 @@ def robot_of_log(name: str, file: str, log: Path) -> str | Path:
     if name in bundled_robots():
         return name
     return (log if log.is_dir() else log.parent) / file
+
+
+def is_robot(name_or_path: str | Path) -> bool:
+    """Whether a name or path is of a robot rather than of a log: by its ending, by what lies there, or bundled."""
+    path = Path(name_or_path)
+    if path.suffix in MODEL_SUFFIXES:
+        return True
+    if path.suffix in {".yaml", ".yml"}:
+        return path.name not in {"log.yaml", "log.yml"}
+    if os.path.isfile(path / "log.yaml"):
+        return False
+    return os.path.isfile(path / "robot.yaml") or (
+        not os.path.lexists(path) and str(name_or_path) in bundled_robots()
+    )
 
 
 def find_robot(name_or_path: str | Path) -> Path:

@@ -69,7 +69,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
 
 def build_robot(description: RobotDescription, path: Path) -> Robot:
     """Build the robot of a validated description; ``path`` is the file that it was read from."""
-    model_path = _model_path(description, path)
+    model_path = urdf_of(description, path)
     urdf = read_urdf(model_path, _stated(description))
     root = ElementTree.fromstring(urdf)
     fingerprint = _fingerprint(description, model_path, root)
@@ -199,7 +199,7 @@ def _fingerprint(description: RobotDescription, model_path: Path, root: ElementT
 
 def model_file(robot: Robot) -> Path:
     """The URDF file that a robot was built from, as its author left it."""
-    return _model_path(robot.description, robot.source)
+    return urdf_of(robot.description, robot.source)
 
 
 def portable_description(robot: Robot) -> str:
@@ -282,7 +282,8 @@ def _rest_within_limits(robot: Robot) -> None:
         )
 
 
-def _model_path(description: RobotDescription, path: Path) -> Path:
+def urdf_of(description: RobotDescription, path: Path) -> Path:
+    """The URDF file that a description names; ``path`` is the description's."""
     if description.model.package is None:
         return path.parent / description.model.path
     return example_robot_data() / description.model.path

@@ -111,6 +111,17 @@ class ProblemSettings:
             rate_hz=self.rate_hz or (4.0 if lowpass_hz else 2.0) * cutoff,
         )
 
+    def check_rate(self, sampling_hz: float) -> None:
+        """Raise InputError where the cut-off that was asked for is not below half a log's rate [Hz]."""
+        nyquist = 0.5 * sampling_hz
+        if self.cutoff_hz is not None and self.cutoff_hz >= nyquist:
+            raise InputError(
+                f"is {self.cutoff_hz:g} Hz, and rows at {sampling_hz:g} Hz hold nothing beyond {nyquist:g} Hz",
+                source="settings",
+                field="cutoff_hz",
+                remedy=f"choose one below {nyquist:g} Hz, or leave it out",
+            )
+
     def __post_init__(self) -> None:
         """Check every bound.
 

@@ -216,6 +216,7 @@ def _whole(what: str, content: bytes, line: str) -> Case:
 
 
 _ARRAYS = (
+    _whole("without arrays", b"PK\5\6" + bytes(18), "holds no arrays"),
     _array("NaN", "forces/measured", np.full((4, 2), np.nan), "holds NaN or infinity"),
     _array("infinite", "masses/nominal", np.array([np.inf]), "holds NaN or infinity"),
     _array("huge", "forces/nominal", np.full((4, 2), 1e200), "holds numbers above 1e.100"),

@@ -390,6 +390,8 @@ _NPZ = (
     ("member twice", _file(".npz", _member("q.elbow.npy", _npy("(0,)"))), "stands twice"),
     ("packed otherwise", _file(".npz", _member("x.npy", _npy("(0,)"), zipfile.ZIP_LZMA)), "packed"),
     ("objects", _file(".npz", _npz(q__elbow=np.array([None] * ROWS, dtype=object))), "q.elbow: is not numeric"),
+    ("a pickle beside arrays", _file(".npz", _npz(extra=np.array([{}], dtype=object))), "extra: .* pickled"),
+    ("a file beside arrays", _file(".npz", _member("data.pkl", b"\x80\x04N.")), "data.pkl: is no array"),
     ("complex", _file(".npz", _npz(q__elbow=np.full(ROWS, 1 + 1j))), "q.elbow: is not numeric"),
     ("structured", _file(".npz", _npz(q__elbow=np.zeros(ROWS, dtype="f8,i4"))), "q.elbow: is not numeric"),
     ("two columns in one", _file(".npz", _npz(q__elbow=np.zeros((ROWS, 2)))), r"q.elbow: has shape \(200, 2\)"),

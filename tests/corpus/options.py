@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from excite.motion.library import library_folder
+from tests.corpus.arm import MJCF
 from tests.corpus.case import Case
 from tests.corpus.practice import c3d, person, write_log
+from tests.robot.small import ARM
 
 _ODD = ("nan", "inf", "-inf", "-1", "1e300", str(10**30))
 _NOT_POSITIVE = ("0", *_ODD)
@@ -40,6 +42,14 @@ def _export(*words: str) -> Callable[[Path], list[str]]:
 
 def _identify(*words: str) -> Callable[[Path], list[str]]:
     return lambda folder: [*write_log(folder), *words, "--out", str(folder / "made")]
+
+
+def _template(content: bytes) -> Callable[[Path], list[str]]:
+    def build(folder: Path) -> list[str]:
+        (folder / "template.xml").write_bytes(content)
+        return [*write_log(folder), "--template", str(folder / "template.xml"), "--out", str(folder / "made")]
+
+    return build
 
 
 def _diagnose(*words: str) -> Callable[[Path], list[str]]:
@@ -75,6 +85,7 @@ def _each(
 
 
 _SCHEMA = "schema: excite.physical_bounds/1\n"
+_ENTITIES = b'<!DOCTYPE m [<!ENTITY a "x">]><mujoco model="&a;"/>'
 
 _FAMILIES = (
     (
@@ -137,7 +148,14 @@ _FAMILIES = (
             ("--mass-range of a link", _identify("--method=hqp", "--mass-range=fore=1e300"), "mass_range.fore"),
             ("--mass-range of ls", _identify("--method=ls", "--mass-range=0.1"), "not used by method 'ls'"),
             ("--asymmetric magic", _identify("--method=hqp", "--asymmetric=magic"), "magic"),
+            ("--cutoff at half the rate", _identify("--cutoff=50"), "cutoff_hz: is 50 Hz, and rows at 100 Hz"),
+            ("--cutoff beyond it", _identify("--cutoff=80"), "cutoff_hz: is 80 Hz, and rows at 100 Hz"),
             ("--template of a folder", _identify("--template", "/"), "is no file"),
+            ("--template of bytes", _template(bytes(range(256))), "is not valid XML"),
+            ("--template empty", _template(b""), "is not valid XML"),
+            ("--template with entities", _template(_ENTITIES), "declares XML entities"),
+            ("--template of a URDF", _template(ARM.encode()), "is no MuJoCo model"),
+            ("--template of another robot", _template(MJCF.encode()), "does not move with joint"),
         ),
     ),
     (

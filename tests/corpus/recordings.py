@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.human.markers.marker_set import read_marker_set
 from tests.corpus.case import Case
 from tests.corpus.practice import c3d, person
 
@@ -74,6 +75,15 @@ def _trc(
     ]
     said = row or (lambda i: "1\t1400\t2\t3\t100\t4")
     return "\n".join([*lines, *(f"{i + 1}\t{time(i)!r}\t{said(i)}" for i in range(rows))]) + "\n"
+
+
+def _unseen() -> str:
+    """A TRC file with the labels of a known marker set and no position."""
+    labels = list(read_marker_set("jovic").sites)
+    frames = [f"{i + 1}\t{0.01 * i!r}" + "\t" * 3 * len(labels) for i in range(30)]
+    text = _trc(rows=30, labels="\t\t\t".join(labels)).splitlines()
+    text[2] = text[2].replace("\t2\t", f"\t{len(labels)}\t")
+    return "\n".join([*text[:5], *frames]) + "\n"
 
 
 _WRENCH = "\t".join(["time", *(f"R_ground_force_{kind}{axis}" for kind in "vp" for axis in "xyz")])
@@ -224,6 +234,11 @@ _FILES = (
     ("a pipe", _special(os.mkfifo), "is a pipe"),
     ("a folder", _special(os.mkdir, "walk.trc"), "is a folder"),
     ("a device", _special(lambda path: path.symlink_to("/dev/zero")), "is a device"),
+    (
+        "no marker ever seen",
+        _pair(("walk.trc", _unseen()), ("walk.mot", _mot())),
+        "no marker is seen in any frame",
+    ),
     ("markers alone", _text("walk.trc", _trc()), "has no force plates"),
     ("forces twice", _pair(("a.mot", _mot()), ("b.mot", _mot())), "has forces only"),
     ("name of a kilobyte", lambda folder: person(folder / ("x" * 1000 + ".c3d")), "too long"),

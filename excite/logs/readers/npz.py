@@ -51,7 +51,7 @@ class NpzReader(TrialReader):
     def _columns(self, path: Path) -> dict[str, Array]:
         try:
             with zipfile.ZipFile(path) as archive:
-                members = [item for item in archive.infolist() if item.filename.endswith(_ENDING)]
+                members = archive.infolist()
                 _check_members(members, path)
                 return {item.filename.removesuffix(_ENDING): _array(archive, item, path) for item in members}
         except _DAMAGED as error:
@@ -69,6 +69,13 @@ def _check_members(members: list[zipfile.ZipInfo], path: Path) -> None:
     if twice:
         raise LogError("stands twice", source=path, field=twice[0][:60], remedy="keep one of the arrays")
     for item in members:
+        if not item.filename.endswith(_ENDING):
+            raise LogError(
+                "is no array",
+                source=path,
+                field=item.filename[:60],
+                remedy="keep arrays alone in the archive",
+            )
         if item.compress_type not in _METHODS or item.flag_bits & 1:
             raise LogError(
                 "is packed in a way that numpy does not use",
@@ -82,6 +89,13 @@ def _array(archive: zipfile.ZipFile, item: zipfile.ZipInfo, path: Path) -> NDArr
     """One array, no larger than its member says; raises LogError or one of ``_DAMAGED``."""
     with archive.open(item) as stream:
         shape, fortran, dtype = _header(stream)
+        if dtype.hasobject:
+            raise LogError(
+                "is not numeric but pickled Python objects",
+                source=path,
+                field=item.filename.removesuffix(_ENDING)[:60],
+                remedy="save numbers only: numpy.savez(file, time=…, **{'q.JOINT': …})",
+            )
         if dtype.kind not in "fiu" or len(shape) not in {1, 2}:
             return no_numbers(dtype)
         size = math.prod(shape) * dtype.itemsize

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from excite.errors import MotionError
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
-from excite.motion.readers.reader import MAX_FILE_BYTES, MotionReader, RawMotion, unreadable
+from excite.motion.readers.reader import MAX_FILE_BYTES, MotionReader, RawMotion, of_ours, unreadable
 from excite.reading.json_document import parse_json
 from excite.reading.npz_arrays import read_npz
 
@@ -55,7 +55,7 @@ class NpzReader(MotionReader):
             )
         # Written by numpy for its own option of that name.
         arrays.pop("allow_pickle", None)
-        return RawMotion(arrays, _metadata(text, path))
+        return RawMotion(arrays, of_ours(_metadata(text, path)))
 
 
 def _metadata(text: NDArray[Any] | None, path: Path) -> Any:

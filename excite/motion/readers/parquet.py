@@ -18,6 +18,7 @@ from excite.motion.readers.reader import (
     MotionReader,
     RawMotion,
     check_once,
+    of_ours,
     unreadable,
 )
 from excite.reading.file import check_file
@@ -47,7 +48,8 @@ class ParquetReader(MotionReader):
                 )
             table = read_parquet(path)
             check_once(table.column_names, path)
-            metadata = parse_json(((table.schema.metadata or {}).get(b"excite", b"{}")).decode())
+            said = (table.schema.metadata or {}).get(b"excite")
+            metadata = {} if said is None else of_ours(parse_json(said.decode()))
             columns = numpy_columns(table)
         except DAMAGED as error:
             raise unreadable(path, error) from error

@@ -72,6 +72,11 @@ def check_once(names: Sequence[str], path: Path) -> None:
         seen.add(name)
 
 
+def of_ours(metadata: Any) -> Any:
+    """Metadata of a file that says it is of this package's own format, which has to state its schema."""
+    return {"schema": None, **metadata} if isinstance(metadata, Mapping) else metadata
+
+
 def unreadable(path: Path, reason: Exception | str) -> MotionError:
     """The error for a file that its library cannot read."""
     text = " ".join(str(reason).split()) or type(reason).__name__

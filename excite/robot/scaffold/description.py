@@ -24,6 +24,9 @@ from excite.robot.shapes.collision import TABLE
 from excite.robot.shapes.ground import ground_height, links_below
 from excite.robot.urdf.tree import MAX_NAME
 
+AS_IT_IS = "as the model has it"
+"""How the reason begins with which a first description takes a fault of a link's inertia that no person accepted."""
+
 
 def scaffold_description(
     urdf_path: str | Path,
@@ -142,7 +145,7 @@ def _content(
 
 def _model(path: Path, folder: Path, faults: dict[str, str]) -> dict[str, Any]:
     """The block ``model``: where the file is, seen from a folder, and what is wrong with it."""
-    taken = {"acknowledged": {k: f"as the model has it: {v}" for k, v in faults.items()}} if faults else {}
+    taken = {"acknowledged": {k: f"{AS_IT_IS}: {v}" for k, v in faults.items()}} if faults else {}
     where = os.path.relpath(path.resolve(), folder.resolve())
     return {"path": where, **taken, "source": f"the file {path.name}"}
 

@@ -98,14 +98,14 @@ def guess_pairs(robot: Robot) -> tuple[tuple[str, str], ...]:
     masses = {segment.link: robot.nominal_parameters[10 * i] for i, segment in enumerate(robot.segments)}
     pairs = []
     for link, mass in masses.items():
-        for mirrored in _mirror_names(link):
+        for mirrored in mirror_names(link):
             if mirrored != link and mirrored in masses and abs(masses[mirrored] - mass) <= 0.2 * mass:
                 pairs.append((link, mirrored))
                 break
     return tuple(pairs)
 
 
-def _mirror_names(link: str) -> list[str]:
+def mirror_names(link: str) -> list[str]:
     """Names that the right-hand twin of a left-hand link may have."""
     names = [link.replace(left, right) for left, right in _SIDES if left in link]
     for match in _LETTERS.finditer(link):

@@ -28,7 +28,7 @@ boom of a crane, 60 m, has 17. Moments in kg·mm² make it a thousand times what
 
 # A link of less than this share of the robot's mass stands for a frame, as that of an iiwa's flange with 1e-6 kg and
 # moments of 1 kg·m² does: they were put in for want of better, and say nothing of the file's units.
-_WEIGHTLESS = 1e-3
+WEIGHTLESS = 1e-3
 
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -102,7 +102,7 @@ def inertial_faults(
     """
     inertials = {link.get("name", ""): read_inertial(link, path) for link in root.findall("link")}
     known = [one for one in inertials.values() if one is not None]
-    weightless = _WEIGHTLESS * sum(one.mass for one in known)
+    weightless = WEIGHTLESS * sum(one.mass for one in known)
     # Frames that an exporter gave a mass of next to nothing may have any moments that are next to nothing.
     least = TOLERANCE * max((one.size for one in known), default=0.0)
     faults: dict[str, RobotError] = {}

@@ -1,0 +1,1 @@
+"""A robot's description judged by itself, without a log."""
