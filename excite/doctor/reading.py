@@ -34,6 +34,7 @@ class Reading:
         sensor_of: ``(n_sensors,)`` whose columns hold each contact sensor's wrench.
         wrench_map: ``(n_sensors, 6, 6)`` what makes a wrench of these columns: signs, axes, units.
         pose: what the columns of the base pose hold.
+        weightless: whether a driver took the nominal weight off torques before it reported them.
     """
 
     position_of: NDArray[np.int64]
@@ -48,6 +49,7 @@ class Reading:
     sensor_of: NDArray[np.int64]
     wrench_map: Array
     pose: BasePose = BasePose.STATED
+    weightless: bool = False
 
     @classmethod
     def as_stated(cls, log: Log) -> Reading:
@@ -79,7 +81,7 @@ class Reading:
     def motion_key(self) -> bytes:
         """Equal for readings that make the same motion of the same log."""
         pose = list(BasePose).index(self.pose)
-        parts = (self.position_of, self.position_sign, self.unit, [self.tick, pose], self.zero, self.gravity)
+        parts = (self.position_of, self.position_sign, self.unit, [self.tick, pose, self.weightless], self.zero, self.gravity)
         return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
 
     def with_position(self, joint: int, sign: float = 1.0, zero: float = 0.0) -> Reading:
@@ -104,7 +106,9 @@ class Reading:
     def of(self, log: Log) -> Log:
         """The log with its channels put right."""
         columns = [log.header.joints.index(joint) for joint in log.header.torque_joints]
-        header = log.header.model_copy(update={"gravity": tuple(float(x) for x in self.gravity)})
+        # Without weight torques are those of a robot that has none: what they tell is identified so.
+        gravity = np.zeros(3) if self.weightless else self.gravity
+        header = log.header.model_copy(update={"gravity": tuple(float(x) for x in gravity)})
         sensors = tuple(sensor.name for sensor in log.header.sensors)
         trials = tuple(self._trial(trial, columns, sensors) for trial in log.trials)
         return replace(log, header=header, trials=trials)

@@ -79,7 +79,7 @@ def _of_torques(samples: TorqueSamples, stated: Reading) -> _Read:
     its clock looked fast. Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones,
     betray nothing: gravity looked turned by 145 degrees in those before the gears of a KUKA KR 300.
     """
-    if of_unknown_unit(samples, stated):
+    if of_unknown_unit(samples, stated) is not None:
         return _Read(stated, (), samples.measured_name)
     used = samples
     reading, found = misreadings(samples, stated, OF_TORQUES)
@@ -144,6 +144,8 @@ def _finding(item: Misreading, what: str) -> Finding:
     text = f"{correction.text} (likely bodies leave {before} of the {what}' power as it is, {after} then)"
     if correction.ask:
         remedy = correction.ask
+    elif correction.mends:
+        remedy = correction.mends
     elif correction.certain:
         remedy = "it was put right for what follows; correct the log"
     else:

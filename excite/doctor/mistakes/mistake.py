@@ -90,6 +90,7 @@ class Correction:
         as_logged: of a correction that asks, what takes it out of a reading again.
         along: places among them that tell nothing of it and go with the others.
         certain: whether the log is mended with exactly what was found; an estimate leaves a rest.
+        mends: what was done, where more is to be said of it than that it was put right.
     """
 
     kind: str
@@ -103,6 +104,7 @@ class Correction:
     as_logged: Callable[[Reading], Reading] = _untouched
     along: tuple[str, ...] = ()
     certain: bool = True
+    mends: str = ""
 
 
 class Mistake(ABC, Generic[S]):

@@ -10,6 +10,7 @@ from excite.doctor.mistakes.gravity import Gravity
 from excite.doctor.mistakes.mistake import Mistake
 from excite.doctor.mistakes.order import Order, PositionOrder, TorqueOrder
 from excite.doctor.mistakes.position_sign import PositionSign
+from excite.doctor.mistakes.weight import Weight
 from excite.doctor.mistakes.torque_late import TorqueLate
 from excite.doctor.mistakes.torque_scale import TorqueScale
 from excite.doctor.mistakes.torque_sign import TorqueSign
@@ -29,6 +30,7 @@ OF_TORQUES: tuple[Mistake[TorqueSamples], ...] = (
     Order(),
     ZeroPosition(),
     Gravity(),
+    Weight(),
     Clock(),
     TorqueLate(),
 )
