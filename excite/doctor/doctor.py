@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from excite.doctor.examine import Chart, examine
+from excite.doctor.mistakes.weight import Weight
+from excite.doctor.weight_added import with_weight
 from excite.logs.brought import robot_and_log
 from excite.logs.files import save_log
 from excite.logs.log import Log
@@ -22,7 +24,8 @@ def doctor(
         log: a log folder, or a log in memory.
         robot: the nominal model, or what :func:`~excite.robot.bringing.load_robot` takes; by default the one that the
             log names.
-        repair: folder that the log is written to with everything repaired that could be; none is without it.
+        repair: folder that the log is written to with everything repaired that could be, the nominal weight added where
+            a driver has taken it off the torques; none is without it.
 
     Returns:
         The repaired log and the findings, worst first.
@@ -34,5 +37,7 @@ def doctor(
     nominal, loaded = robot_and_log(robot, log)
     chart = examine(nominal, loaded)
     if repair is not None:
+        if any(found.kind == Weight.name and found.repaired for found in chart.findings):
+            chart = with_weight(nominal, chart, loaded.header.gravity)
         save_log(chart.log, repair)
     return chart

@@ -38,7 +38,7 @@ def said_of_unit(samples: TorqueSamples, parts: ModelParts, reading: Reading) ->
     ratios = np.sort(1.0 / gains[parts.told & (gains > 0.0)])
     gears = ""
     if len(ratios):
-        gears = f" of about {span(f'{ratios[0]:.2g}', f'{ratios[-1]:.2g}', ' to ')} to 1 by the nominal masses"
+        gears = f" of about {span(f'{ratios[0]:.0f}', f'{ratios[-1]:.0f}', ' to ')} to 1 by the nominal masses"
     text = (
         f"torques hold next to nothing of what the nominal masses need ({parts.said()}): they are torques before "
         f"gears{gears}, currents, another unit, or external torques, off which a driver has taken the model"
@@ -49,7 +49,7 @@ def said_of_unit(samples: TorqueSamples, parts: ModelParts, reading: Reading) ->
         text,
         parts.figures(),
         samples.channels,
-        severity="fatal",
+        severity="spoils",
         remedy=f"state the joints' gear ratios or torque constants (scale: {{{factors}, …}} in map.yaml), or log torques "
-        "as measured: bodies of another weight would be identified",
+        "as measured; what follows is in the log's unit, and no weight",
     )

@@ -49,9 +49,9 @@ class Gravity(Mistake[Samples]):
         along = float(np.arccos(np.clip(nearest @ best, -1.0, 1.0))) < _ALONG
         if along:
             best = nearest
-        x, y, z = (float(value) for value in _G * best)
-        off = f"{np.degrees(angle):.0f}° off what" if stated.any() else "not nought, as"
-        text = f"gravity looks {off} the log says: write [{x:.2f}, {y:.2f}, {z:.2f}]"
+        x, y, z = (float(value) + 0.0 for value in np.round(_G * best, 12))
+        off = f"looks {np.degrees(angle):.0f}° off what" if stated.any() else "is not nought as"
+        text = f"gravity {off} the log says: write [{x:.2f}, {y:.2f}, {z:.2f}]"
         figures = {"angle_rad": angle, "x": x, "y": y, "z": z}
         yield Correction(
             self.name, replace(reading, gravity=_G * best), text, ("gravity",), figures, certain=along

@@ -65,7 +65,7 @@ def write_models(
 ) -> ModelFiles:
     """Write ``identified.urdf``, ``identified.xml`` (MJCF) and ``differences.csv`` into a folder.
 
-    Models that no rigid body matches are refused, and a file of an earlier run under their name removed;
+    Models that no rigid body matches, and those of torques in an unknown unit, are refused, and a file of an earlier run under their name removed;
     the table is written in any case.
 
     Args:
@@ -99,6 +99,11 @@ def write_models(
             refused.append(f"{path.name}: {error}")
         return None
 
+    if identification.in_unknown_unit and not force:
+        for path in (urdf, mjcf):
+            path.unlink(missing_ok=True)
+        said = "no model: the torques are in an unknown unit, and so would be its weight; state the unit and identify again"
+        return ModelFiles(differences, None, None, (said,))
     return ModelFiles(
         differences,
         attempt(urdf, write_urdf, force=force),
