@@ -17,6 +17,8 @@ from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Column
 
+# Joints may be faster than they are said to be, but not as much as degrees are larger than radians.
+_FASTER = 3.0
 # Columns that are named in one reason.
 MOST_NAMED = 4
 # LeRobot's servos report the share of the range that they were calibrated in, unless told to report degrees: from
@@ -30,6 +32,7 @@ def positions(
     machine: Machine,
     mapping: Map,
     slope: Callable[[Mapped], float | None],
+    fast: Callable[[Mapped], float | None],
     *,
     maybe_shares: bool,
 ) -> dict[str, tuple[str, str]]:
@@ -41,6 +44,7 @@ def positions(
         machine: the robot.
         mapping: what a person said.
         slope: of a column's numbers over its joint's logged velocity; None where there is none.
+        fast: how fast a column's numbers are by a logged velocity in the same unit; None where there is none.
         maybe_shares: whether the format may hold shares of ranges.
     """
     result: dict[str, tuple[str, str]] = {}
@@ -48,7 +52,7 @@ def positions(
         for part, why in _by_unit(found, items, columns, machine, mapping, slope):
             units = ("rad", "asked about")
             if why is not None:
-                units = _unit(found, part, columns, machine, mapping, maybe_shares=maybe_shares)
+                units = _unit(found, part, columns, machine, mapping, fast=fast, maybe_shares=maybe_shares)
                 units = (units[0], why or units[1])
             result |= {item.target: units for item in part}
     measured = {item.target: item for item in found.of("q")}
@@ -131,6 +135,7 @@ def _unit(
     mapping: Map,
     *,
     like: tuple[str, str] | None = None,
+    fast: Callable[[Mapped], float | None] | None = None,
     maybe_shares: bool = False,
 ) -> tuple[str, str]:
     """The unit of columns that share one, and why; asked for where it cannot be told."""
@@ -144,6 +149,14 @@ def _unit(
         machine.slides[places],
         named,
     )
+    if unit == "deg" and not named and fast is not None:
+        speeds = [fast(item) for item in items]
+        if all(
+            speed is not None and speed < _FASTER * machine.speed[place]
+            for speed, place in zip(speeds, places, strict=True)
+        ):
+            unit, either = "", True
+            why = f"{why}; as rad they turn over, no faster than they may by their velocities, which go with either"
     stated = stated_unit(items, mapping, machine)
     if named == "counts" and unit not in COUNTS:
         unit, why, sure = "", "counts, by its name, and how many are a turn is not said", True

@@ -12,7 +12,7 @@ from excite.conversion.columns.mixed_units import MOTION, alike, is_slide, state
 from excite.conversion.columns.naming.wrong_kind import ask_for_kind, ask_for_rate, beginning
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
 from excite.conversion.columns.scaled import named_unit, of_imu, scaled, values_of, without_unit
-from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit, zero_of
+from excite.conversion.columns.units import COUNT_RATES, COUNTS, NEAR, TO_SI, derivative_of, ratio_unit, zero_of
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -40,7 +40,14 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
     done += of_imu(found.of("imu"), columns, mapping)
     maybe_shares = bool(recording.said.get("maybe_shares"))
-    angles = positions(found, columns, machine, mapping, _slopes(found, recording), maybe_shares=maybe_shares)
+    slope = _slopes(found, recording)
+
+    def fast(item: Mapped) -> float | None:
+        value, speed = slope(item), next((v for v in found.of("v") if v.target[2:] == item.target[2:]), None)
+        alike = value is not None and speed is not None and not named_unit([speed], columns) and 1.0 / NEAR < value < NEAR
+        return float(np.nanmax(np.abs(columns[speed.source].values))) if alike and speed is not None else None
+
+    angles = positions(found, columns, machine, mapping, slope, fast, maybe_shares=maybe_shares)
     for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "contact"):
         everything = found.of(channel)
         if not everything or _left_out(found, everything, columns, mapping, machine):
