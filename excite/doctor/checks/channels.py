@@ -64,7 +64,8 @@ def _read(robot: Robot, log: Log) -> _Read:
     if log.header.free_base:
         wrenches = wrench_samples(robot, log) if log.header.sensors else None
         if wrenches is not None:
-            return _Read(*misreadings(wrenches, stated, OF_WRENCHES), wrenches.measured_name)
+            possible = [m for m in OF_WRENCHES if not m.of_posture or log.header.posture == "measured"]
+            return _Read(*misreadings(wrenches, stated, possible), wrenches.measured_name)
     elif log.header.torque not in {None, "none"}:
         torques = torque_samples(robot, log)
         if torques is not None:

@@ -112,12 +112,14 @@ class Mistake(ABC, Generic[S]):
 
     Attributes:
         name: kind of its findings.
+        of_posture: whether it is one of how joints or base were recorded, which those that were computed do not have.
         may_surprise: whether it has corrections that are believed though likely bodies explain the log as it is.
         leaves: what is known only about where it could not be undone exactly.
     """
 
     name: ClassVar[str]
     leaves: ClassVar[frozenset[Doubt]] = frozenset()
+    of_posture: ClassVar[bool] = False
     may_surprise: ClassVar[bool] = False
 
     @abstractmethod
