@@ -33,6 +33,7 @@ class Reading:
         gravity: ``(3,)`` in the world frame [m/s²].
         sensor_of: ``(n_sensors,)`` whose columns hold each contact sensor's wrench.
         wrench_map: ``(n_sensors, 6, 6)`` what makes a wrench of these columns: signs, axes, units.
+        wrench_added: ``(n_sensors, 6)`` constants that are added to them then [N, N·m].
         pose: what the columns of the base pose hold.
         weightless: whether a driver took the nominal weight off torques before it reported them.
     """
@@ -48,6 +49,7 @@ class Reading:
     gravity: Array
     sensor_of: NDArray[np.int64]
     wrench_map: Array
+    wrench_added: Array
     pose: BasePose = BasePose.STATED
     weightless: bool = False
 
@@ -67,6 +69,7 @@ class Reading:
             gravity=np.array(log.header.gravity),
             sensor_of=np.arange(len(log.header.sensors)),
             wrench_map=np.tile(np.eye(6), (len(log.header.sensors), 1, 1)),
+            wrench_added=np.zeros((len(log.header.sensors), 6)),
         )
 
     def in_units(self, unit: float, slides: Sequence[bool]) -> Reading:
@@ -158,9 +161,10 @@ class Reading:
     def _wrenches(self, trial: Trial, sensors: tuple[str, ...]) -> dict[str, Array]:
         """Readings by sensor; those of sensors that the log does not describe as they are."""
         found = dict(trial.wrenches)
-        for name, other, matrix in zip(sensors, self.sensor_of, self.wrench_map, strict=True):
+        read = zip(sensors, self.sensor_of, self.wrench_map, self.wrench_added, strict=True)
+        for name, other, matrix, added in read:
             if sensors[other] in trial.wrenches:
-                found[name] = trial.wrenches[sensors[other]] @ matrix.T
+                found[name] = trial.wrenches[sensors[other]] @ matrix.T + added
         return found
 
     def _shifted(self, time: Array, values: Array) -> Array:

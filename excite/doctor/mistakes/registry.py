@@ -16,6 +16,7 @@ from excite.doctor.mistakes.torque_scale import TorqueScale
 from excite.doctor.mistakes.torque_sign import TorqueSign
 from excite.doctor.mistakes.wrenches import WrenchAxes, WrenchOrder, WrenchSign, WrenchUnit
 from excite.doctor.mistakes.zero_position import ZeroPosition
+from excite.doctor.mistakes.zeroed_wrenches import ZeroedWrenches
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
 
@@ -40,6 +41,7 @@ OF_WRENCHES: tuple[Mistake[WrenchSamples], ...] = (
     WrenchOrder(),
     WrenchAxes(),
     WrenchUnit(),
+    ZeroedWrenches(),
     BaseFrame(),
     Degrees(),
     Revolutions(),
