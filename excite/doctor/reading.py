@@ -83,8 +83,8 @@ class Reading:
 
     def motion_key(self) -> bytes:
         """Equal for readings that make the same motion of the same log."""
-        pose = list(BasePose).index(self.pose)
-        parts = (self.position_of, self.position_sign, self.unit, [self.tick, pose, self.weightless], self.zero, self.gravity)
+        rest = [self.tick, list(BasePose).index(self.pose), self.weightless]
+        parts = (self.position_of, self.position_sign, self.unit, rest, self.zero, self.gravity)
         return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
 
     def with_position(self, joint: int, sign: float = 1.0, zero: float = 0.0) -> Reading:

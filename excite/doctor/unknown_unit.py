@@ -1,4 +1,4 @@
-"""Torques that hold next to nothing of the nominal bodies: in a unit that nothing tells, or with the model taken off."""
+"""Torques that hold next to nothing of the nominal bodies: in an unknown unit, or with the model taken off."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ def said_of_unit(samples: TorqueSamples, parts: ModelParts, reading: Reading) ->
     ratios = np.sort(1.0 / gains[parts.told & (gains > 0.0)])
     gears = ""
     if len(ratios):
-        gears = f" of about {span(f'{ratios[0]:.0f}', f'{ratios[-1]:.0f}', ' to ')} to 1 by the nominal masses"
+        gears = (
+            f" of about {span(f'{ratios[0]:.0f}', f'{ratios[-1]:.0f}', ' to ')} to 1 by the nominal masses"
+        )
     text = (
         f"torques hold next to nothing of what the nominal masses need ({parts.said()}): they are torques before "
         f"gears{gears}, currents, another unit, or external torques, off which a driver has taken the model"
@@ -50,6 +52,6 @@ def said_of_unit(samples: TorqueSamples, parts: ModelParts, reading: Reading) ->
         parts.figures(),
         samples.channels,
         severity="spoils",
-        remedy=f"state the joints' gear ratios or torque constants (scale: {{{factors}, …}} in map.yaml), or log torques "
-        "as measured; what follows is in the log's unit, and no weight",
+        remedy=f"state the joints' gear ratios or torque constants (scale: {{{factors}, …}} in map.yaml), or log "
+        "torques as measured; what follows is in the log's unit, and no weight",
     )

@@ -27,7 +27,7 @@ def with_weight(robot: Robot, chart: Chart, gravity: tuple[float, float, float])
         gravity: that the log states, in the world frame [m/s²].
 
     Returns:
-        The chart as it is for a log of currents, or of motors that are coupled: what weighs how much there is not known.
+        The chart as it is for a log of currents, or of motors that are coupled, whose share of a weight is not known.
     """
     header = chart.log.header.model_copy(update={"gravity": gravity})
     if header.torque == "current" or header.coupling:

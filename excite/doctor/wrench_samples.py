@@ -101,7 +101,9 @@ class WrenchSamples:
         below = at.astype(np.int64)
         share = (at - below)[:, None, None]
         logged = (1.0 - share) * self.wrenches[below] + share * self.wrenches[below + 1]
-        made = np.einsum("sij,nsj->nsi", reading.wrench_map, logged[:, reading.sensor_of]) + reading.wrench_added
+        made = (
+            np.einsum("sij,nsj->nsi", reading.wrench_map, logged[:, reading.sensor_of]) + reading.wrench_added
+        )
         return np.einsum("nsij,nsj->ni", self._levers.at(reading, q), made)
 
     def left(self, reading: Reading) -> Array:

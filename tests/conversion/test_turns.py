@@ -83,7 +83,8 @@ def test_a_counter_that_passes_its_end_inside_the_travel_goes_on(turned, unit, t
         numbers[:, turned] = low + (numbers[:, turned] - middle / (2.0 * np.pi) * turn) % turn
         return np.floor(numbers) if unit.startswith("counts") else numbers
 
-    columns = named({**data, "q": kept(data["q"]), "q_cmd": kept(data["q_cmd"])}, q="q{n}", q_cmd="q_cmd{n}", tau="tau{n}")
+    data_kept = {**data, "q": kept(data["q"]), "q_cmd": kept(data["q_cmd"])}
+    columns = named(data_kept, q="q{n}", q_cmd="q_cmd{n}", tau="tau{n}")
     file = table(tmp_path / "a.csv", {"time": data["time"]} | columns)
     found = written.whole(file, arm, tmp_path, units={"q": unit, "q_cmd": unit})
     assert any("goes on here" in note for note in found.notes)
@@ -99,7 +100,8 @@ def test_numbers_that_leap_between_two_states_are_no_turns(tmp_path):
     arm = written.arm_urdf(tmp_path / "arm.urdf")
     data = written.motion()
     wave = np.sin(3.0 * data["time"])
-    beside = {"flag": (wave > 0).astype(float), "state": 3.0 * (wave > 0), "tau_x": 0.499 * np.sign(wave) + 0.001 * wave}
+    rubbing = 0.499 * np.sign(wave) + 0.001 * wave
+    beside = {"flag": (wave > 0).astype(float), "state": 3.0 * (wave > 0), "tau_x": rubbing}
     file = table(tmp_path / "a.csv", {"time": data["time"]} | named(data, q="q{n}", tau="tau{n}") | beside)
     found = written.whole(file, arm, tmp_path)
     assert not any("goes on here" in note for note in found.notes)

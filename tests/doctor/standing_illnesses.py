@@ -106,7 +106,9 @@ def zeroed(log: Log, strength: int) -> Log:
     once = {name: wrench[:20].mean(axis=0) for name, wrench in log.trials[0].wrenches.items()}
 
     def made(trial: Trial) -> Trial:
-        start = {name: wrench[:20].mean(axis=0) for name, wrench in trial.wrenches.items()} if strength else once
+        start = (
+            {name: wrench[:20].mean(axis=0) for name, wrench in trial.wrenches.items()} if strength else once
+        )
         return replace(trial, wrenches={name: w - start[name] for name, w in trial.wrenches.items()})
 
     return _each(log, made)

@@ -104,5 +104,3 @@ def test_no_model_is_written_of_torques_before_gears_that_nobody_stated(tmp_path
     files = write_models(robot, result, tmp_path)
     assert files.urdf is None and "unknown unit" in files.refused[0]
     assert not (tmp_path / "identified.urdf").exists()
-
-

@@ -149,14 +149,11 @@ def _unit(
         machine.slides[places],
         named,
     )
-    if unit == "deg" and not named and fast is not None:
-        speeds = [fast(item) for item in items]
-        if all(
-            speed is not None and speed < _FASTER * machine.speed[place]
-            for speed, place in zip(speeds, places, strict=True)
-        ):
-            unit, either = "", True
-            why = f"{why}; as rad they turn over, no faster than they may by their velocities, which go with either"
+    if unit == "deg" and not named and _may_turn_over(items, machine, fast):
+        unit, either = "", True
+        why = (
+            f"{why}; as rad they turn over, no faster than they may by their velocities, which go with either"
+        )
     stated = stated_unit(items, mapping, machine)
     if named == "counts" and unit not in COUNTS:
         unit, why, sure = "", "counts, by its name, and how many are a turn is not said", True
@@ -190,6 +187,16 @@ def _unit(
         )
         unit = "rad"
     return unit, why
+
+
+def _may_turn_over(
+    items: list[Mapped], machine: Machine, fast: Callable[[Mapped], float | None] | None
+) -> bool:
+    """Whether joints far beyond their ranges are, taken for radians, no faster than they may be."""
+    if fast is None:
+        return False
+    speeds = [(fast(item), machine.speed[_place(item, machine)]) for item in items]
+    return all(speed is not None and speed < _FASTER * most for speed, most in speeds)
 
 
 def of_ranges(found: Guesses, items: list[Mapped], mapping: Map, machine: Machine) -> list[Mapped]:

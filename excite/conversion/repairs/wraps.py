@@ -20,7 +20,11 @@ _CLOCK_BITS = (16, 24, 32)
 _RARE, _GAP = 0.01, 50.0
 # Turns in the units that angles come in, and in shares of ±100; degrees and radians may jump wherever they are.
 _ANGLES = (360.0, 2.0 * np.pi)
-_TURNS = (*_ANGLES, *(2.0 * np.pi / TO_SI[unit] for unit in ("rev", "mrad", "mdeg", "arcmin", "arcsec")), 200.0)
+_TURNS = (
+    *_ANGLES,
+    *(2.0 * np.pi / TO_SI[unit] for unit in ("rev", "mrad", "mdeg", "arcmin", "arcsec")),
+    200.0,
+)
 
 
 def signed(recording: Recording) -> Recording:

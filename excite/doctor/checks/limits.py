@@ -82,7 +82,9 @@ def _in_radians_by_others(robot: Robot, log: Log, which: NDArray[np.bool_]) -> b
         turned = replace(reading, unit=np.where(which, 1.0 / _DEGREE, reading.unit))
         return float((samples.judged(reading) - samples.judged(turned)).sum()) < LEAST_GAIN
     compared = velocity_ratios(log)
-    return compared is not None and bool((np.abs(np.log(np.maximum(compared[0][which], 1e-9))) < np.log(_SAME)).all())
+    return compared is not None and bool(
+        (np.abs(np.log(np.maximum(compared[0][which], 1e-9))) < np.log(_SAME)).all()
+    )
 
 
 class Limits(Check):

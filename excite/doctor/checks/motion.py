@@ -1,4 +1,4 @@
-"""Whether what was recorded is motion that says something: standing trials, seams, steps, joints in unison, too little."""
+"""Whether what was recorded is motion that says something: standing, seams, steps, joints in unison, too little."""
 
 from __future__ import annotations
 
@@ -76,15 +76,20 @@ class WholeTurns(Check):
         joints: dict[str, None] = {}
         trials = []
         for trial in log.trials:
-            found = {(c, j): w for c in ("q", "q_cmd") for j, _ in turning if (w := _whole(trial, c, j)) is not None}
+            found = {
+                (c, j): w
+                for c in ("q", "q_cmd")
+                for j, _ in turning
+                if (w := _whole(trial, c, j)) is not None
+            }
             joints |= {log.header.joints[j]: None for _, j in found}
             trials.append(_going_on(trial, found))
         if not joints:
             return Outcome(log)
         finding = Finding(
             "whole_turns",
-            f"positions of {listed([*joints])} jump by whole turns: counters that pass their end, or angles kept within "
-            "a turn",
+            f"positions of {listed([*joints])} jump by whole turns: counters that pass their end, or angles kept "
+            "within a turn",
             {"joints": float(len(joints))},
             tuple(joints),
             severity="spoils",

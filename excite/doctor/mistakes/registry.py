@@ -10,10 +10,10 @@ from excite.doctor.mistakes.gravity import Gravity
 from excite.doctor.mistakes.mistake import Mistake
 from excite.doctor.mistakes.order import Order, PositionOrder, TorqueOrder
 from excite.doctor.mistakes.position_sign import PositionSign
-from excite.doctor.mistakes.weight import Weight
 from excite.doctor.mistakes.torque_late import TorqueLate
 from excite.doctor.mistakes.torque_scale import TorqueScale
 from excite.doctor.mistakes.torque_sign import TorqueSign
+from excite.doctor.mistakes.weight import Weight
 from excite.doctor.mistakes.wrenches import WrenchAxes, WrenchOrder, WrenchSign, WrenchUnit
 from excite.doctor.mistakes.zero_position import ZeroPosition
 from excite.doctor.mistakes.zeroed_wrenches import ZeroedWrenches

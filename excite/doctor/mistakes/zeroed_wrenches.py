@@ -27,8 +27,8 @@ class ZeroedWrenches(Mistake[WrenchSamples]):
         added = samples.best_constants(reading)
         weight = float(np.linalg.norm(added[:, :3].sum(axis=0)))
         text = (
-            f"wrenches weigh {ratio:.2g} times what the robot does, and with constants of together {weight:.0f} N they are "
-            "its: they were zeroed under load"
+            f"wrenches weigh {ratio:.2g} times what the robot does, and its weight with constants of together "
+            f"{weight:.0f} N: they were zeroed under load"
         )
         other = replace(reading, wrench_added=reading.wrench_added + added)
         yield Correction(

@@ -84,7 +84,10 @@ def read_subject(
         )
     if document is None:
         raise InputError("holds no identification", source=file, field="identification", remedy=_AGAIN)
-    if any(f.kind == "torque_scale" and not f.repaired and {*document.fit} <= {*f.places} for f in document.findings):
+    if any(
+        f.kind == "torque_scale" and not f.repaired and {*document.fit} <= {*f.places}
+        for f in document.findings
+    ):
         raise InputError(
             "is of torques in an unknown unit, and so would be the model's weight",
             source=file,
