@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.conversion.columns.mixed_units import alike, apart, in_degrees, is_slide, stated_unit
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
 from excite.conversion.columns.unit_words import OF_SLIDING, OF_TURNING
-from excite.conversion.columns.units import BEYOND, COUNTS, TO_SI, position_unit
+from excite.conversion.columns.units import BEYOND, COUNTS, TO_SI, PositionUnit, position_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -139,21 +139,9 @@ def _unit(
     maybe_shares: bool = False,
 ) -> tuple[str, str]:
     """The unit of columns that share one, and why; asked for where it cannot be told."""
-    channel, places = items[0].channel, [_place(item, machine) for item in items]
-    slide = is_slide(items[0], machine)
+    channel, slide = items[0].channel, is_slide(items[0], machine)
     named = named_unit(items, columns, slide=slide)
-    unit, why, sure, either = position_unit(
-        values_of(items, columns),
-        machine.lower[places],
-        machine.upper[places],
-        machine.slides[places],
-        named,
-    )
-    if unit == "deg" and not named and _may_turn_over(items, machine, fast):
-        unit, either = "", True
-        why = (
-            f"{why}; as rad they turn over, no faster than they may by their velocities, which go with either"
-        )
+    unit, why, sure, either = _by_numbers(items, columns, machine, named, fast)
     stated = stated_unit(items, mapping, machine)
     if named == "counts" and unit not in COUNTS:
         unit, why, sure = "", "counts, by its name, and how many are a turn is not said", True
@@ -187,6 +175,23 @@ def _unit(
         )
         unit = "rad"
     return unit, why
+
+
+def _by_numbers(
+    items: list[Mapped],
+    columns: dict[str, Column],
+    machine: Machine,
+    named: str,
+    fast: Callable[[Mapped], float | None] | None,
+) -> PositionUnit:
+    """The unit by ranges, where velocities do not let it open."""
+    places = [_place(item, machine) for item in items]
+    lower, upper, slide = machine.lower[places], machine.upper[places], machine.slides[places]
+    found = position_unit(values_of(items, columns), lower, upper, slide, named)
+    if found.unit != "deg" or named or not _may_turn_over(items, machine, fast):
+        return found
+    why = "as rad they turn over, no faster than they may by their velocities, which go with either"
+    return PositionUnit("", f"{found.why}; {why}", found.sure, either=True)
 
 
 def _may_turn_over(
