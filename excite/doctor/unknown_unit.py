@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from excite.doctor.misreadings import misreadings
+from excite.doctor.mistakes.model_parts import ModelParts, parts_in
 from excite.doctor.mistakes.torque_scale import TorqueScale
-from excite.doctor.model_parts import ModelParts, parts_in
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import Finding

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.doctor.mistakes.mistake import Correction, Mistake
-from excite.doctor.model_parts import parts_in
+from excite.doctor.mistakes.model_parts import parts_in
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
 
