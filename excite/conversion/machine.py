@@ -31,6 +31,7 @@ class Machine:
         name: of the robot.
         joints: names of the joints that move by themselves, in the model's order.
         lower: ``(n,)`` [rad or m], ``upper`` too; infinite where the model states none.
+        speed: ``(n,)`` largest speeds [rad/s or m/s]; nan where the model states none.
         torque: ``(n,)`` largest torques [N·m or N]; infinite where none is stated.
         slides: ``(n,)`` whether a joint slides instead of turning.
         floating: whether the base is free.
@@ -44,6 +45,7 @@ class Machine:
     joints: tuple[str, ...]
     lower: Array
     upper: Array
+    speed: Array
     torque: Array
     slides: Array
     floating: bool
@@ -99,6 +101,7 @@ def _of_robot(robot: Robot, joints: tuple[str, ...]) -> Machine:
         joints=joints,
         lower=np.asarray(robot.limits.position_lower, dtype=float)[places],
         upper=np.asarray(robot.limits.position_upper, dtype=float)[places],
+        speed=_stated(np.asarray(robot.limits.velocity, dtype=float)[places]),
         torque=np.asarray(robot.limits.torque, dtype=float)[places],
         slides=np.array([slides(robot.model, robot.n_base_v + place) for place in places]),
         floating=robot.floating,
@@ -107,6 +110,11 @@ def _of_robot(robot: Robot, joints: tuple[str, ...]) -> Machine:
         text=robot.urdf if robot.mechanism is None else portable_description(robot),
         robot=robot,
     )
+
+
+def _stated(speeds: Array) -> Array:
+    """Limits of speed, nan for those that are none."""
+    return np.where(np.isfinite(speeds) & (speeds > 0.0), speeds, np.nan)
 
 
 def _of_urdf(path: Path) -> Machine:
@@ -137,6 +145,7 @@ def _of_urdf(path: Path) -> Machine:
         joints=names,
         lower=np.where(ends, lower, -np.inf),
         upper=np.where(ends, upper, np.inf),
+        speed=_stated(limits(model.velocityLimit, np.nan)),
         torque=np.where(effort > 0.0, effort, np.inf),
         slides=np.array([slides(model, place) for place in order]),
         floating=standing is not None,

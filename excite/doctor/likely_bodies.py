@@ -67,6 +67,7 @@ class LikelyBodies:
         motion: tuple[Array, Array, Array],
         columns: NDArray[np.int64],
         torque: Array,
+        nominal: Array,
         width: Array,
     ) -> Array:
         """Half the logarithm of each torque's share of power that is left, and of what the fit costs.
@@ -76,6 +77,7 @@ class LikelyBodies:
             motion: ``q (n, nq)``, ``v``, ``a (n, nv)``.
             columns: ``(n_torques,)`` indices into ``v`` of the joints that have a torque.
             torque: ``(n, n_torques)``.
+            nominal: what it holds of the nominal bodies', likewise.
             width: ``(n_torques,)`` speed over which dry friction changes sign [rad/s].
 
         Returns:
@@ -85,7 +87,7 @@ class LikelyBodies:
         n, m = torque.shape
         body = joint_torque_regressor(tree, q, v, a)[:, columns]
         scale = np.maximum(torque.std(axis=0), 1e-12)
-        target = (torque - body @ tree.phi) / scale
+        target = (torque - nominal) / scale
         felt = np.abs(body).max(axis=0) * self.spread > 1e-9
         used = np.flatnonzero(felt.any(axis=0))
         k = len(used)

@@ -33,7 +33,9 @@ class Reading:
         gravity: ``(3,)`` in the world frame [m/s²].
         sensor_of: ``(n_sensors,)`` whose columns hold each contact sensor's wrench.
         wrench_map: ``(n_sensors, 6, 6)`` what makes a wrench of these columns: signs, axes, units.
+        wrench_added: ``(n_sensors, 6)`` constants that are added to them then [N, N·m].
         pose: what the columns of the base pose hold.
+        weightless: whether a driver took the nominal weight off torques before it reported them.
     """
 
     position_of: NDArray[np.int64]
@@ -47,7 +49,9 @@ class Reading:
     gravity: Array
     sensor_of: NDArray[np.int64]
     wrench_map: Array
+    wrench_added: Array
     pose: BasePose = BasePose.STATED
+    weightless: bool = False
 
     @classmethod
     def as_stated(cls, log: Log) -> Reading:
@@ -65,6 +69,7 @@ class Reading:
             gravity=np.array(log.header.gravity),
             sensor_of=np.arange(len(log.header.sensors)),
             wrench_map=np.tile(np.eye(6), (len(log.header.sensors), 1, 1)),
+            wrench_added=np.zeros((len(log.header.sensors), 6)),
         )
 
     def in_units(self, unit: float, slides: Sequence[bool]) -> Reading:
@@ -78,8 +83,8 @@ class Reading:
 
     def motion_key(self) -> bytes:
         """Equal for readings that make the same motion of the same log."""
-        pose = list(BasePose).index(self.pose)
-        parts = (self.position_of, self.position_sign, self.unit, [self.tick, pose], self.zero, self.gravity)
+        rest = [self.tick, list(BasePose).index(self.pose), self.weightless]
+        parts = (self.position_of, self.position_sign, self.unit, rest, self.zero, self.gravity)
         return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
 
     def with_position(self, joint: int, sign: float = 1.0, zero: float = 0.0) -> Reading:
@@ -104,7 +109,9 @@ class Reading:
     def of(self, log: Log) -> Log:
         """The log with its channels put right."""
         columns = [log.header.joints.index(joint) for joint in log.header.torque_joints]
-        header = log.header.model_copy(update={"gravity": tuple(float(x) for x in self.gravity)})
+        # Without weight torques are those of a robot that has none: what they tell is identified so.
+        gravity = np.zeros(3) if self.weightless else self.gravity
+        header = log.header.model_copy(update={"gravity": tuple(float(x) for x in gravity)})
         sensors = tuple(sensor.name for sensor in log.header.sensors)
         trials = tuple(self._trial(trial, columns, sensors) for trial in log.trials)
         return replace(log, header=header, trials=trials)
@@ -154,9 +161,10 @@ class Reading:
     def _wrenches(self, trial: Trial, sensors: tuple[str, ...]) -> dict[str, Array]:
         """Readings by sensor; those of sensors that the log does not describe as they are."""
         found = dict(trial.wrenches)
-        for name, other, matrix in zip(sensors, self.sensor_of, self.wrench_map, strict=True):
+        read = zip(sensors, self.sensor_of, self.wrench_map, self.wrench_added, strict=True)
+        for name, other, matrix, added in read:
             if sensors[other] in trial.wrenches:
-                found[name] = trial.wrenches[sensors[other]] @ matrix.T
+                found[name] = trial.wrenches[sensors[other]] @ matrix.T + added
         return found
 
     def _shifted(self, time: Array, values: Array) -> Array:

@@ -8,7 +8,7 @@ from excite.doctor.checks.commands import Commands
 from excite.doctor.checks.held_rows import HeldRows
 from excite.doctor.checks.limits import Degrees, Limits
 from excite.doctor.checks.machine import OtherMachine
-from excite.doctor.checks.motion import Amount, Jumps, Standing, Unison
+from excite.doctor.checks.motion import Amount, Jumps, Standing, Unison, WholeTurns
 from excite.doctor.checks.rate import StatedRate
 from excite.doctor.checks.rows import CountedRows
 from excite.doctor.checks.sensors import Constant, Range, Steps
@@ -22,6 +22,7 @@ CHECKS: tuple[Check, ...] = (
     HeldRows(),
     StatedRate(),
     Stamps(),
+    WholeTurns(),
     Steps(),
     Range(),
     Degrees(),

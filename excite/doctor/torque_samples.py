@@ -111,7 +111,7 @@ class TorqueSamples:
         if key not in self._models:
             q, v, a = self.motion(reading)
             columns = self.places[self.measured]
-            torque = inverse_dynamics(self.under(reading.gravity), q, v, a)[:, columns]
+            torque = self._nominal(reading, q, v, a)
             if len(self._models) >= _REMEMBERED:
                 del self._models[next(iter(self._models))]
             self._models[key] = Predicted(
@@ -151,7 +151,7 @@ class TorqueSamples:
         model, drive = self.predicted(reading)
         q, v, _ = self.motion(reading)
         still = np.zeros_like(v)
-        weight = inverse_dynamics(self.under(reading.gravity), q, still, still)[:, self.places[self.measured]]
+        weight = self._nominal(reading, q, still, still)
         return families.by_clock(self.measured_torque(reading), model, weight, drive)
 
     def judged(self, reading: Reading) -> Array:
@@ -162,7 +162,12 @@ class TorqueSamples:
         torque = self.measured_torque(reading)[some]
         q, v, a = (values[some] for values in motion)
         return LikelyBodies.of(tree).left(
-            tree, (q, v, a), self.places[self.measured], torque, WIDTH * reading.speed[self.measured]
+            tree,
+            (q, v, a),
+            self.places[self.measured],
+            torque,
+            self.predicted(reading).torque[some],
+            WIDTH * reading.speed[self.measured],
         )
 
     def across(self, reading: Reading) -> Array:
@@ -197,6 +202,11 @@ class TorqueSamples:
     def under(self, gravity: Array) -> KinematicTree:
         """The robot's kinematics under another gravity."""
         return replace(self._tree, gravity=np.asarray(gravity, dtype=float))
+
+    def _nominal(self, reading: Reading, q: Array, v: Array, a: Array) -> Array:
+        """What measured torques hold of the nominal bodies' along a motion, ``(n, n_torques)``."""
+        gravity = np.zeros(3) if reading.weightless else reading.gravity
+        return inverse_dynamics(self.under(gravity), q, v, a)[:, self.places[self.measured]]
 
     def _between(self, reading: Reading) -> Array:
         """Torques that were logged ``late_s`` after the samples."""

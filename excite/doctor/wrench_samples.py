@@ -101,7 +101,9 @@ class WrenchSamples:
         below = at.astype(np.int64)
         share = (at - below)[:, None, None]
         logged = (1.0 - share) * self.wrenches[below] + share * self.wrenches[below + 1]
-        made = np.einsum("sij,nsj->nsi", reading.wrench_map, logged[:, reading.sensor_of])
+        made = (
+            np.einsum("sij,nsj->nsi", reading.wrench_map, logged[:, reading.sensor_of]) + reading.wrench_added
+        )
         return np.einsum("nsij,nsj->ni", self._levers.at(reading, q), made)
 
     def left(self, reading: Reading) -> Array:
@@ -144,6 +146,18 @@ class WrenchSamples:
         force = self.measured(reading, q)[:, :3]
         return float((force * nominal).sum() / max(float((nominal**2).sum()), 1e-300))
 
+    def best_constants(self, reading: Reading) -> Array:
+        """What is to be added to each sensor for the nominal bodies to be carried, the smallest, ``(n_sensors, 6)``."""
+        lifts = self._biases(reading, self.motion(reading).q) / self.scale[:, None]
+        missing = -self._rest(reading)
+        found = np.linalg.lstsq(lifts.reshape(-1, lifts.shape[2]), missing.ravel(), rcond=1e-6)[0]
+        return np.asarray(found.reshape(-1, 6) * self._bias)
+
+    @property
+    def _bias(self) -> Array:
+        """Standard deviations of a sensor's bias, ``(6,)`` [N, N·m]."""
+        return _BIAS * self.weight * np.array([1.0] * 3 + [_ARM_M] * 3)
+
     @property
     def weight(self) -> float:
         """Of what the sensors carry, by the nominal model [N]."""
@@ -171,8 +185,7 @@ class WrenchSamples:
 
     def _biases(self, reading: Reading, q: Array) -> Array:
         """Wrenches on the base per standard deviation of each sensor's bias, ``(n, 6, 6·n_sensors)``."""
-        size = _BIAS * self.weight * np.array([1.0] * 3 + [_ARM_M] * 3)
-        lifts = self._levers.at(reading, q) * size
+        lifts = self._levers.at(reading, q) * self._bias
         return np.concatenate(list(lifts.transpose(1, 0, 2, 3)), axis=2)
 
     def _tilts(self, tree: KinematicTree, q: Array) -> Array:

@@ -97,6 +97,7 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
             "gravity": _GRAVITY,
             "rate_hz": round(rate, 6),
             "lowpass_hz": cutoff_hz,
+            "posture": "computed",
             "joints": JOINT_NAMES,
             "torque": "none",
             "base_link": "pelvis",

@@ -166,7 +166,8 @@ class Identification(Tabled):
             f"{self.robot}, method {self.method}: {count(len(self.base), 'base parameter')}"
             + (f" of {rank}" if rank is not None else "")
             + f" from {self.solution.n_samples} samples",
-            f"total mass {mass.identified:.3f} kg (nominal {mass.nominal:.3f} kg)",
+            f"total mass {mass.identified:.3f} kg (nominal {mass.nominal:.3f} kg)"
+            + (", which is no weight: the torques are not N·m" if self.in_unknown_unit else ""),
         ]
         if not self.solution.solved:
             lines.insert(0, f"NO SOLUTION, the best found follows: {self.solution.status}")
@@ -191,7 +192,17 @@ class Identification(Tabled):
             link for found in self.findings if found.kind == "weightless" for link in found.places
         )
 
+    @property
+    def in_unknown_unit(self) -> bool:
+        """Whether the torques of all joints are in a unit that is not known, and with them every parameter."""
+        return any(
+            found.kind == "torque_scale" and len(found.places) == len(self.fit) and not found.repaired
+            for found in self.findings
+        )
+
     def _change_lines(self) -> list[str]:
+        if self.in_unknown_unit:
+            return ["changed segments: not asked of torques in an unknown unit"]
         if not self.changes.segments:
             return ["changed segments: none found"]
         lines = ["changed segments:"]

@@ -29,7 +29,8 @@ from excite.shown import count
 class LogHeader(HeaderBlock):
     """The whole of ``log.yaml``.
 
-    Where ``lowpass_hz`` is stated, all channels went through the same low-pass at that cut-off already.
+    Where ``lowpass_hz`` is stated, all channels went through the same low-pass at that cut-off already. ``posture`` is
+    ``computed`` where joints and base were fitted to something else that was recorded, such as named markers.
     ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move, but
     their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their joints,
     how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are then the
@@ -44,6 +45,7 @@ class LogHeader(HeaderBlock):
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     rate_hz: Rate
     lowpass_hz: Cutoff | None = None
+    posture: Literal["measured", "computed"] = "measured"
     joints: tuple[Name, ...] = Field(min_length=1, max_length=MAX_NAMES)
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
     torque_constants: dict[Name, Factor] = Field(default_factory=dict)

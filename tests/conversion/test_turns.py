@@ -56,3 +56,52 @@ def test_actual_and_set_positions_of_a_controller(actual, setpoint, tmp_path):
         "ASPos.A2",
         "GearTorque.A2",
     ]
+
+
+# What a turn is in each unit, and the numbers between which its driver keeps an angle.
+WRAPPED = {
+    "counts/4096": (4096.0, 0.0),
+    "rev": (1.0, 0.0),
+    "deg": (360.0, -180.0),
+    "rad": (2.0 * np.pi, 0.0),
+    "mrad": (2000.0 * np.pi, -1000.0 * np.pi),
+}
+
+
+@pytest.mark.parametrize("unit", WRAPPED)
+@pytest.mark.parametrize("turned", [0, 1])
+def test_a_counter_that_passes_its_end_inside_the_travel_goes_on(turned, unit, tmp_path):
+    """Of one joint or the other; its commands pass it some rows earlier and stay on the joint's turn."""
+    arm = written.arm_urdf(tmp_path / "arm.urdf")
+    data = written.motion()
+    turn, low = WRAPPED[unit]
+    middle = np.median(data["q"][:, turned])
+
+    def kept(q: np.ndarray) -> np.ndarray:
+        numbers = q / (2.0 * np.pi) * turn
+        # The seam stands in the middle of the joint's way, that of the others far from theirs.
+        numbers[:, turned] = low + (numbers[:, turned] - middle / (2.0 * np.pi) * turn) % turn
+        return np.floor(numbers) if unit.startswith("counts") else numbers
+
+    data_kept = {**data, "q": kept(data["q"]), "q_cmd": kept(data["q_cmd"])}
+    columns = named(data_kept, q="q{n}", q_cmd="q_cmd{n}", tau="tau{n}")
+    file = table(tmp_path / "a.csv", {"time": data["time"]} | columns)
+    found = written.whole(file, arm, tmp_path, units={"q": unit, "q_cmd": unit})
+    assert any("goes on here" in note for note in found.notes)
+    assert not {"steps", "whole_turns", "degrees"} & {item.kind for item in found.chart.findings}
+    trial = found.log.trials[0]
+    moved = trial.q - trial.q[0]
+    np.testing.assert_allclose(moved, (data["q"] - data["q"][0])[: len(moved)], atol=0.01)
+    assert np.abs(trial.q_cmd - trial.q).max() < 0.2
+
+
+def test_numbers_that_leap_between_two_states_are_no_turns(tmp_path):
+    """A flag, a quaternion that turns its sign, a friction torque of about a newton metre each way."""
+    arm = written.arm_urdf(tmp_path / "arm.urdf")
+    data = written.motion()
+    wave = np.sin(3.0 * data["time"])
+    rubbing = 0.499 * np.sign(wave) + 0.001 * wave
+    beside = {"flag": (wave > 0).astype(float), "state": 3.0 * (wave > 0), "tau_x": rubbing}
+    file = table(tmp_path / "a.csv", {"time": data["time"]} | named(data, q="q{n}", tau="tau{n}") | beside)
+    found = written.whole(file, arm, tmp_path)
+    assert not any("goes on here" in note for note in found.notes)

@@ -184,6 +184,20 @@ def gravity(log: Log, rng: np.random.Generator, strength: int) -> Log:
     return _each(log, lambda t: t, gravity=((9.81, 0.0, 0.0), (0.0, 0.0, 9.81))[strength])
 
 
+def whole_turns(log: Log, rng: np.random.Generator, strength: int) -> Log:
+    """A joint that is kept within a turn whose seam lies in its travel, or that is read anew a turn away."""
+    j = _loaded(log, rng, 4)
+
+    def change(t: Trial) -> Trial:
+        if strength:
+            away = 2.0 * np.pi * (np.arange(len(t.time)) > len(t.time) // 2)
+            return replace(t, q=_column(t.q, j, t.q[:, j] + away))
+        low = np.median(t.q[:, j])
+        return replace(t, q=_column(t.q, j, low + (t.q[:, j] - low) % (2.0 * np.pi)))
+
+    return _each(log, change)
+
+
 ILLNESSES: dict[str, Illness] = {
     "torque sign": Illness(torque_sign, "torque_sign"),
     "torques exchanged": Illness(torques_exchanged, "torque_order"),
@@ -200,4 +214,5 @@ ILLNESSES: dict[str, Illness] = {
     "torque late": Illness(torque_late, "torque_late"),
     "zero position": Illness(zero_position, "zero_position"),
     "gravity": Illness(gravity, "gravity"),
+    "whole turns": Illness(whole_turns, "whole_turns"),
 }

@@ -101,6 +101,19 @@ def late(log: Log, strength: int) -> Log:
     return _each(log, made)
 
 
+def zeroed(log: Log, strength: int) -> Log:
+    """Sensors zeroed while the robot stood on them: once, or before every trial."""
+    once = {name: wrench[:20].mean(axis=0) for name, wrench in log.trials[0].wrenches.items()}
+
+    def made(trial: Trial) -> Trial:
+        start = (
+            {name: wrench[:20].mean(axis=0) for name, wrench in trial.wrenches.items()} if strength else once
+        )
+        return replace(trial, wrenches={name: w - start[name] for name, w in trial.wrenches.items()})
+
+    return _each(log, made)
+
+
 STANDING_ILLNESSES: dict[str, StandingIllness] = {
     "wrench sign": StandingIllness(wrench_sign, "wrench_sign"),
     "feet exchanged": StandingIllness(feet_exchanged, "wrench_order"),
@@ -109,4 +122,5 @@ STANDING_ILLNESSES: dict[str, StandingIllness] = {
     "position sign": StandingIllness(position_sign, "position_sign"),
     "base quaternion": StandingIllness(base_quaternion, "base_pose"),
     "late": StandingIllness(late, "torque_late"),
+    "zeroed": StandingIllness(zeroed, "zeroed_wrenches"),
 }

@@ -103,3 +103,11 @@ def test_a_weight_in_no_unit_is_said_and_left(g1: Robot, log: Log) -> None:
 
 def test_a_known_unit_leaves_no_doubt(examined: Callable[[str, int], Chart]) -> None:
     assert examined("force unit", 0).doubts == frozenset()
+
+
+def test_no_mistake_of_a_logger_is_seen_in_postures_that_were_computed(g1: Robot, log: Log) -> None:
+    """Joints that somebody fitted to named markers are not exchanged, whatever wrenches make of it."""
+    turned = STANDING_ILLNESSES["position sign"].change(log, 1)
+    assert "position_sign" in spoiling(examine(g1, turned))
+    computed = replace(turned, header=turned.header.model_copy(update={"posture": "computed"}))
+    assert not {"position_sign", "order", "zero_position", "degrees"} & spoiling(examine(g1, computed))

@@ -9,6 +9,7 @@ import pytest
 
 from excite.doctor.examine import examine
 from excite.doctor.likely_bodies import LikelyBodies
+from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import read_tree
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log, changed
@@ -34,5 +35,6 @@ def test_what_likely_bodies_leave_of_accelerations_of_any_size(fast: float) -> N
     tree, n = read_tree(robot.model), robot.n_joints
     q, torque = np.full((200, n), 0.5), 0.01 * rng.standard_normal((200, n))
     v, a = fast * rng.standard_normal((200, n)), fast**2 * rng.standard_normal((200, n))
-    left = LikelyBodies.of(tree).left(tree, (q, v, a), np.arange(n), torque, np.full(n, 0.01))
+    nominal = inverse_dynamics(tree, q, v, a)
+    left = LikelyBodies.of(tree).left(tree, (q, v, a), np.arange(n), torque, nominal, np.full(n, 0.01))
     assert np.isfinite(left).all()

@@ -121,7 +121,7 @@ def understand(
             if derived or explained[best] > _LIKE_TORQUES:
                 channels["tau"] = blocks[best]
                 reasons["tau"] = (
-                    f"postures and motions make {100 * explained[best]:.0f} % of them, as of torques"
+                    f"postures and motions make {100 * min(explained[best], 1.0):.0f} % of them, as of torques"
                 )
     return Understood(joints, channels, reasons)
 

@@ -11,12 +11,14 @@ from excite.arrays import Array
 from excite.conversion.columns.mixed_units import alike, apart, in_degrees, is_slide, stated_unit
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
 from excite.conversion.columns.unit_words import OF_SLIDING, OF_TURNING
-from excite.conversion.columns.units import BEYOND, COUNTS, TO_SI, position_unit
+from excite.conversion.columns.units import BEYOND, COUNTS, TO_SI, PositionUnit, position_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Column
 
+# Joints may be faster than they are said to be, but not as much as degrees are larger than radians.
+_FASTER = 3.0
 # Columns that are named in one reason.
 MOST_NAMED = 4
 # LeRobot's servos report the share of the range that they were calibrated in, unless told to report degrees: from
@@ -30,6 +32,7 @@ def positions(
     machine: Machine,
     mapping: Map,
     slope: Callable[[Mapped], float | None],
+    fast: Callable[[Mapped], float | None],
     *,
     maybe_shares: bool,
 ) -> dict[str, tuple[str, str]]:
@@ -41,6 +44,7 @@ def positions(
         machine: the robot.
         mapping: what a person said.
         slope: of a column's numbers over its joint's logged velocity; None where there is none.
+        fast: how fast a column's numbers are by a logged velocity in the same unit; None where there is none.
         maybe_shares: whether the format may hold shares of ranges.
     """
     result: dict[str, tuple[str, str]] = {}
@@ -48,7 +52,7 @@ def positions(
         for part, why in _by_unit(found, items, columns, machine, mapping, slope):
             units = ("rad", "asked about")
             if why is not None:
-                units = _unit(found, part, columns, machine, mapping, maybe_shares=maybe_shares)
+                units = _unit(found, part, columns, machine, mapping, fast=fast, maybe_shares=maybe_shares)
                 units = (units[0], why or units[1])
             result |= {item.target: units for item in part}
     measured = {item.target: item for item in found.of("q")}
@@ -131,19 +135,13 @@ def _unit(
     mapping: Map,
     *,
     like: tuple[str, str] | None = None,
+    fast: Callable[[Mapped], float | None] | None = None,
     maybe_shares: bool = False,
 ) -> tuple[str, str]:
     """The unit of columns that share one, and why; asked for where it cannot be told."""
-    channel, places = items[0].channel, [_place(item, machine) for item in items]
-    slide = is_slide(items[0], machine)
+    channel, slide = items[0].channel, is_slide(items[0], machine)
     named = named_unit(items, columns, slide=slide)
-    unit, why, sure, either = position_unit(
-        values_of(items, columns),
-        machine.lower[places],
-        machine.upper[places],
-        machine.slides[places],
-        named,
-    )
+    unit, why, sure, either = _by_numbers(items, columns, machine, named, fast)
     stated = stated_unit(items, mapping, machine)
     if named == "counts" and unit not in COUNTS:
         unit, why, sure = "", "counts, by its name, and how many are a turn is not said", True
@@ -177,6 +175,33 @@ def _unit(
         )
         unit = "rad"
     return unit, why
+
+
+def _by_numbers(
+    items: list[Mapped],
+    columns: dict[str, Column],
+    machine: Machine,
+    named: str,
+    fast: Callable[[Mapped], float | None] | None,
+) -> PositionUnit:
+    """The unit by ranges, where velocities do not let it open."""
+    places = [_place(item, machine) for item in items]
+    lower, upper, slide = machine.lower[places], machine.upper[places], machine.slides[places]
+    found = position_unit(values_of(items, columns), lower, upper, slide, named)
+    if found.unit != "deg" or named or not _may_turn_over(items, machine, fast):
+        return found
+    why = "as rad they turn over, no faster than they may by their velocities, which go with either"
+    return PositionUnit("", f"{found.why}; {why}", found.sure, either=True)
+
+
+def _may_turn_over(
+    items: list[Mapped], machine: Machine, fast: Callable[[Mapped], float | None] | None
+) -> bool:
+    """Whether joints far beyond their ranges are, taken for radians, no faster than they may be."""
+    if fast is None:
+        return False
+    speeds = [(fast(item), machine.speed[_place(item, machine)]) for item in items]
+    return all(speed is not None and speed < _FASTER * most for speed, most in speeds)
 
 
 def of_ranges(found: Guesses, items: list[Mapped], mapping: Map, machine: Machine) -> list[Mapped]:

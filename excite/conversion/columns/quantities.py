@@ -12,7 +12,15 @@ from excite.conversion.columns.mixed_units import MOTION, alike, is_slide, state
 from excite.conversion.columns.naming.wrong_kind import ask_for_kind, ask_for_rate, beginning
 from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
 from excite.conversion.columns.scaled import named_unit, of_imu, scaled, values_of, without_unit
-from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, derivative_of, ratio_unit, zero_of
+from excite.conversion.columns.units import (
+    COUNT_RATES,
+    COUNTS,
+    NEAR,
+    TO_SI,
+    derivative_of,
+    ratio_unit,
+    zero_of,
+)
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -40,7 +48,9 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
     done += of_imu(found.of("imu"), columns, mapping)
     maybe_shares = bool(recording.said.get("maybe_shares"))
-    angles = positions(found, columns, machine, mapping, _slopes(found, recording), maybe_shares=maybe_shares)
+    slope = _slopes(found, recording)
+    fast = _speeds(found, columns, slope)
+    angles = positions(found, columns, machine, mapping, slope, fast, maybe_shares=maybe_shares)
     for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "contact"):
         everything = found.of(channel)
         if not everything or _left_out(found, everything, columns, mapping, machine):
@@ -230,6 +240,21 @@ def _slopes(found: Guesses, recording: Recording) -> Callable[[Mapped], float | 
         return abs(value) if agreement > 0.5 else None
 
     return slope
+
+
+def _speeds(
+    found: Guesses, columns: dict[str, Column], slope: Callable[[Mapped], float | None]
+) -> Callable[[Mapped], float | None]:
+    """How fast joints are by logged velocities of no stated unit, where these are in that of the positions' numbers."""
+    speeds = {item.target.partition(".")[2]: item for item in found.of("v")}
+
+    def fast(item: Mapped) -> float | None:
+        value, speed = slope(item), speeds.get(item.target.partition(".")[2])
+        if value is None or speed is None or not 1.0 / NEAR < value < NEAR or named_unit([speed], columns):
+            return None
+        return float(np.nanmax(np.abs(columns[speed.source].values)))
+
+    return fast
 
 
 def _torques(

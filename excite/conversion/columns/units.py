@@ -69,7 +69,7 @@ WIDE = 6.0 * math.pi
 _TOO_NARROW = 2.0 * math.pi
 _MOTORS = 2.0 * _TOO_NARROW
 # How near a ratio of velocity and derivative has to be to that of two units, as a factor.
-_NEAR = 1.15
+NEAR = 1.15
 # What is larger is a damaged number, whose square no float holds.
 _LARGEST = 1e30
 
@@ -221,7 +221,7 @@ def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> RatioU
         return RatioUnit(None, float("nan"), 0.0)
     ratio = float(np.median(np.abs(ratios)))
     near = min(units, key=lambda unit: abs(math.log(ratio / units[unit])))
-    found = near if abs(math.log(ratio / units[near])) < math.log(_NEAR) else None
+    found = near if abs(math.log(ratio / units[near])) < math.log(NEAR) else None
     return RatioUnit(found, ratio, float(np.min(agreements)))
 
 

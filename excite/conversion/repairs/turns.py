@@ -13,12 +13,15 @@ from excite.conversion.machine import Machine
 
 WHOLE_TURNS = "whole turns bring joints into their ranges"
 _TURN = 2.0 * np.pi
+# Damaged numbers are larger [rad].
+_FAR = 1e6
 
 
 def within_ranges(table: Table, machine: Machine, stated: Mapping[str, float]) -> Table:
     """The table with joints moved by the whole turns that bring them into their ranges, where nothing less does.
 
-    Each recording by itself: the same angle goes on from 350 degrees in one and from -10 in the next.
+    Each recording by itself: the same angle goes on from 350 degrees in one and from -10 in the next. Commands are
+    moved to where their joint is.
 
     Args:
         table: channels in SI units.
@@ -28,15 +31,19 @@ def within_ranges(table: Table, machine: Machine, stated: Mapping[str, float]) -
     columns, moved = dict(table.columns), []
     for k, joint in enumerate(machine.joints):
         lower, upper = float(machine.lower[k]), float(machine.upper[k])
-        if machine.slides[k] or not np.isfinite(upper - lower):
+        if machine.slides[k]:
             continue
+        measured = columns.get(f"q.{joint}")
         for channel in ("q", "q_cmd"):
             name = f"{channel}.{joint}"
             values = columns.get(name)
             if values is None or not np.isfinite(values).any() or {name, channel} & set(stated):
                 continue
-            low, high = float(np.nanmin(values)), float(np.nanmax(values))
-            turns = _turns(low, high, lower, upper)
+            if channel == "q" or measured is None:
+                turns = _turns(float(np.nanmin(values)), float(np.nanmax(values)), lower, upper)
+            else:
+                away = np.nanmedian(columns[f"q.{joint}"] - values)
+                turns = round(float(away) / _TURN) if abs(away) < _FAR else 0
             if turns:
                 columns[name] = values + turns * _TURN
                 moved.append(f"{name} {turns:+d}")
@@ -48,7 +55,7 @@ def within_ranges(table: Table, machine: Machine, stated: Mapping[str, float]) -
 
 def _turns(low: float, high: float, lower: float, upper: float) -> int:
     """Turns to add to an angle that leaves its range without them and keeps it with them; zero for none."""
-    if max(lower - low, high - upper) <= BEYOND or not abs(high + low) < 1e6:
+    if not max(lower - low, high - upper) > BEYOND or not abs(high + low) < _FAR or np.isinf(upper - lower):
         return 0
     turns = round((0.5 * (lower + upper) - 0.5 * (low + high)) / _TURN)
     kept = max(lower - low - turns * _TURN, high + turns * _TURN - upper) <= BEYOND

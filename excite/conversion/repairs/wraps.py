@@ -8,17 +8,23 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.clock import is_clock
+from excite.conversion.columns.units import TO_SI
 from excite.conversion.columns.words import clue
 from excite.conversion.recording import Column, Recording
+from excite.logs.signals.seams import without_seams
 
 # A signal of sixteen bits that changes its sign leaves the middle half of the range empty.
 _BITS = (16, 32)
 _CLOCK_BITS = (16, 24, 32)
 # A clock passes its end seldom, and loses no more rows there than elsewhere.
 _RARE, _GAP = 0.01, 50.0
-# Angles that drivers keep within a turn, in degrees and radians. A jump leaves out what the joint moves in a row, below
-# a tenth of a turn at 25 Hz and 15 rad/s; a joint that swings about the seam at 2 Hz jumps in every sixth row then.
-_TURNS, _MOST, _SELDOM = (360.0, 2.0 * np.pi), 0.9, 0.17
+# Turns in the units that angles come in, and in shares of ±100; degrees and radians may jump wherever they are.
+_ANGLES = (360.0, 2.0 * np.pi)
+_TURNS = (
+    *_ANGLES,
+    *(2.0 * np.pi / TO_SI[unit] for unit in ("rev", "mrad", "mdeg", "arcmin", "arcsec")),
+    200.0,
+)
 
 
 def signed(recording: Recording) -> Recording:
@@ -113,26 +119,22 @@ def _continued(values: Array) -> Array | None:
 
 
 def _unwound(column: Column) -> Array | None:
-    """An angle that jumps from one end of a turn to the other, going on; None where it is none.
-
-    It covers a turn, jumps by nearly all of it, and moves by little from row to row else, over the seam as well.
-    """
-    values = column.values
-    if clue(column.name, ()).quantity == "time":
+    """An angle that jumps from one end of a turn to the other, going on; None where it is none."""
+    if clue(column.name, ()).quantity not in ("", "q", "skip"):
         return None
-    known = np.isfinite(values)
-    steps = np.diff(values[known])
-    for turn in _TURNS:
-        far = np.abs(steps) > 0.5 * turn
-        if not far.any() or far.mean() > _SELDOM or not _MOST * turn < np.ptp(values[known]) < 1.001 * turn:
-            continue
-        whole = values.copy()
-        whole[known] = np.unwrap(values[known], period=turn)
-        over, fastest = np.abs(np.diff(whole[known])[far]), np.abs(steps[~far]).max(initial=0.0)
-        # A clock that starts anew jumps by any length, and not by a turn less than a step.
-        if fastest < (1.0 - _MOST) * turn and (over <= 2.0 * fastest).all():
-            return whole
-    return None
+    values = column.values
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return None
+    found = (without_seams(values, turn, within=turn not in _ANGLES) for turn in _turns(known))
+    return next((whole for whole in found if whole is not None), None)
+
+
+def _turns(known: Array) -> tuple[float, ...]:
+    """What a turn may be in the unit of some numbers: of counts the power of two that they stay below."""
+    size = float(np.ptp(known))
+    counted = (known == np.round(known)).all() and 0.0 < size < 2.0**53
+    return (*_TURNS, *([2.0 ** float(np.ceil(np.log2(size + 1.0)))] if counted else []))
 
 
 def _jumps(values: np.ndarray, whole: float) -> bool:

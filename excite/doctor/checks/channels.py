@@ -64,7 +64,8 @@ def _read(robot: Robot, log: Log) -> _Read:
     if log.header.free_base:
         wrenches = wrench_samples(robot, log) if log.header.sensors else None
         if wrenches is not None:
-            return _Read(*misreadings(wrenches, stated, OF_WRENCHES), wrenches.measured_name)
+            possible = [m for m in OF_WRENCHES if not m.of_posture or log.header.posture == "measured"]
+            return _Read(*misreadings(wrenches, stated, possible), wrenches.measured_name)
     elif log.header.torque not in {None, "none"}:
         torques = torque_samples(robot, log)
         if torques is not None:
@@ -79,7 +80,7 @@ def _of_torques(samples: TorqueSamples, stated: Reading) -> _Read:
     its clock looked fast. Torques in a unit that nothing tells, too small for bodies anywhere near the nominal ones,
     betray nothing: gravity looked turned by 145 degrees in those before the gears of a KUKA KR 300.
     """
-    if of_unknown_unit(samples, stated):
+    if of_unknown_unit(samples, stated) is not None:
         return _Read(stated, (), samples.measured_name)
     used = samples
     reading, found = misreadings(samples, stated, OF_TORQUES)
@@ -144,6 +145,8 @@ def _finding(item: Misreading, what: str) -> Finding:
     text = f"{correction.text} (likely bodies leave {before} of the {what}' power as it is, {after} then)"
     if correction.ask:
         remedy = correction.ask
+    elif correction.mends:
+        remedy = correction.mends
     elif correction.certain:
         remedy = "it was put right for what follows; correct the log"
     else:

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
+from excite.doctor.checks.velocities import velocity_ratios
+from excite.doctor.misreadings import LEAST_GAIN
+from excite.doctor.reading import Reading
+from excite.doctor.torque_samples import torque_samples
 from excite.finding import Finding, listed
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
@@ -21,6 +25,8 @@ _BEYOND = 0.1
 _TORQUE_BEYOND = 2.0
 # Degrees exceed limits manifold; joints that count turns do so by whole ones.
 _MANIFOLD = 3.0
+# So near to the slope of the positions are velocities in the same unit.
+_SAME = 1.15
 _TURN = 2.0 * np.pi
 
 
@@ -47,7 +53,8 @@ class Degrees(Check):
         # explains.
         most = bool(inside[turning].all()) and 2 * degrees.sum() > turning.sum()
         which = turning if most else degrees & manifold & ~reach.counted
-        if not which.any():
+        turning_over = speed <= _MANIFOLD * robot.limits.velocity[columns]
+        if not which.any() or (turning_over[which].all() and _in_radians_by_others(robot, log, which)):
             return Outcome(log)
         names = tuple(np.array(log.header.joints)[which])
         text = (
@@ -64,6 +71,20 @@ class Degrees(Check):
             remedy="they were converted; write radians",
         )
         return Outcome(replace(log, trials=tuple(_in_radians(t, which) for t in log.trials)), (finding,))
+
+
+def _in_radians_by_others(robot: Robot, log: Log, which: NDArray[np.bool_]) -> bool:
+    """Whether torques, or velocities where there are none, say of joints beyond their limits that these turn over."""
+    measured = not log.header.free_base and log.header.torque not in {None, "none"}
+    samples = torque_samples(robot, log) if measured else None
+    if samples is not None:
+        reading = Reading.as_stated(log)
+        turned = replace(reading, unit=np.where(which, 1.0 / _DEGREE, reading.unit))
+        return float((samples.judged(reading) - samples.judged(turned)).sum()) < LEAST_GAIN
+    compared = velocity_ratios(log)
+    return compared is not None and bool(
+        (np.abs(np.log(np.maximum(compared[0][which], 1e-9))) < np.log(_SAME)).all()
+    )
 
 
 class Limits(Check):

@@ -1,6 +1,8 @@
-"""Whether what was recorded is motion that says something: standing trials, steps, joints in unison, too little."""
+"""Whether what was recorded is motion that says something: standing, seams, steps, joints in unison, too little."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +11,9 @@ from excite.doctor.check import Check, Outcome
 from excite.finding import Finding, listed
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.logs.signals.seams import without_seams
 from excite.robot.robot import Robot
+from excite.robot.sliding import slides
 
 # Speeds below this are standing [rad/s or m/s], as for the rows of an identification.
 _STILL = 0.01
@@ -56,6 +60,65 @@ class Standing(Check):
             remedy="they are used for weights, not for inertias",
         )
         return Outcome(log, (finding,))
+
+
+class WholeTurns(Check):
+    """Positions that jump by whole turns: an encoder that passed the end of its count, or was read anew."""
+
+    kinds = ("whole_turns",)
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        turning = [
+            (j, name)
+            for j, name in enumerate(log.header.joints)
+            if not slides(robot.model, robot.n_base_v + robot.joint_index(name))
+        ]
+        joints: dict[str, None] = {}
+        trials = []
+        for trial in log.trials:
+            found = {
+                (c, j): w
+                for c in ("q", "q_cmd")
+                for j, _ in turning
+                if (w := _whole(trial, c, j)) is not None
+            }
+            joints |= {log.header.joints[j]: None for _, j in found}
+            trials.append(_going_on(trial, found))
+        if not joints:
+            return Outcome(log)
+        finding = Finding(
+            "whole_turns",
+            f"positions of {listed([*joints])} jump by whole turns: counters that pass their end, or angles kept "
+            "within a turn",
+            {"joints": float(len(joints))},
+            tuple(joints),
+            severity="spoils",
+            repaired=True,
+            remedy="they go on in what follows; log angles that go on",
+        )
+        return Outcome(replace(log, trials=tuple(trials)), (finding,))
+
+
+def _whole(trial: Trial, channel: str, joint: int) -> Array | None:
+    """A joint's positions in radians, degrees or revolutions without their jumps by whole turns; None for none."""
+    values = getattr(trial, channel)
+    if values is None:
+        return None
+    found = (without_seams(values[:, joint], turn, within=turn == 1.0) for turn in (2.0 * np.pi, 360.0, 1.0))
+    return next((whole for whole in found if whole is not None), None)
+
+
+def _going_on(trial: Trial, found: dict[tuple[str, int], Array]) -> Trial:
+    """The trial with some columns replaced, and commands on the turn that their joint is on."""
+    if not found:
+        return trial
+    q, command = trial.q.copy(), None if trial.q_cmd is None else trial.q_cmd.copy()
+    for (channel, j), whole in found.items():
+        (q if channel == "q" or command is None else command)[:, j] = whole
+    if command is not None:
+        for j in {j for _, j in found}:
+            command[:, j] += 2.0 * np.pi * np.round(np.median(q[:, j] - command[:, j]) / (2.0 * np.pi))
+    return replace(trial, q=q, q_cmd=command)
 
 
 class Jumps(Check):

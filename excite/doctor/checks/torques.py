@@ -38,8 +38,9 @@ class WeakTorques(Check):
         if samples is None:
             return Outcome(log)
         reading = Reading.as_stated(log)
-        if log.header.torque != "current" and of_unknown_unit(samples, reading):
-            return Outcome(log, (said_of_unit(samples, reading),), frozenset({Doubt.SIZE}))
+        parts = None if log.header.torque == "current" else of_unknown_unit(samples, reading)
+        if parts is not None:
+            return Outcome(log, (said_of_unit(samples, parts, reading),), frozenset({Doubt.SIZE}))
         gains, _ = samples.gains(reading)
         weak = (samples.judged(reading)[:-1] > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
         # What a spring or a cable takes hides the bodies' torque and is large; what a dead channel reads is small.

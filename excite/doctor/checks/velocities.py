@@ -33,7 +33,7 @@ class Velocities(Check):
     kinds = ("clock", "velocity")
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
-        compared = _ratios(log)
+        compared = velocity_ratios(log)
         if compared is None:
             return Outcome(log)
         ratio, follows, seen = compared
@@ -114,7 +114,7 @@ def _held_rows(time: Array) -> tuple[NDArray[np.intp], float]:
     return rows, span / max(n - 1, 1)
 
 
-def _ratios(log: Log) -> tuple[Array, Array, NDArray[np.bool_]] | None:
+def velocity_ratios(log: Log) -> tuple[Array, Array, NDArray[np.bool_]] | None:
     """Logged velocity per slope of the position, their correlation, and which joints move, each ``(n_joints,)``."""
     parts = []
     for trial in log.trials:

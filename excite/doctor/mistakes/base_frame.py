@@ -15,6 +15,7 @@ class BaseFrame(Mistake[WrenchSamples]):
     """Quaternions in another order or of the inverse, positions in millimetres: weights then stand askew."""
 
     name = "base_pose"
+    of_posture = True
 
     def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
         if reading.pose is not BasePose.STATED:

@@ -64,7 +64,8 @@ def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:
         parts = [one.rest(body[:, j]) for j, one in enumerate(kept)]
         phi, left = _fitted(kept, nominal, parts)
         weighs = bool(np.abs(body[:, :, 0]).max() > 0.0)
-        if weighs and phi[0] <= 0.0:
+        # What leaves more of a torque than there is of it is no explanation.
+        if (weighs and phi[0] <= 0.0) or left.max() >= 1.0:
             continue
         added = np.zeros(felt.shape[2])
         added[10 * k : 10 * k + 10] = phi

@@ -32,7 +32,8 @@ class Clock(Mistake[TorqueSamples]):
     leaves = frozenset({Doubt.CLOCK})
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        if reading.tick != 1.0:
+        # Without weight nothing stays while the clock changes.
+        if reading.tick != 1.0 or reading.weightless:
             return
 
         by_clock = samples.by_clock(reading)

@@ -14,6 +14,7 @@ class Degrees(Mistake[Samples]):
     """Joints turn 57 times further than they can."""
 
     name = "degrees"
+    of_posture = True
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         text = "positions look like degrees; convert them to radians"
@@ -24,6 +25,7 @@ class Revolutions(Mistake[Samples]):
     """Joints turn a sixth as far as their torques say: drives such as moteus and ODrive count turns."""
 
     name = "revolutions"
+    of_posture = True
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         text = "positions look like revolutions; convert them to radians"

@@ -38,21 +38,20 @@ class Gravity(Mistake[Samples]):
 
         stated = reading.gravity / max(float(np.linalg.norm(reading.gravity)), 1e-12)
         score, best = best_of([stated, *axes])
-        for step in _STEPS:
+        for step in _STEPS if best.any() else ():
             found = best_of(_around(best, step))
             if found[0] < score:
                 score, best = found
         angle = float(np.arccos(np.clip(best @ stated, -1.0, 1.0)))
-        if angle < _LEAST:
+        if angle < _LEAST or not best.any():
             return
         nearest = max(axes, key=lambda axis: float(axis @ best))
         along = float(np.arccos(np.clip(nearest @ best, -1.0, 1.0))) < _ALONG
         if along:
             best = nearest
-        x, y, z = (float(value) for value in _G * best)
-        text = (
-            f"gravity looks {np.degrees(angle):.0f}° off what the log says: write [{x:.2f}, {y:.2f}, {z:.2f}]"
-        )
+        x, y, z = (float(value) + 0.0 for value in np.round(_G * best, 12))
+        off = f"looks {np.degrees(angle):.0f}° off what" if stated.any() else "is not nought as"
+        text = f"gravity {off} the log says: write [{x:.2f}, {y:.2f}, {z:.2f}]"
         figures = {"angle_rad": angle, "x": x, "y": y, "z": z}
         yield Correction(
             self.name, replace(reading, gravity=_G * best), text, ("gravity",), figures, certain=along

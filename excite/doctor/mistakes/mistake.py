@@ -90,6 +90,7 @@ class Correction:
         as_logged: of a correction that asks, what takes it out of a reading again.
         along: places among them that tell nothing of it and go with the others.
         certain: whether the log is mended with exactly what was found; an estimate leaves a rest.
+        mends: what was done, where more is to be said of it than that it was put right.
     """
 
     kind: str
@@ -103,6 +104,7 @@ class Correction:
     as_logged: Callable[[Reading], Reading] = _untouched
     along: tuple[str, ...] = ()
     certain: bool = True
+    mends: str = ""
 
 
 class Mistake(ABC, Generic[S]):
@@ -110,12 +112,14 @@ class Mistake(ABC, Generic[S]):
 
     Attributes:
         name: kind of its findings.
+        of_posture: whether it is one of how joints or base were recorded, which those that were computed do not have.
         may_surprise: whether it has corrections that are believed though likely bodies explain the log as it is.
         leaves: what is known only about where it could not be undone exactly.
     """
 
     name: ClassVar[str]
     leaves: ClassVar[frozenset[Doubt]] = frozenset()
+    of_posture: ClassVar[bool] = False
     may_surprise: ClassVar[bool] = False
 
     @abstractmethod

@@ -82,6 +82,7 @@ class PositionOrder(Mistake[Samples]):
     """Two joints' positions stand under each other's name."""
 
     name = "order"
+    of_posture = True
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         joints = samples.joints

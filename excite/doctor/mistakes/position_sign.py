@@ -12,6 +12,7 @@ class PositionSign(Mistake[Samples]):
     """A joint's position has its sign turned, its torque has not."""
 
     name = "position_sign"
+    of_posture = True
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         for j, joint in enumerate(samples.joints):

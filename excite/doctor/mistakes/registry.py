@@ -13,8 +13,10 @@ from excite.doctor.mistakes.position_sign import PositionSign
 from excite.doctor.mistakes.torque_late import TorqueLate
 from excite.doctor.mistakes.torque_scale import TorqueScale
 from excite.doctor.mistakes.torque_sign import TorqueSign
+from excite.doctor.mistakes.weight import Weight
 from excite.doctor.mistakes.wrenches import WrenchAxes, WrenchOrder, WrenchSign, WrenchUnit
 from excite.doctor.mistakes.zero_position import ZeroPosition
+from excite.doctor.mistakes.zeroed_wrenches import ZeroedWrenches
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
 
@@ -29,6 +31,7 @@ OF_TORQUES: tuple[Mistake[TorqueSamples], ...] = (
     Order(),
     ZeroPosition(),
     Gravity(),
+    Weight(),
     Clock(),
     TorqueLate(),
 )
@@ -38,6 +41,7 @@ OF_WRENCHES: tuple[Mistake[WrenchSamples], ...] = (
     WrenchOrder(),
     WrenchAxes(),
     WrenchUnit(),
+    ZeroedWrenches(),
     BaseFrame(),
     Degrees(),
     Revolutions(),

@@ -30,6 +30,7 @@ class ZeroPosition(Mistake[Samples]):
     """Gravity, and what joints do to each other, tell where a joint really is."""
 
     name = "zero_position"
+    of_posture = True
     leaves = frozenset({Doubt.POSITION})
 
     def __init__(self, together: int = _TOGETHER) -> None:

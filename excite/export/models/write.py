@@ -77,8 +77,8 @@ def write_models(
 ) -> ModelFiles:
     """Write ``identified.urdf``, ``identified.xml`` (MJCF), ``differences.csv`` and ``uncertainty.npz`` into a folder.
 
-    Models that no rigid body matches are refused, and a file of an earlier run under their name removed;
-    the table is written in any case.
+    Models that no rigid body matches, and those of torques in an unknown unit, are refused, and a file of an earlier
+    run under their name removed; the table is written in any case.
 
     Args:
         robot: the robot that was identified, or its name or file.
@@ -111,6 +111,11 @@ def write_models(
             refused.append(f"{path.name}: {error}")
         return None
 
+    if identification.in_unknown_unit and not force:
+        for path in (urdf, mjcf):
+            path.unlink(missing_ok=True)
+        said = "no model: the torques are in an unknown unit, and so would be its weight"
+        return ModelFiles(differences, None, None, (f"{said}; state the unit and identify again",))
     return ModelFiles(
         differences,
         attempt(urdf, write_urdf, force=force),

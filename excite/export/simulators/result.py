@@ -84,6 +84,15 @@ def read_subject(
         )
     if document is None:
         raise InputError("holds no identification", source=file, field="identification", remedy=_AGAIN)
+    if any(
+        f.kind == "torque_scale" and not f.repaired and {*document.fit} <= {*f.places}
+        for f in document.findings
+    ):
+        raise InputError(
+            "is of torques in an unknown unit, and so would be the model's weight",
+            source=file,
+            remedy="state the unit (map.yaml) and identify again",
+        )
     name = robot or _named(document, file)
     loaded = with_servos(_robot(name, document, file))
     if template is None and Path(name).is_file() and is_mjcf(Path(name)):

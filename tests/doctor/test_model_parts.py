@@ -1,0 +1,106 @@
+"""Torques off which a driver took the model, in part or whole, and torques before gears that nobody stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.doctor.doctor import doctor
+from excite.doctor.examine import examine
+from excite.export.models.write import write_models
+from excite.identification.identify import identify
+from excite.logs.files import load_log
+from excite.robot.loading import load_robot
+from tests.identification.practice_log import arm_log, changed
+
+
+def weight(robot, q: np.ndarray) -> np.ndarray:
+    """By pinocchio's own loop, ``(n, n_joints)`` [N·m]."""
+    data = robot.model.createData()
+    return np.array([pin.computeGeneralizedGravity(robot.model, data, row).copy() for row in q])
+
+
+def needed(robot, trial) -> np.ndarray:
+    """Weight and inertial forces of the nominal bodies, likewise."""
+    data, step = robot.model.createData(), trial.time[1] - trial.time[0]
+    v = np.gradient(trial.q, step, axis=0)
+    rows = zip(trial.q, v, np.gradient(v, step, axis=0), strict=True)
+    return np.array([pin.rnea(robot.model, data, *row).copy() for row in rows])
+
+
+def worst(robot, log):
+    return [found for found in examine(robot, log).findings if found.severity != "note"]
+
+
+# The driver's masses are the nominal ones, and the robot's up to 10 % off them; or a fifth heavier.
+@pytest.mark.parametrize("share", [1.0, 1.2])
+@pytest.mark.parametrize("side", ["motor_side", "link_side"])
+@pytest.mark.parametrize("name", ["ur10", "panda", "iiwa14", "so101"])
+def test_a_driver_that_takes_the_weight_off_is_named(name, side, share):
+    robot = load_robot(name)
+    log = arm_log(robot, 3, torque=side, trials=2)
+    (found,) = worst(robot, changed(log, lambda t: replace(t, tau=t.tau - share * weight(robot, t.q))))
+    assert (found.kind, found.repaired) == ("compensated", True)
+    told = [value for key, value in found.figures.items() if key.startswith("weight.")]
+    assert told and np.abs(np.array(told) - (1.0 - share)).max() < 0.1
+    inertia = [value for key, value in found.figures.items() if key.startswith("inertia.")]
+    assert inertia and np.abs(np.array(inertia) - 1.0).max() < 0.2
+
+
+def test_what_is_left_of_torques_without_weight_is_identified_or_the_weight_is_added(tmp_path):
+    robot = load_robot("ur10")
+    whole = arm_log(robot, 3)
+    whole = replace(whole, robot_text=robot.urdf)
+    log = changed(whole, lambda t: replace(t, tau=t.tau - weight(robot, t.q)))
+    chart = doctor(log, robot)
+    assert chart.log.header.gravity == (0.0, 0.0, 0.0)
+    result = identify(robot, log)
+    assert all(fit.rmse < 0.3 * fit.reference_rmse for fit in list(result.validation.values())[:3])
+    doctor(log, robot, repair=tmp_path / "log")
+    mended = load_log(tmp_path / "log")
+    assert mended.header.gravity == (0.0, 0.0, -9.81)
+    for one, other in zip(mended.trials, whole.trials, strict=True):
+        np.testing.assert_allclose(one.tau, other.tau, atol=1e-6)
+    assert worst(robot, mended) == []
+
+
+def test_a_log_without_gravity_is_read_without_a_warning(recwarn):
+    """Torques without weight whose log says so, and those of a log that says so wrongly."""
+    robot = load_robot("ur10")
+    log = arm_log(robot, 3, trials=2)
+    still = changed(log, lambda t: replace(t, tau=t.tau - weight(robot, t.q)), gravity=(0.0, 0.0, 0.0))
+    assert worst(robot, still) == []
+    (found,) = worst(robot, changed(log, lambda t: t, gravity=(0.0, 0.0, 0.0)))
+    assert found.kind == "gravity" and "[0.00, 0.00, -9.81]" in found.text
+    assert [str(item.message) for item in recwarn if issubclass(item.category, RuntimeWarning)] == []
+
+
+@pytest.mark.parametrize("name", ["ur10", "panda", "iiwa14"])
+def test_torques_without_any_of_the_model_are_no_dead_channels(name):
+    robot = load_robot(name)
+    log = arm_log(robot, 3, torque="link_side", trials=2)
+    (found,) = worst(robot, changed(log, lambda t: replace(t, tau=t.tau - needed(robot, t))))
+    assert found.kind == "torque_scale" and "external torques" in found.text
+    assert max(abs(value) for value in found.figures.values()) < 0.1
+
+
+def test_no_model_is_written_of_torques_before_gears_that_nobody_stated(tmp_path):
+    """Friction, as large as what bodies need, hides the ratios."""
+    robot = load_robot("ur10")
+    gears = np.array([160.0, 200.0, 150.0, 90.0, 120.0, 100.0])
+
+    def before(trial):
+        v = np.gradient(trial.q, trial.time, axis=0)
+        return replace(trial, tau=(trial.tau + 1.5 * trial.tau.std(axis=0) * np.tanh(v / 0.05)) / gears)
+
+    log = changed(arm_log(robot, 3), before)
+    (found,) = worst(robot, log)
+    assert found.kind == "torque_scale" and "before gears" in found.text
+    result = identify(robot, log)
+    assert "no weight" in result.summary() and "unknown unit" in result.summary()
+    files = write_models(robot, result, tmp_path)
+    assert files.urdf is None and "unknown unit" in files.refused[0]
+    assert not (tmp_path / "identified.urdf").exists()
