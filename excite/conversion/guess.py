@@ -11,9 +11,9 @@ from excite.conversion.base import add_base, feet_of
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.base_signals import add_base_signals
-from excite.conversion.columns.choice import choose
+from excite.conversion.columns.choice import choose, settle_unmeasured
 from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, pace, rate_by_velocities
-from excite.conversion.columns.commands import settle_commands
+from excite.conversion.columns.commands import is_followed, settle_commands
 from excite.conversion.columns.contact_forces import without_contact_forces
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base
@@ -83,17 +83,22 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
     chosen = choose(groups, found, recording)
-    settle_commands(found, chosen, recording)
-    ask_for_surplus(found, chosen, joints)
-    ask_for_joints(found, chosen, groups)
-    note_other_names(found, chosen)
-    note_order_of_legs(found, chosen, joints, mapping)
     nameless: dict[str, Family] = {}
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
-        named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
+        named |= {
+            column for column, said in left.items() if said.commanded or said.quantity in ("volt", "time", "skip")
+        }
         nameless = _without_names(found, recording, machine, joints, {c for c in left if c not in named})
-        chosen |= nameless
+        if "q_cmd" in chosen and "q" in nameless and not is_followed(chosen["q_cmd"], nameless["q"], recording):
+            nameless = {}
+        chosen |= {target: family for target, family in nameless.items() if target not in chosen}
+    settle_unmeasured(found, chosen)
+    settle_commands(found, chosen, recording)
+    ask_for_surplus(found, chosen, joints)
+    ask_for_joints(found, chosen, groups)
+    note_other_names(found, {target: family for target, family in chosen.items() if target not in nameless})
+    note_order_of_legs(found, chosen, joints, mapping)
     note_controllers_constants(found, chosen, groups, recording)
     _add(found, chosen, nameless)
     _propose_rate(found, recording)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.columns.families import Family, is_measured, of_motor, with_others
+from excite.conversion.columns.families import (
+    Family,
+    is_measured,
+    of_motor,
+    pattern,
+    with_others,
+)
 from excite.conversion.columns.vocabulary import ASIDE, MEASURED
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses
@@ -48,6 +53,11 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
         if _told_by_a_word(found, chosen, family, other):
             continue
         _ask_which(found, other, family)
+    return chosen
+
+
+def settle_unmeasured(found: Guesses, chosen: dict[str, Family]) -> None:
+    """Take what was asked of the joints for what was measured, or ask for that, where nothing measured is there."""
     known = set(chosen) | {item.channel for item in found.mapped}
     _ask_for_measured(found, chosen, known)
     _ask_for_set_points(found, chosen)
@@ -58,12 +68,11 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
     if "tau_cmd" in chosen and not known & {"tau", "i"}:
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
-    return chosen
 
 
 def _ask_which(found: Guesses, first: Family, other: Family) -> None:
     """Which of two families a channel is, or which of more."""
-    line = f'columns: {{{first.target}: "{_pattern(first)}"}}'
+    line = f'columns: {{{first.target}: "{pattern(first)}"}}'
     more = f"or {other.columns[0]} …"
     for k, question in enumerate(found.questions):
         if question.line == line:
@@ -81,8 +90,8 @@ def _ask_for_measured(found: Guesses, chosen: dict[str, Family], known: set[str]
         found.ask(
             f"{q.columns[0]} … and {tau.columns[0]} … are what was asked of the joints, and nothing that was measured "
             "is there: record measured positions and torques or currents",
-            f'columns: {{q: "{_pattern(q)}"}} and log: {{torque: none}}, or columns: {{q: "{_pattern(q)}", '
-            f'tau: "{_pattern(tau)}"}} to take them for measured',
+            f'columns: {{q: "{pattern(q)}"}} and log: {{torque: none}}, or columns: {{q: "{pattern(q)}", '
+            f'tau: "{pattern(tau)}"}} to take them for measured',
         )
 
 
@@ -106,7 +115,7 @@ def _ask_for_set_points(found: Guesses, chosen: dict[str, Family]) -> None:
     found.ask(
         f"{q.columns[0]} … are what was asked of the joints, and where they were is not there beside their torques: "
         "record measured positions",
-        f'columns: {{q: "{_pattern(q)}"}}   # takes them for measured',
+        f'columns: {{q: "{pattern(q)}"}}   # takes them for measured',
     )
 
 
@@ -178,18 +187,3 @@ def _are_same(one: Family, other: Family, recording: Recording) -> bool:
         if np.sqrt(np.mean((a[whole] - b[whole]) ** 2)) > _SAME * np.std(a[whole]):
             return False
     return True
-
-
-def _pattern(family: Family) -> str:
-    """A column's name with its number as a pattern."""
-    name = family.columns[0]
-    if (joint := next((j for j, column in family.placed.columns.items() if column == name), "")) in name:
-        return name.replace(joint, "{joint}") if joint else name
-    if len(family.columns) < 2:
-        return name
-    # The last number, or the one before others that all columns have alike: AxisPos_A1_R1, AxisPos_A2_R1.
-    pairs = list(zip(re.finditer(r"\d+", name), re.finditer(r"\d+", family.columns[1]), strict=False))
-    place = next((one for one, other in reversed(pairs) if one[0] != other[0]), None)
-    if place is None:
-        return name
-    return f"{name[: place.start()]}{'{n0}' if int(place[0]) == 0 else '{n}'}{name[place.end() :]}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -184,6 +185,21 @@ def is_anonymous(family: Family, joints: Sequence[str]) -> bool:
         and not family.stated
         and len(family.columns) > len(joints)
     )
+
+
+def pattern(family: Family) -> str:
+    """A column's name with its number as a pattern."""
+    name = family.columns[0]
+    if (joint := next((j for j, column in family.placed.columns.items() if column == name), "")) in name:
+        return name.replace(joint, "{joint}") if joint else name
+    if len(family.columns) < 2:
+        return name
+    # The last number, or the one before others that all columns have alike: AxisPos_A1_R1, AxisPos_A2_R1.
+    pairs = list(zip(re.finditer(r"\d+", name), re.finditer(r"\d+", family.columns[1]), strict=False))
+    place = next((one for one, other in reversed(pairs) if one[0] != other[0]), None)
+    if place is None:
+        return name
+    return f"{name[: place.start()]}{'{n0}' if int(place[0]) == 0 else '{n}'}{name[place.end() :]}"
 
 
 def _as_its_stream(said: Clue, stream: Clue) -> Clue:

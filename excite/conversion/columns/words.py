@@ -25,6 +25,7 @@ from excite.conversion.columns.vocabulary import (
     OF_MESSAGE,
     OF_WORD,
     SHARES,
+    SURELY_COMMANDED,
 )
 
 # Where a name changes its case: JointPos, PosFR, FRHip; a single capital letter at an end (tauJ, qD) is no word.
@@ -80,7 +81,8 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     words, found, sliding = of_both(words, found)
     words = _joined(words)
     axis = _axis_letter(words)
-    quantity = _quantity([word for word in words if word != axis], found, bool(exact or numbers or axis))
+    of_joint = bool(exact or numbers or axis) or (len(joints) == 1 and bool(set(words) & SURELY_COMMANDED))
+    quantity = _quantity([word for word in words if word != axis], found, of_joint)
     if quantity in _OF_JOINTS and QUANTITY_OF_UNIT.get(found) == "time":
         # A letter of a word: ticks/s, the side of a leg.
         found = ""
