@@ -178,9 +178,9 @@ def _write(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> N
 
 def _tables(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> list[Table]:
     """The recording's rows, a table for each run of its clock."""
-    rate = stated.log.get("rate_hz") or stated_rate(recording.said)
+    rate = stated.rate_hz or stated_rate(recording.said)
     joints = stated.joints or machine.joints
-    runs = in_runs(assemble(recording, found, None if rate is None else float(rate)))
+    runs = in_runs(assemble(recording, found, rate))
     rows = (whole_rows(joint_sided(run, stated, joints, recording.source), recording.source) for run in runs)
     return [within_ranges(table, machine, stated.offset) for table in rows]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
 from excite.conversion.columns.unfilled import without_unfilled
 from excite.conversion.columns.words import Clue
-from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.guesses import RATE_LINE, Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.questions import (
@@ -41,8 +40,8 @@ from excite.conversion.torques.controller import note_controllers_constants
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
-# What asks for the rate, in which a rate is proposed; columns without names are told apart at it where none is known.
-_RATE_LINE, _ANY_RATE = "log: {{rate_hz: {rate:.3g}}}   # rows a second{why}", 100.0
+# Columns without names are told apart at this rate where none is known.
+_ANY_RATE = 100.0
 
 
 def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "") -> Guesses:
@@ -153,7 +152,7 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
 def _without_clock(
     found: Guesses, recording: Recording, stream: Stream, mapping: Map, clues: dict[str, Clue]
 ) -> None:
-    stated = mapping.log.get("rate_hz")
+    stated = mapping.rate_hz
     rate = stated or stated_rate(recording.said)
     if rate:
         found.rate_hz = float(rate)
@@ -167,14 +166,12 @@ def _without_clock(
     else:
         named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
         but = f" ({named[0]} does not go forward evenly)" if named else ""
-        line = _RATE_LINE.format(rate=_ANY_RATE, why="")
-        found.ask_of_all(stream.name, f"no column of times{but}", line)
+        found.ask_of_all(stream.name, f"no column of times{but}", RATE_LINE)
 
 
 def _propose_rate(found: Guesses, recording: Recording) -> None:
     """The rate that velocities tell, where a rate has to be asked for."""
-    asked = _RATE_LINE.format(rate=_ANY_RATE, why="")
-    at = next((k for k, question in enumerate(found.questions) if question.line == asked), None)
+    at = next((k for k, question in enumerate(found.questions) if question.line == RATE_LINE), None)
     values = {column.name: column.values for stream in recording.streams for column in stream.columns}
     speeds = {item.target[2:]: values[item.source] for item in found.of("v")}
     pairs = [
@@ -188,8 +185,7 @@ def _propose_rate(found: Guesses, recording: Recording) -> None:
     whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     rate = rate_by_velocities(q[whole], v[whole])
     if rate is not None:
-        line = _RATE_LINE.format(rate=rate, why=", as the velocities say")
-        found.questions[at] = replace(found.questions[at], line=line)
+        found.questions[at] = found.questions[at].with_rate(float(f"{rate:.3g}"), ", as the velocities say")
 
 
 def _add(found: Guesses, chosen: dict[str, Family], nameless: Container[str]) -> None:

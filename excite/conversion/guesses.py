@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.recording import Stream
 from excite.errors import LogError
+
+
+# What asks for the rate of rows without a clock; a number stands in it only where something tells one.
+RATE_LINE = "log: {rate_hz: NUMBER}   # rows a second"
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,10 @@ class Question:
     line: str
     torques: Mapping[str, str] = field(default_factory=dict)
     units: tuple[Mapping[str, str], ...] = ()
+
+    def with_rate(self, rate: float, why: str) -> Question:
+        """The question for the rate with a number in its line [Hz], and what tells it."""
+        return replace(self, line=self.line.replace("NUMBER", f"{rate:g}") + why)
 
 
 @dataclass

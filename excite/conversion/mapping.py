@@ -6,6 +6,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
@@ -90,6 +91,22 @@ class Map(BaseModel):
         default={},
         description="Fields of log.yaml as they shall stand there: torque, controller, rate_hz, modelled …",
     )
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Rows a second that ``log`` states [Hz]; None for none.
+
+        Raises:
+            LogError: what stands there is no rate.
+        """
+        rate = self.log.get("rate_hz")
+        if rate is None:
+            return None
+        if isinstance(rate, int | float) and 0.0 < rate < np.inf and not isinstance(rate, bool):
+            return float(rate)
+        raise LogError(
+            f"rate_hz is no rate: {rate}", field="log", remedy="write the rows a second, as `log: {rate_hz: 250}`"
+        )
 
     def ignores(self, column: str) -> bool:
         """Whether a column is left out: its name, brackets and all, or a pattern of it."""
