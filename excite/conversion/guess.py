@@ -29,10 +29,12 @@ from excite.conversion.questions import (
     ask_for_positions,
     ask_for_surplus,
     ask_for_torques,
+    ask_for_torques_of_no_joint,
     column_names,
     note_joints_without_position,
     note_order_of_legs,
     note_other_names,
+    torques_of_no_joint,
 )
 from excite.conversion.recording import Recording, Stream, stated_rate
 from excite.conversion.stated import add_stated, of_single_joints
@@ -81,7 +83,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     groups = without_contact_forces(found, without_unfilled(found, groups, recording), machine)
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
-    chosen = choose(groups, found, recording)
+    chosen = choose(groups, found, recording, joints)
     nameless: dict[str, Family] = {}
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
@@ -92,8 +94,9 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
         if "q_cmd" in chosen and "q" in nameless and not is_followed(chosen["q_cmd"], nameless["q"], recording):
             nameless = {}
         chosen |= {target: family for target, family in nameless.items() if target not in chosen}
-    settle_unmeasured(found, chosen)
-    settle_commands(found, chosen, recording)
+    unplaced = torques_of_no_joint(groups, chosen, recording)
+    settle_unmeasured(found, chosen, joints, unplaced)
+    settle_commands(found, chosen, recording, joints)
     ask_for_surplus(found, chosen, joints)
     ask_for_joints(found, chosen, groups)
     note_other_names(found, {target: family for target, family in chosen.items() if target not in nameless})
@@ -106,6 +109,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     _ask_for_doubts(found, recording, machine)
     ask_for_positions(found, recording, machine)
     ask_for_torques(found, groups, recording, mapping)
+    ask_for_torques_of_no_joint(found, unplaced, left, joints, recording, mapping)
     ask_for_base(found, recording, machine, mapping)
     if found.of("q") and not found.questions:
         found.mapped = convert_units(found, recording, machine, mapping)

@@ -8,8 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from excite.conversion.columns.families import Family
+from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.naming.match import BY_NAME
-from excite.conversion.columns.vocabulary import SHARES
+from excite.conversion.columns.vocabulary import FORCES, SHARES
+from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -70,6 +72,48 @@ def ask_for_nameless_torques(
         f"the columns have no names: by their values {told} were told, and {first_names(left, MOST_NAMED)} are left, "
         "of which nothing says whether they are torques",
         f'columns: {{tau.{joint}: "{left[0]}", …}} (i.{joint} for currents), or log: {{torque: none}}',
+    )
+
+
+def torques_of_no_joint(
+    groups: Sequence[Family], chosen: Mapping[str, Family], recording: Recording
+) -> list[str]:
+    """Columns that are measured torques by their names and vary, where no torque of any joint was understood.
+
+    Several may be of one joint, as a motor's, a sensor's and an estimate; those of the other joints then hold zeros.
+    """
+    if {"tau", "i"} & {target for target, family in chosen.items() if family.placed.columns}:
+        return []
+    live = live_columns(recording)
+    return [
+        column
+        for family in groups
+        if family.target == "tau" and not FORCES & set(family.stem.split("_")) and not family.placed.columns
+        for column in family.columns
+        if column in live
+    ]
+
+
+def ask_for_torques_of_no_joint(
+    found: Guesses,
+    unplaced: Sequence[str],
+    clues: Mapping[str, Clue],
+    joints: Sequence[str],
+    recording: Recording,
+    mapping: Map,
+) -> None:
+    """Ask which of several torques is the one of a joint, where nothing says whose they are."""
+    if not unplaced or found.of("tau") or found.of("i") or "torque" in mapping.log:
+        return
+    live = live_columns(recording)
+    moving = [item.target[2:] for item in found.of("q") if item.source in live] or list(joints)
+    numbers = {item.target[2:]: clues[item.source].number for item in found.of("q") if item.source in clues}
+    number = clues[unplaced[0]].number
+    may_be = [joint for joint, own in numbers.items() if own is not None and own == number] or moving
+    found.ask(
+        f"{first_names(unplaced, MOST_NAMED)} are torques by their names, and which of them is that of "
+        f"{first_names(may_be, MOST_NAMED, by=' or ')} is not told",
+        f'columns: {{tau.{may_be[0]}: "{unplaced[0]}"}}, or log: {{torque: none}}',
     )
 
 

@@ -12,12 +12,16 @@ from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.mapping import Map
 from excite.conversion.questions import MOST_NAMED, column_names
 from excite.conversion.recording import Recording
+from excite.finding import first_names
 
 
 def add_stated(found: Guesses, recording: Recording, mapping: Map, joints: Sequence[str]) -> None:
     """What a map's ``columns`` say, patterns expanded; columns that are not there are asked for."""
     names = column_names(recording)
     for target, pattern in mapping.columns.items():
+        if unlike := _no_target(target, pattern, joints):
+            found.ask(*unlike)
+            continue
         missing = []
         for goal, column in expand(target, pattern, joints):
             source = column if column in names else _same_but_for_stream(column, names)
@@ -31,6 +35,18 @@ def add_stated(found: Guesses, recording: Recording, mapping: Map, joints: Seque
                 f"no column {', '.join(missing[:4])} in {recording.name}, which has {there}",
                 f'columns: {{{target}: "NAME"}}',
             )
+
+
+def _no_target(target: str, pattern: str, joints: Sequence[str]) -> tuple[str, str] | None:
+    """What is wrong with a target of ``columns`` that names no joint of the robot, and the line to correct it."""
+    channel, _, joint = target.partition(".")
+    if channel not in TARGETS.values() or joint in joints:
+        return None
+    if not joint and (len(joints) == 1 or re.search(r"\{(joint|n0?)\}", pattern)):
+        return None
+    names = first_names(joints, MOST_NAMED)
+    wrong = f"is one column for {len(joints)} joints" if not joint else f"names no joint of the robot, which has {names}"
+    return f"{target}: {pattern} {wrong}", f'columns: {{{channel}.{joints[0]}: "{pattern}"}} (or another joint)'
 
 
 def of_single_joints(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.columns.families import Family, pattern
+from excite.conversion.columns.families import Family, columns_line
 from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Recording
@@ -21,7 +21,9 @@ _FOLLOWED = 0.5
 _LATEST_ROWS = 8
 
 
-def settle_commands(found: Guesses, chosen: dict[str, Family], recording: Recording) -> None:
+def settle_commands(
+    found: Guesses, chosen: dict[str, Family], recording: Recording, joints: Sequence[str]
+) -> None:
     """Take commands of no stated quantity for what was measured that follows them.
 
     Positions go first: what torques are asked for is close to no position. Commands that nothing follows are left out
@@ -51,7 +53,7 @@ def settle_commands(found: Guesses, chosen: dict[str, Family], recording: Record
         found.ask(
             f"{family.columns[0]} … are commands by their names, and the positions do not follow them: whether they "
             "are positions or torques is not told",
-            f'columns: {{q_cmd: "{pattern(family)}"}} or columns: {{tau_cmd: "{pattern(family)}"}}',
+            f"columns: {{{columns_line(family, joints)}}} or columns: {{{columns_line(family, joints, 'tau_cmd')}}}",
         )
         return
     found.facts.append(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from excite.conversion.columns.joints import Placed, first_number, place, with_words_of_joints
@@ -187,19 +187,32 @@ def is_anonymous(family: Family, joints: Sequence[str]) -> bool:
     )
 
 
-def pattern(family: Family) -> str:
-    """A column's name with its number as a pattern."""
-    name = family.columns[0]
-    if (joint := next((j for j, column in family.placed.columns.items() if column == name), "")) in name:
-        return name.replace(joint, "{joint}") if joint else name
-    if len(family.columns) < 2:
-        return name
-    # The last number, or the one before others that all columns have alike: AxisPos_A1_R1, AxisPos_A2_R1.
-    pairs = list(zip(re.finditer(r"\d+", name), re.finditer(r"\d+", family.columns[1]), strict=False))
-    place = next((one for one, other in reversed(pairs) if one[0] != other[0]), None)
-    if place is None:
-        return name
-    return f"{name[: place.start()]}{'{n0}' if int(place[0]) == 0 else '{n}'}{name[place.end() :]}"
+def columns_of(channel: str, sources: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:
+    """What a map's ``columns`` say of a channel: one pattern where its columns follow one, else a column a joint.
+
+    Args:
+        channel: such as ``q``.
+        sources: the column of each target, as ``q.elbow``.
+        joints: in the order in which patterns count them.
+    """
+    by_joint = {target.partition(".")[2]: source for target, source in sources.items()}
+    if len(sources) < 2 or set(by_joint) != set(joints):
+        return dict(sources)
+    for mark, first in (("{joint}", None), ("{n}", 1), ("{n0}", 0)):
+        words = {joint: joint if first is None else str(k + first) for k, joint in enumerate(joints)}
+        column = by_joint[joints[0]]
+        for match in re.finditer(re.escape(words[joints[0]]), column):
+            pattern = column[: match.start()] + mark + column[match.end() :]
+            if all(by_joint[joint] == pattern.replace(mark, word) for joint, word in words.items()):
+                return {channel: pattern}
+    return dict(sources)
+
+
+def columns_line(family: Family, joints: Sequence[str], channel: str = "") -> str:
+    """What a map would say under ``columns`` to take a family, for its own channel or another one."""
+    channel = channel or family.target
+    sources = {f"{channel}.{joint}": column for joint, column in family.placed.columns.items()}
+    return ", ".join(f'{key}: "{column}"' for key, column in columns_of(channel, sources, joints).items())
 
 
 def _as_its_stream(said: Clue, stream: Clue) -> Clue:
