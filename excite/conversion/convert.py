@@ -37,6 +37,7 @@ from excite.logs.header_blocks import Guess
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
 from excite.reading.paths import PathsLike, as_paths
+from excite.shown import count
 from excite.temporary_folder import TemporaryFolder
 
 _UNSEEN = "the doctor could not look at it"
@@ -130,7 +131,7 @@ def _converted(
     chart, note = _examined(read, machine)
     read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
-    notes += _held_though_recorded(found.unused, machine) + _without_torque(read)
+    notes += _held_though_recorded(found.unused, machine) + _without_torque(read) + _not_taken(found)
     notes += [n for t in tables[1:] for n in t.notes if n.startswith(WHOLE_TURNS)] + compared
     return Conversion(
         folder=out,
@@ -153,6 +154,17 @@ def _held_though_recorded(unused: Sequence[str], machine: Machine) -> list[str]:
     return [
         f"the recording has {', '.join(there)}, which the robot's description holds still: where it moves, take it "
         "out of locked_joints in a robot.yaml (excite init-robot writes one) and convert with that"
+    ]
+
+
+def _not_taken(found: Guesses) -> list[str]:
+    """What is lost: columns of joints by their names that no channel was made of."""
+    if not found.lost:
+        return []
+    example = f'columns: {{CHANNEL.JOINT: "{found.lost[0]}"}} in map.yaml takes one'
+    return [
+        f"{count(len(found.lost), 'column')} of joints by their names {'is' if len(found.lost) == 1 else 'are'} lost: "
+        f"{', '.join(found.lost)}; {example}"
     ]
 
 

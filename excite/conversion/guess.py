@@ -14,11 +14,17 @@ from excite.conversion.columns.choice import choose, settle_unmeasured
 from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, pace, rate_by_velocities
 from excite.conversion.columns.commands import is_followed, settle_commands
 from excite.conversion.columns.contact_forces import without_contact_forces
-from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
+from excite.conversion.columns.families import (
+    Family,
+    clues_of,
+    families,
+    is_anonymous,
+    with_numbers_for_letters,
+)
 from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
-from excite.conversion.columns.unfilled import without_unfilled
-from excite.conversion.columns.words import Clue
+from excite.conversion.columns.unfilled import live_columns, without_unfilled
+from excite.conversion.columns.words import Clue, is_of_joints
 from excite.conversion.guesses import RATE_LINE, Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -37,7 +43,12 @@ from excite.conversion.questions import (
     torques_of_no_joint,
 )
 from excite.conversion.recording import Recording, Stream, stated_rate
-from excite.conversion.stated import add_stated, of_single_joints
+from excite.conversion.stated import (
+    add_stated,
+    ask_for_stated_positions,
+    of_single_joints,
+    with_stated_labels,
+)
 from excite.conversion.torques.controller import note_controllers_constants
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
@@ -64,9 +75,11 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     if wrong:
         found.ask(f"the robot has no joint {', '.join(wrong)}", f"joints: [{', '.join(machine.joints)}]")
         return found
+    recording = with_numbers_for_letters(recording)
     ignored = [column for column in column_names(recording) if mapping.ignores(column)]
     clues = clues_of(recording, joints, ignored)
     add_stated(found, recording, mapping, joints)
+    clues = with_stated_labels(found, clues)
     clocks = _clocks(found, recording, clues, mapping)
     taken = {item.source for item in found.mapped} | set(clocks)
     if machine.floating:
@@ -108,6 +121,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     add_base(found, recording, left, machine, mapping)
     _ask_for_doubts(found, recording, machine)
     ask_for_positions(found, recording, machine)
+    ask_for_stated_positions(found, clues, joints)
     ask_for_torques(found, groups, recording, mapping)
     ask_for_torques_of_no_joint(found, unplaced, left, joints, recording, mapping)
     ask_for_base(found, recording, machine, mapping)
@@ -116,6 +130,8 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     note_joints_without_position(found, joints)
     used = {item.source for item in found.mapped} | set(clocks)
     found.unused = [name for name in column_names(recording) if name not in used]
+    live = live_columns(recording)
+    found.lost = [name for name in found.unused if name in live and name in clues and is_of_joints(clues[name])]
     return found
 
 

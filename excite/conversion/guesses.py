@@ -75,6 +75,7 @@ class Guesses:
         facts: what else was decided: name, value, reason.
         questions: what is missing.
         unused: columns that nothing was made of.
+        lost: those of them that are of joints by their names: positions, velocities, measured torques or currents.
         rate_hz: rows a second of streams without a clock; None where nothing states it.
         stated_because: what says the units of positions that a map states.
     """
@@ -83,6 +84,7 @@ class Guesses:
     facts: list[tuple[str, str, str]] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
     rate_hz: float | None = None
     stated_because: str = "unit stated in the map"
 

@@ -116,10 +116,12 @@ class Map(BaseModel):
 def read_map(path: Path) -> Map:
     """Read a ``map.yaml``; every mistake in it is said at once.
 
+    What is advised stands in lines, several of which may begin with the same word: they are taken together.
+
     Raises:
         LogError: the file is missing, is no YAML, or holds unknown fields or values.
     """
-    content = read_yaml(path, error=LogError, remedy="see docs/formats.md")
+    content = read_yaml(path, error=LogError, remedy="see docs/formats.md", sections=True)
     try:
         found = Map.model_validate(content)
     except ValidationError as error:

@@ -49,6 +49,38 @@ def _no_target(target: str, pattern: str, joints: Sequence[str]) -> tuple[str, s
     return f"{target}: {pattern} {wrong}", f'columns: {{{channel}.{joints[0]}: "{pattern}"}} (or another joint)'
 
 
+def with_stated_labels(found: Guesses, clues: dict[str, Clue]) -> dict[str, Clue]:
+    """The clues, columns of whatever quantity being of the joint that a map states of the same label."""
+    labels: dict[tuple[str, tuple[int, ...]], str] = {}
+    for item in found.mapped:
+        said, joint = clues.get(item.source), item.target.partition(".")[2]
+        if item.channel in TARGETS.values() and said is not None and said.label and joint:
+            labels.setdefault((said.label, said.numbers), joint)
+    return {
+        name: replace(said, exact=labels[said.label, said.numbers])
+        if not said.exact and (said.label, said.numbers) in labels
+        else said
+        for name, said in clues.items()
+    }
+
+
+def ask_for_stated_positions(found: Guesses, clues: dict[str, Clue], joints: Sequence[str]) -> None:
+    """Ask for the positions of joints of which a map states something else, and nothing tells them."""
+    known = {item.target.partition(".")[2] for item in found.of("q")}
+    lacking = [
+        (item.target, joint)
+        for item in found.mapped
+        if item.stated and item.channel in TARGETS.values() and (joint := item.target.partition(".")[2])
+        if joint in joints and joint not in known
+    ]
+    if known and lacking:
+        target, joint = lacking[0]
+        found.ask(
+            f"{target} is stated, and no position of {joint} was found",
+            f'columns: {{q.{joint}: "NAME"}}',
+        )
+
+
 def of_single_joints(
     found: Guesses, clues: dict[str, Clue], mapping: Map, joints: Sequence[str]
 ) -> dict[str, Clue]:
