@@ -48,6 +48,7 @@ from excite.conversion.stated import (
     ask_for_stated_positions,
     of_single_joints,
     with_stated_labels,
+    without_stated,
 )
 from excite.conversion.torques.controller import note_controllers_constants
 
@@ -92,6 +93,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     known = {item.channel for item in found.mapped if item.source not in single}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
     groups = [family for family in groups if not is_anonymous(family, joints)]
+    groups = without_stated(found, groups, clues)
     groups = axes_as_positions(found, groups, left, known)
     groups = without_contact_forces(found, without_unfilled(found, groups, recording), machine)
     if machine.floating:

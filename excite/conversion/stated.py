@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from excite.conversion.columns.families import TARGETS
+from excite.conversion.columns.families import TARGETS, Family
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.mapping import Map
@@ -47,6 +47,27 @@ def _no_target(target: str, pattern: str, joints: Sequence[str]) -> tuple[str, s
     names = first_names(joints, MOST_NAMED)
     wrong = f"is one column for {len(joints)} joints" if not joint else f"names no joint of the robot, which has {names}"
     return f"{target}: {pattern} {wrong}", f'columns: {{{channel}.{joints[0]}: "{pattern}"}} (or another joint)'
+
+
+def without_stated(found: Guesses, groups: Sequence[Family], clues: Mapping[str, Clue]) -> list[Family]:
+    """The families without columns of joints of which a map states another column for the same channel."""
+    stated = {item.target: item.source for item in found.mapped if item.stated}
+    numbers = {clues[source].numbers for source in stated.values() if source in clues} - {()}
+    left = []
+    for family in groups:
+        taken = {joint for joint in family.placed.columns if f"{family.target}.{joint}" in stated}
+        taken = {j for j in taken if stated[f"{family.target}.{j}"] != family.placed.columns[j]}
+        said = {target.partition(".")[2] for target in stated if target.startswith(f"{family.target}.")}
+        doubts = tuple(
+            replace(doubt, joints=free, columns=columns)
+            for doubt in family.placed.doubts
+            if (free := tuple(joint for joint in doubt.joints if joint not in said))
+            if (columns := tuple(c for c in doubt.columns if not (said and clues[c].numbers in numbers)))
+        )
+        others = {joint: column for joint, column in family.placed.columns.items() if joint not in taken}
+        if others or not taken:
+            left.append(replace(family, placed=replace(family.placed, columns=others, doubts=doubts)))
+    return left
 
 
 def with_stated_labels(found: Guesses, clues: dict[str, Clue]) -> dict[str, Clue]:

@@ -52,7 +52,7 @@ def draw(seed: int, folder: Path) -> tuple[Path, dict[str, str]]:
 
 def first_of(line: str) -> list[str]:
     """The first of the alternatives that a suggested line has, as lines of a map; the rate as it was recorded."""
-    line = re.split(r",? or (?=columns|units|scale|ignore|log|joints|what)", line.partition("   #")[0])[0]
+    line = re.split(r",? or (?=columns|units|scale|ignore|log|joints|what)| \((?=all)", line.partition("   #")[0])[0]
     return re.sub(r" \(.*\)$", "", line.replace("NUMBER", "125")).split(" and ")
 
 
