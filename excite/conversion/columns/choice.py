@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.columns.families import Family, columns_line, is_measured, of_motor, with_others
+from excite.conversion.columns.families import Family, columns_line, is_measured, of_motor, says_quantity, with_others
 from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.vocabulary import ASIDE, MEASURED
 from excite.conversion.columns.words import clue
@@ -48,6 +48,7 @@ def choose(
         alike = len(of_joints) == len(_joints(rival, live))
         other = rival
         side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
+        side = side and says_quantity(family) == says_quantity(other)
         told = _is_aside(family, recording) != _is_aside(other, recording)
         if not (alike and side and family.target in ("q", "tau", "i")) or told:
             continue

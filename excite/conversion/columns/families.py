@@ -155,6 +155,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
         key=lambda family: (
             -len(family.placed.columns),
             not family.stated,
+            not says_quantity(family),
             not is_measured(family),
             of_motor(family),
             len(family.stem),
@@ -223,6 +224,12 @@ def _one_machine_each(
 def is_measured(family: Family) -> bool:
     """Whether its names say that it was measured."""
     return bool(set(family.stem.split("_")) & SURELY_MEASURED)
+
+
+def says_quantity(family: Family) -> bool:
+    """Whether format, names or units say what it is: a joint's name alone may be anything's."""
+    word = any(OF_WORD.get(word) == family.quantity for word in family.stem.split("_"))
+    return family.stated or word or QUANTITY_OF_UNIT.get(family.unit) == family.quantity
 
 
 def of_motor(family: Family) -> bool:
