@@ -22,16 +22,11 @@ from excite.logs.signals.butterworth import lowpass, settling_samples
 
 GRAVITY = 9.81
 _UNLOADED_N = 20.0
-# What else than newtons forces are exported in, and levers of moments that are not in the file's unit, in the order in
-# which they are tried.
+# What else than newtons forces are exported in, and by what moments are off that are not in the file's unit.
 _FORCE_UNITS = {4.4482216152605: "pounds-force", 9.80665: "kilograms-force", 1e3: "kilonewtons"}
 _LEVER_UNITS = {
     1e3: "N·m where the file's unit makes them N·mm",
     1e-3: "N·mm where the file's unit makes them N·m",
-    25.4: "inches times the force where the file says millimetres",
-    304.8: "feet times the force where the file says millimetres",
-    0.0254: "inches times the force where the file says metres",
-    0.3048: "feet times the force where the file says metres",
 }
 # Share of the frames in which plates carry the weight, within a third as in walking, that a unit has to bring.
 _BROUGHT, _ABOUT = 0.25, 0.3
@@ -243,7 +238,7 @@ def _in_metres(
     read, names = [], []
     for plate in plates:
         scaled = plate
-        if typical_miss(plate, feet, height) > 5.0:
+        if plate.corners is None and typical_miss(plate, feet, height) > 5.0:
             point = np.nan_to_num(pressure_center(plate.force, plate.moment, height))
             free = plate.moment - np.cross(point, plate.force)
             factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
