@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import ClassVar
 
 from excite.errors import InputError, UnknownNameError
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.virtual_robot import Injected, VirtualRobot
 
 
 class InjectedEffect(ABC):
@@ -66,4 +67,7 @@ class InjectedEffect(ABC):
                 f"{self.name} is {value:g} {self.unit}",
                 remedy=f"choose from {self.lower:g} to {self.upper:g} {self.unit}",
             )
-        return self.apply(virtual, location, value)
+        changed = self.apply(virtual, location, value)
+        return replace(
+            changed, injected=(*virtual.injected, Injected(self.name, location, value, self.unit))
+        )
