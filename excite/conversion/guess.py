@@ -103,10 +103,16 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
         named |= {
-            column for column, said in left.items() if said.commanded or said.quantity in ("volt", "time", "skip")
+            column
+            for column, said in left.items()
+            if said.commanded or said.quantity in ("volt", "time", "skip")
         }
         nameless = _without_names(found, recording, machine, joints, {c for c in left if c not in named})
-        if "q_cmd" in chosen and "q" in nameless and not is_followed(chosen["q_cmd"], nameless["q"], recording):
+        if (
+            "q_cmd" in chosen
+            and "q" in nameless
+            and not is_followed(chosen["q_cmd"], nameless["q"], recording)
+        ):
             nameless = {}
         chosen |= {target: family for target, family in nameless.items() if target not in chosen}
     unplaced = torques_of_no_joint(groups, chosen, recording)
@@ -133,7 +139,9 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     used = {item.source for item in found.mapped} | set(clocks)
     found.unused = [name for name in column_names(recording) if name not in used]
     live = live_columns(recording)
-    found.lost = [name for name in found.unused if name in live and name in clues and is_of_joints(clues[name])]
+    found.lost = [
+        name for name in found.unused if name in live and name in clues and is_of_joints(clues[name])
+    ]
     return found
 
 

@@ -105,7 +105,9 @@ class Map(BaseModel):
         if isinstance(rate, int | float) and 0.0 < rate < np.inf and not isinstance(rate, bool):
             return float(rate)
         raise LogError(
-            f"rate_hz is no rate: {rate}", field="log", remedy="write the rows a second, as `log: {rate_hz: 250}`"
+            f"rate_hz is no rate: {rate}",
+            field="log",
+            remedy="write the rows a second, as `log: {rate_hz: 250}`",
         )
 
     def ignores(self, column: str) -> bool:

@@ -45,8 +45,15 @@ def _no_target(target: str, pattern: str, joints: Sequence[str]) -> tuple[str, s
     if not joint and (len(joints) == 1 or re.search(r"\{(joint|n0?)\}", pattern)):
         return None
     names = first_names(joints, MOST_NAMED)
-    wrong = f"is one column for {len(joints)} joints" if not joint else f"names no joint of the robot, which has {names}"
-    return f"{target}: {pattern} {wrong}", f'columns: {{{channel}.{joints[0]}: "{pattern}"}} (or another joint)'
+    wrong = (
+        f"is one column for {len(joints)} joints"
+        if not joint
+        else f"names no joint of the robot, which has {names}"
+    )
+    return (
+        f"{target}: {pattern} {wrong}",
+        f'columns: {{{channel}.{joints[0]}: "{pattern}"}} (or another joint)',
+    )
 
 
 def without_stated(found: Guesses, groups: Sequence[Family], clues: Mapping[str, Clue]) -> list[Family]:

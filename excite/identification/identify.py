@@ -207,7 +207,15 @@ def identify_problem(
         identified=identified,
         statistics=certainty,
         judgement=judgement,
-        findings=(*known, *failed, *too_few, *notes, *adaptation_finding(adaptation, identified), *warnings, *doubts),
+        findings=(
+            *known,
+            *failed,
+            *too_few,
+            *notes,
+            *adaptation_finding(adaptation, identified),
+            *warnings,
+            *doubts,
+        ),
     )
     if failure is not None:
         raise NoSolutionError(failure.what, best=result, remedy=failure.remedy) from failure

@@ -23,9 +23,15 @@ LABELS = (
     ("sh1", "sh2", "el", "wr1", "wr2", "wr3"),
     ("axis1", "axis2", "axis3", "axis4", "axis5", "axis6"),
 )
-POSITIONS = "ang_{j}_deg|{j}_pos_deg|pos_{j}|q_{j}|{j} angle [deg]|theta_{j}|{j}_deg|actual_{j}_rad|{j}".split("|")
-VELOCITIES = "ang_{j}_deg_s|{j}_vel_deg_s|vel_{j}|qd_{j}|{j} speed [deg/s]|omega_{j}|{j}_deg_s|{j}_rad_s|".split("|")
-TORQUES = "trq_{j}_Nm|{j}_torque|tau_{j}|{j} torque [Nm]|{j}_Nm|mot_{j}_Nm|eff_{j}|M_{j}|load_{j}_Nm".split("|")
+POSITIONS = (
+    "ang_{j}_deg|{j}_pos_deg|pos_{j}|q_{j}|{j} angle [deg]|theta_{j}|{j}_deg|actual_{j}_rad|{j}".split("|")
+)
+VELOCITIES = (
+    "ang_{j}_deg_s|{j}_vel_deg_s|vel_{j}|qd_{j}|{j} speed [deg/s]|omega_{j}|{j}_deg_s|{j}_rad_s|".split("|")
+)
+TORQUES = "trq_{j}_Nm|{j}_torque|tau_{j}|{j} torque [Nm]|{j}_Nm|mot_{j}_Nm|eff_{j}|M_{j}|load_{j}_Nm".split(
+    "|"
+)
 CLOCKS = ("t_ms", "time", "Time [s]", "timestamp", "", "t")
 
 
@@ -52,7 +58,9 @@ def draw(seed: int, folder: Path) -> tuple[Path, dict[str, str]]:
 
 def first_of(line: str) -> list[str]:
     """The first of the alternatives that a suggested line has, as lines of a map; the rate as it was recorded."""
-    line = re.split(r",? or (?=columns|units|scale|ignore|log|joints|what)| \((?=all)", line.partition("   #")[0])[0]
+    line = re.split(
+        r",? or (?=columns|units|scale|ignore|log|joints|what)| \((?=all)", line.partition("   #")[0]
+    )[0]
     return re.sub(r" \(.*\)$", "", line.replace("NUMBER", "125")).split(" and ")
 
 
@@ -86,7 +94,9 @@ def test_positions_beside_their_rates_are_read_without_a_map(tmp_path):
         table |= {f"ang_{joint}_deg": np.degrees(q[:, k]), f"ang_{joint}_deg_s": np.degrees(v[:, k])}
         table[f"trq_{joint}_Nm"] = tau[:, k]
     file = tmp_path / "run.csv"
-    np.savetxt(file, np.column_stack(list(table.values())), delimiter=",", header=",".join(table), comments="")
+    np.savetxt(
+        file, np.column_stack(list(table.values())), delimiter=",", header=",".join(table), comments=""
+    )
     found = excite.convert([file], "ur10", tmp_path / "log")
     for k, joint in enumerate(robot.joint_names):
         assert found.columns[f"q.{joint}"] == (f"ang_{LABELS[0][k]}_deg", pytest.approx(np.pi / 180.0))
@@ -113,7 +123,9 @@ def test_one_of_several_torques_of_a_joint_is_asked_for(names, asked, zeros, dat
         table |= {zeros.format(k + 1): np.zeros(len(data["time"])) for k in range(3)}
     table |= {name: (1.0 - 0.1 * k) * data["tau"][:, 1] for k, name in enumerate(names)}
     file = tmp_path / "run.csv"
-    np.savetxt(file, np.column_stack(list(table.values())), delimiter=",", header=",".join(table), comments="")
+    np.savetxt(
+        file, np.column_stack(list(table.values())), delimiter=",", header=",".join(table), comments=""
+    )
     with pytest.raises(UnclearError) as error:
         excite.convert([file], arm, tmp_path / "log")
     assert asked in str(error.value)

@@ -202,7 +202,9 @@ def test_each_plate_is_judged_on_its_own(session, person, index, force, lever, k
     found = measured(session, mistaken(session, index, force, lever))
     own, other = (session.trial.plates[k].name for k in (index, 1 - index))
     assert own in kinds(found)[kind] and unit in kinds(found)[kind] and other not in kinds(found)[kind]
-    assert {finding.kind for finding in found.findings} - {finding.kind for finding in person.findings} == {kind}
+    assert {finding.kind for finding in found.findings} - {finding.kind for finding in person.findings} == {
+        kind
+    }
     for a, b in zip(found.log.trials, person.log.trials, strict=True):
         for name, wrench in a.wrenches.items():
             np.testing.assert_allclose(wrench, b.wrenches[name], rtol=1e-6, atol=1e-3)

@@ -34,7 +34,9 @@ def test_too_few_instants_leave_the_tables_and_name_no_segment(person, tmp_path)
     found = excite.identify(tmp_path / "log" / "robot.yaml", tmp_path / "log")
     assert "too_few_instants" in {finding.kind for finding in found.findings}
     assert not found.changes.segments and "not looked for" in found.summary()
-    np.testing.assert_array_equal(found.identified.inertial, found.identified.nominal[: len(found.identified.inertial)])
+    np.testing.assert_array_equal(
+        found.identified.inertial, found.identified.nominal[: len(found.identified.inertial)]
+    )
     for method in ("hqp", "lmi"):
         other = excite.identify(tmp_path / "log" / "robot.yaml", tmp_path / "log", method)
         assert not other.changes.segments

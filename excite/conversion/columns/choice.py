@@ -7,7 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.columns.families import Family, columns_line, is_measured, of_motor, says_quantity, with_others
+from excite.conversion.columns.families import (
+    Family,
+    columns_line,
+    is_measured,
+    of_motor,
+    says_quantity,
+    with_others,
+)
 from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.vocabulary import ASIDE, MEASURED
 from excite.conversion.columns.words import clue

@@ -78,7 +78,9 @@ def is_followed(command: Family, position: Family, recording: Recording) -> bool
             left, step = (asked - is_at)[:-1], np.diff(is_at)
             # Up to as many rows late as a few hundredths of a second are at the rates of servos.
             towards.append(
-                max(_correlation(left[: len(left) - late], step[late:]) or 0.0 for late in range(_LATEST_ROWS))
+                max(
+                    _correlation(left[: len(left) - late], step[late:]) or 0.0 for late in range(_LATEST_ROWS)
+                )
             )
     return bool(towards) and float(np.median(towards)) >= _FOLLOWED
 

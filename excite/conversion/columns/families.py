@@ -119,7 +119,9 @@ def _by_units(clues: dict[str, Clue]) -> dict[str, Clue]:
         of_units = {name: QUANTITY_OF_UNIT.get(clues[name].unit, "") for name in names}
         # What states no unit is of the quantity that its name says.
         if quantity in of_units.values() or "" in of_units.values():
-            found |= {n: replace(clues[n], quantity=of) for n, of in of_units.items() if of not in ("", "time")}
+            found |= {
+                n: replace(clues[n], quantity=of) for n, of in of_units.items() if of not in ("", "time")
+            }
     return found
 
 

@@ -66,7 +66,9 @@ COMMANDED = frozenset(
     "planned plan ipo interpolated interp prescribed qout tauout alphaout".split()
 )
 # Of them, words that mean nothing else: what a robot of one joint is asked for needs no other word.
-SURELY_COMMANDED = COMMANDED - frozenset("d in input as set nominal computed ff feedforward want demand".split())
+SURELY_COMMANDED = COMMANDED - frozenset(
+    "d in input as set nominal computed ff feedforward want demand".split()
+)
 MEASURED = frozenset(
     "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "
     # Msr and Msrd are what KUKA's Sunrise records as measured.

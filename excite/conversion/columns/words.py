@@ -201,7 +201,9 @@ def _counted_letter(tokens: Sequence[str], words: Sequence[str], unit: str, know
     Of ``angle_w1`` it is the wrist's, and so it is of ``w1_Nm``.
     """
     pairs = itertools.pairwise(tokens)
-    found = {one for one, after in pairs if after.isdigit() and OF_WORD.get(one) in _OF_JOINTS and len(one) == 1}
+    found = {
+        one for one, after in pairs if after.isdigit() and OF_WORD.get(one) in _OF_JOINTS and len(one) == 1
+    }
     if len(found) != 1 or not found <= set(words):
         return ""
     (letter,) = found

@@ -68,6 +68,4 @@ class InjectedEffect(ABC):
                 remedy=f"choose from {self.lower:g} to {self.upper:g} {self.unit}",
             )
         changed = self.apply(virtual, location, value)
-        return replace(
-            changed, injected=(*virtual.injected, Injected(self.name, location, value, self.unit))
-        )
+        return replace(changed, injected=(*virtual.injected, Injected(self.name, location, value, self.unit)))
