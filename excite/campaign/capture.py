@@ -29,8 +29,8 @@ _WARM_UP_S = 300.0
 _STILL_S = 10.0
 # Motions of which a repeat is asked for: the noise floor needs one, two show whether it drifts.
 _REPEATED = 2
-# Postures that are held, rows of each motion that they are chosen from, and loads that differ by no more than this share
-# of the largest: the same posture once more tells gravity nothing.
+# Postures that are held, rows of each motion that they are chosen from, and the share of the largest load by which
+# loads have to differ: the same posture once more tells nothing of gravity.
 _HELD, _LOOKED_AT, _ALIKE = 3, 50, 0.1
 
 

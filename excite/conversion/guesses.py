@@ -12,7 +12,6 @@ from excite.arrays import Array
 from excite.conversion.recording import Stream
 from excite.errors import LogError
 
-
 # What asks for the rate of rows without a clock; a number stands in it only where something tells one.
 RATE_LINE = "log: {rate_hz: NUMBER}   # rows a second"
 

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from excite.conversion.columns.families import Family
-from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.naming.match import BY_NAME, Doubt
+from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.vocabulary import FORCES, SHARES
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses

@@ -62,7 +62,7 @@ def test_a_recorded_servos_actions_are_positions(tmp_path):
 def test_commands_that_nothing_follows_are_asked_about_and_the_lines_work(data, arm, tmp_path):
     other = 0.3 * np.random.default_rng(3).standard_normal(data["q"].shape)
     np.savez(tmp_path / "run.npz", time=data["time"], position=data["q"], action=other)
-    with pytest.raises(UnclearError, match="action.*positions or torques is not told") as asked:
+    with pytest.raises(UnclearError, match=r"action.*positions or torques is not told") as asked:
         excite.convert([tmp_path / "run.npz"], arm, tmp_path / "log")
     (question,) = asked.value.questions
     for line, channel in zip(question.line.split(" or "), ("q_cmd", "tau_cmd"), strict=True):

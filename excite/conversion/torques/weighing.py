@@ -124,7 +124,8 @@ def _with_rate(question: Question, tried: Callable[[Map], Conversion], stated: M
         rate, best = float(rates[at]), (rates[near[0]], rates[near[-1]], turned)
     low, high, turned = best
     sign = ", with the sign of the torques turned" if turned else ""
-    why = f", as the nominal inertias say ({_two_digits(low):g} to {_two_digits(high):g} explain the torques about as well{sign})"
+    span = f"{_two_digits(low):g} to {_two_digits(high):g}"
+    why = f", as the nominal inertias say ({span} explain the torques about as well{sign})"
     return question.with_rate(_two_digits(rate), why)
 
 

@@ -115,7 +115,10 @@ def _upward(plates: list[PlateRecording], source: Path) -> tuple[list[PlateRecor
     names = tuple(plate.name for plate, is_down in zip(plates, down, strict=True) if is_down)
     if not names:
         return plates, []
-    text = f"{source.name}: vertical forces of {' and '.join(names)} point down: they are those on the plates; turned round"
+    text = (
+        f"{source.name}: vertical forces of {' and '.join(names)} point down: they are those on the plates; turned "
+        "round"
+    )
     mean = sum(float(force.mean()) for force, is_down in zip(vertical, down, strict=True) if is_down)
     turned = [
         replace(plate, force=-plate.force, moment=-plate.moment) if is_down else plate
