@@ -102,7 +102,7 @@ def _with_rate(question: Question, tried: Callable[[Map], Conversion], stated: M
     to bring, and where the model then explains half of the torques' power.
     """
     rates = np.geomspace(SLOWEST_HZ, FASTEST_HZ, 200)
-    rate, best = float(np.median(rates)), None
+    rate, low, high, turned = float(np.median(rates)), 0.0, 0.0, False
     for _ in range(2):
         try:
             log = tried(stated.model_copy(update={"log": {**stated.log, "rate_hz": rate}})).log
@@ -116,16 +116,15 @@ def _with_rate(question: Question, tried: Callable[[Map], Conversion], stated: M
             as_stated = Reading.as_stated(log)
             by_clock = samples.by_clock(replace(as_stated, torque_factor=sign * as_stated.torque_factor))
             left.append([float(np.mean(by_clock(rate / one))) for one in rates])
-        turned, at = np.unravel_index(int(np.argmin(left)), np.shape(left))
+        which, at = np.unravel_index(int(np.argmin(left)), np.shape(left))
         count = len(samples.measured)
-        near = np.flatnonzero(np.array(left[turned]) * count < left[turned][at] * count + LEAST_GAIN)
-        if near[0] == 0 or near[-1] == len(rates) - 1 or np.exp(2.0 * left[turned][at]) > 0.5:
+        near = np.flatnonzero(np.array(left[which]) * count < left[which][at] * count + LEAST_GAIN)
+        if near[0] == 0 or near[-1] == len(rates) - 1 or np.exp(2.0 * left[which][at]) > 0.5:
             return question
-        rate, best = float(rates[at]), (rates[near[0]], rates[near[-1]], turned)
-    low, high, turned = best
-    sign = ", with the sign of the torques turned" if turned else ""
+        rate, low, high, turned = float(rates[at]), float(rates[near[0]]), float(rates[near[-1]]), bool(which)
+    signs = ", with the sign of the torques turned" if turned else ""
     span = f"{_two_digits(low):g} to {_two_digits(high):g}"
-    why = f", as the nominal inertias say ({span} explain the torques about as well{sign})"
+    why = f", as the nominal inertias say ({span} explain the torques about as well{signs})"
     return question.with_rate(_two_digits(rate), why)
 
 
