@@ -6,6 +6,9 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
+
 from excite.atomic import write_text
 from excite.campaign.sheet_page import sheet_page
 from excite.conversion.capture_sheet import Capture, Run
@@ -26,6 +29,9 @@ _WARM_UP_S = 300.0
 _STILL_S = 10.0
 # Motions of which a repeat is asked for: the noise floor needs one, two show whether it drifts.
 _REPEATED = 2
+# Postures that are held, rows of each motion that they are chosen from, and the share of the largest load by which
+# loads have to differ: the same posture once more tells nothing of gravity.
+_HELD, _LOOKED_AT, _ALIKE = 3, 50, 0.1
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,9 @@ def capture(
         )
     planned: list[tuple[str, Role]] = [(item.motion, "identification") for item in document.selected]
     planned += [(item, "validation") for item in document.validation]
+    if not document.validation and len(planned) > 1:
+        # What a model is judged on was not fitted: of a plan that names no such motion, the last one.
+        planned[-1] = (planned[-1][0], "validation")
     motions = [(load_motion(folder / name, robot), name, role) for name, role in planned]
     sheet = Capture(
         robot=robot.name,
@@ -93,17 +102,45 @@ def _runs(robot: Robot, motions: list[tuple[Motion, str, Role]]) -> list[Run]:
     chosen = [item for item in motions if item[2] == "identification"]
     for motion, name, role in chosen[:_REPEATED]:
         runs.append(_run(robot, motion, name, role, f"{motion.name}_again", motion.name))
-    for k, (motion, name, _) in enumerate(chosen[:3]):
+    for k, (motion, name, row) in enumerate(_postures(robot, chosen)):
         runs.append(
             Run(
                 name=f"static_{k + 1}",
                 kind="static",
                 duration_s=_STILL_S,
                 motion=name,
-                start=_start(robot, motion),
+                at_s=round(float(motion.time[row] - motion.time[0]), 3),
+                start=_positions(robot, motion, row),
             )
         )
     return runs
+
+
+def _postures(robot: Robot, motions: list[tuple[Motion, str, Role]]) -> list[tuple[Motion, str, int]]:
+    """Rows of motions at which gravity loads the joints most differently, three at the most.
+
+    Each is the farthest from those before it, in shares of each joint's largest load. What stands on feet is sure to
+    stand still only where its motions begin.
+    """
+    rows = [
+        (motion, name, row)
+        for motion, name, _ in motions
+        for row in range(0, 1 if robot.floating else len(motion.time), max(1, len(motion.time) // _LOOKED_AT))
+    ]
+    if not rows:
+        return []
+    data = robot.model.createData()
+    loads = np.array(
+        [pin.computeGeneralizedGravity(robot.model, data, motion.q[row]) for motion, _, row in rows]
+    )
+    loads = loads / np.maximum(np.abs(loads).max(axis=0), 1e-9)
+    chosen = [0]
+    while len(chosen) < _HELD:
+        apart = np.linalg.norm(loads[:, None] - loads[chosen], axis=2).min(axis=1)
+        if apart.max() < _ALIKE:
+            break
+        chosen.append(int(np.argmax(apart)))
+    return [rows[k] for k in chosen]
 
 
 def _run(robot: Robot, motion: Motion, file: str, role: Role, name: str, repeats: str | None) -> Run:
@@ -114,13 +151,13 @@ def _run(robot: Robot, motion: Motion, file: str, role: Role, name: str, repeats
         motion=file,
         role=role,
         repeats=repeats,
-        start=_start(robot, motion),
+        start=_positions(robot, motion, 0),
     )
 
 
-def _start(robot: Robot, motion: Motion) -> dict[str, float]:
-    row = motion.q[0, robot.n_base_q :]
-    return {joint: round(float(value), 4) for joint, value in zip(robot.joint_names, row, strict=True)}
+def _positions(robot: Robot, motion: Motion, row: int) -> dict[str, float]:
+    values = motion.q[row, robot.n_base_q :]
+    return {joint: round(float(value), 4) for joint, value in zip(robot.joint_names, values, strict=True)}
 
 
 def sheet_text(sheet: Capture, robot: Robot, named: str, file: str = "capture.md") -> str:
@@ -133,11 +170,14 @@ def sheet_text(sheet: Capture, robot: Robot, named: str, file: str = "capture.md
         file: what they call the sheet.
     """
     total = sum(run.duration_s for run in sheet.runs)
+    again = sum(run.repeats is not None for run in sheet.motions)
+    still = sum(run.kind == "static" for run in sheet.runs)
     lines = [
         f"# Recording {sheet.robot}",
         "",
-        f"{count(len(sheet.motions), 'motion')}, {total / 60.0:.0f} minutes of recording with warm-up. "
-        "Name each recording as its run is called.",
+        f"{count(len(sheet.runs), 'run')} in the order of the table: warm-up, torques off, "
+        f"{count(len(sheet.motions) - again, 'motion')}, {again} of them again, {count(still, 'posture')} held; "
+        f"{total / 60.0:.0f} minutes in all. Name each recording as its run is called.",
         "",
         "## Before",
         "",
@@ -175,9 +215,15 @@ def _what(run: Run, robot: Robot) -> str:
         "warm_up": f"{run.motion} over and over",
         "zero_torque": f"{hung}torques off (or brakes on), nothing touches it: offsets and noise of torques and "
         "currents",
-        "static": f"hold still where {run.motion} begins: gravity and stiction alone",
+        "static": f"hold still where {run.motion} is {_when(run)}: gravity and stiction alone",
         "motion": f"{run.motion}" + (f", again ({run.repeats}): the noise floor" if run.repeats else ""),
     }[run.kind]
+
+
+def _when(run: Run) -> str:
+    if run.at_s == 0.0:
+        return "at its start"
+    return f"{run.at_s:g} s after its start (" + ", ".join(f"{j} {q:.2f}" for j, q in run.start.items()) + ")"
 
 
 def _topics(sheet: Capture, robot: Robot) -> list[str]:

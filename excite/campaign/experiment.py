@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from excite.simulation.effects.registry import inject as inject_effects
 from excite.simulation.replay import Replay
 from excite.simulation.simulate import run_experiment
 from excite.simulation.true_parameters import TrueParameters
-from excite.simulation.virtual_robot import VirtualRobot, changed_robot, nominal_robot
+from excite.simulation.virtual_robot import Injected, VirtualRobot, changed_robot, nominal_robot
 
 # Streams of random numbers of one experiment, kept apart so that one does not shift the other.
 _TRUTH_STREAM, _NOISE_STREAM = 1, 2
@@ -43,6 +43,7 @@ class Experiment(Shown):
         truth: its true inertial parameters.
         replays: what became of each motion: falls, slips, touches, tracking.
         other_version: names of the motions that were made for this robot with another description or model.
+        injected: effects that were injected.
     """
 
     robot: Robot
@@ -50,6 +51,7 @@ class Experiment(Shown):
     truth: TrueParameters
     replays: tuple[Replay, ...]
     other_version: tuple[str, ...] = ()
+    injected: tuple[Injected, ...] = ()
 
     @property
     def fallen(self) -> tuple[str, ...]:
@@ -72,6 +74,7 @@ class Experiment(Shown):
             },
             "added": [{"what": part.what, "link": part.link, "mass": part.mass} for part in self.truth.parts],
             "parameters": self.truth.phi.tolist(),
+            "injected": [asdict(one) for one in self.injected],
         }
 
     def to_json(self) -> dict[str, Any]:
@@ -166,7 +169,8 @@ def simulate(
         robot: the nominal robot, or what :func:`~excite.robot.bringing.load_robot` takes.
         motions: what to run, motions, files or folders; every fifth, in order, is logged as validation unless
             ``roles`` says otherwise.
-        inject: effects as ``EFFECT[:LOCATION[:VALUE]]``, or one.
+        inject: effects as ``EFFECT[:LOCATION[:VALUE]]``, or one; the log's ``modelled`` names none of them, the truth
+            all.
         nominal: give the virtual robot the model's own parameters.
         roles: by motion name, ``identification`` or ``validation``.
         seed: decides the virtual robot, and with ``batch`` the sensors' noise.
@@ -191,7 +195,8 @@ def simulate(
     chosen = dict(roles) if roles is not None else _every_fifth(motions)
     runs = run_experiment(virtual, motions, seed=noise, roles=chosen, jobs=jobs, progress=progress)
     others = tuple(m.name for m in motions if m.metadata.robot_hash not in ("", robot.hash))
-    return Experiment(robot, runs.log, virtual.truth, runs.replays, others)
+    log = _without_injected(runs.log, virtual.injected)
+    return Experiment(robot, log, virtual.truth, runs.replays, others, virtual.injected)
 
 
 def _check_runs(robot: Robot, motion: Motion) -> None:
@@ -210,6 +215,13 @@ def _check_runs(robot: Robot, motion: Motion) -> None:
             field="time",
             remedy="resample it evenly, 20 Hz or faster, without gaps",
         )
+
+
+def _without_injected(log: Log, injected: Sequence[Injected]) -> Log:
+    """The log whose baseline lacks what was injected: what it names, no diagnosis would look for."""
+    names = {one.effect for one in injected}
+    modelled = tuple(name for name in log.header.modelled if name not in names)
+    return replace(log, header=log.header.model_copy(update={"modelled": modelled}))
 
 
 def _every_fifth(motions: Sequence[Motion]) -> dict[str, Role]:

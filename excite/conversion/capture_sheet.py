@@ -33,7 +33,7 @@ class Run(BaseModel):
     """One recording.
 
     ``kind`` is ``motion``, ``warm_up``, ``static`` or ``zero_torque``; ``start`` the positions in which it begins, by
-    joint [rad or m].
+    joint [rad or m], those of ``motion`` ``at_s`` after its start [s].
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -44,6 +44,7 @@ class Run(BaseModel):
     motion: str | None = None
     role: Role | None = None
     repeats: str | None = None
+    at_s: Seconds = 0.0
     start: dict[str, float] = {}
 
 

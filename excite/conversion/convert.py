@@ -37,6 +37,7 @@ from excite.logs.header_blocks import Guess
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
 from excite.reading.paths import PathsLike, as_paths
+from excite.shown import count
 from excite.temporary_folder import TemporaryFolder
 
 _UNSEEN = "the doctor could not look at it"
@@ -130,7 +131,7 @@ def _converted(
     chart, note = _examined(read, machine)
     read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
-    notes += _held_though_recorded(found.unused, machine) + _without_torque(read)
+    notes += _held_though_recorded(found.unused, machine) + _without_torque(read) + _not_taken(found)
     notes += [n for t in tables[1:] for n in t.notes if n.startswith(WHOLE_TURNS)] + compared
     return Conversion(
         folder=out,
@@ -156,6 +157,17 @@ def _held_though_recorded(unused: Sequence[str], machine: Machine) -> list[str]:
     ]
 
 
+def _not_taken(found: Guesses) -> list[str]:
+    """What is lost: columns of joints by their names that no channel was made of."""
+    if not found.lost:
+        return []
+    example = f'columns: {{CHANNEL.JOINT: "{found.lost[0]}"}} in map.yaml takes one'
+    return [
+        f"{count(len(found.lost), 'column')} of joints by their names {'is' if len(found.lost) == 1 else 'are'} lost: "
+        f"{', '.join(found.lost)}; {example}"
+    ]
+
+
 def _without_torque(log: Log) -> list[str]:
     """Which joints move and have no torque: without those a robot's heaviest joint may be missing unnoticed."""
     joints = log.header.no_torque
@@ -178,9 +190,9 @@ def _write(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> N
 
 def _tables(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> list[Table]:
     """The recording's rows, a table for each run of its clock."""
-    rate = stated.log.get("rate_hz") or stated_rate(recording.said)
+    rate = stated.rate_hz or stated_rate(recording.said)
     joints = stated.joints or machine.joints
-    runs = in_runs(assemble(recording, found, None if rate is None else float(rate)))
+    runs = in_runs(assemble(recording, found, rate))
     rows = (whole_rows(joint_sided(run, stated, joints, recording.source), recording.source) for run in runs)
     return [within_ranges(table, machine, stated.offset) for table in rows]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,16 +10,22 @@ from excite.conversion.base import add_base, feet_of
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.base_signals import add_base_signals
-from excite.conversion.columns.choice import choose
+from excite.conversion.columns.choice import choose, settle_unmeasured
 from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, pace, rate_by_velocities
-from excite.conversion.columns.commands import settle_commands
+from excite.conversion.columns.commands import is_followed, settle_commands
 from excite.conversion.columns.contact_forces import without_contact_forces
-from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
+from excite.conversion.columns.families import (
+    Family,
+    clues_of,
+    families,
+    is_anonymous,
+    with_numbers_for_letters,
+)
 from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
-from excite.conversion.columns.unfilled import without_unfilled
-from excite.conversion.columns.words import Clue
-from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.columns.unfilled import live_columns, without_unfilled
+from excite.conversion.columns.words import Clue, is_of_joints
+from excite.conversion.guesses import RATE_LINE, Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.questions import (
@@ -30,19 +35,27 @@ from excite.conversion.questions import (
     ask_for_positions,
     ask_for_surplus,
     ask_for_torques,
+    ask_for_torques_of_no_joint,
     column_names,
     note_joints_without_position,
     note_order_of_legs,
     note_other_names,
+    torques_of_no_joint,
 )
 from excite.conversion.recording import Recording, Stream, stated_rate
-from excite.conversion.stated import add_stated, of_single_joints
+from excite.conversion.stated import (
+    add_stated,
+    ask_for_stated_positions,
+    of_single_joints,
+    with_stated_labels,
+    without_stated,
+)
 from excite.conversion.torques.controller import note_controllers_constants
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
-# What asks for the rate, in which a rate is proposed; columns without names are told apart at it where none is known.
-_RATE_LINE, _ANY_RATE = "log: {{rate_hz: {rate:.3g}}}   # rows a second{why}", 100.0
+# Columns without names are told apart at this rate where none is known.
+_ANY_RATE = 100.0
 
 
 def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "") -> Guesses:
@@ -63,9 +76,11 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     if wrong:
         found.ask(f"the robot has no joint {', '.join(wrong)}", f"joints: [{', '.join(machine.joints)}]")
         return found
+    recording = with_numbers_for_letters(recording)
     ignored = [column for column in column_names(recording) if mapping.ignores(column)]
     clues = clues_of(recording, joints, ignored)
     add_stated(found, recording, mapping, joints)
+    clues = with_stated_labels(found, clues)
     clocks = _clocks(found, recording, clues, mapping)
     taken = {item.source for item in found.mapped} | set(clocks)
     if machine.floating:
@@ -78,22 +93,35 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     known = {item.channel for item in found.mapped if item.source not in single}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
     groups = [family for family in groups if not is_anonymous(family, joints)]
+    groups = without_stated(found, groups, clues)
     groups = axes_as_positions(found, groups, left, known)
     groups = without_contact_forces(found, without_unfilled(found, groups, recording), machine)
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
-    chosen = choose(groups, found, recording)
-    settle_commands(found, chosen, recording)
-    ask_for_surplus(found, chosen, joints)
-    ask_for_joints(found, chosen, groups)
-    note_other_names(found, chosen)
-    note_order_of_legs(found, chosen, joints, mapping)
+    chosen = choose(groups, found, recording, joints)
     nameless: dict[str, Family] = {}
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
-        named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
+        named |= {
+            column
+            for column, said in left.items()
+            if said.commanded or said.quantity in ("volt", "time", "skip")
+        }
         nameless = _without_names(found, recording, machine, joints, {c for c in left if c not in named})
-        chosen |= nameless
+        if (
+            "q_cmd" in chosen
+            and "q" in nameless
+            and not is_followed(chosen["q_cmd"], nameless["q"], recording)
+        ):
+            nameless = {}
+        chosen |= {target: family for target, family in nameless.items() if target not in chosen}
+    unplaced = torques_of_no_joint(groups, chosen, recording)
+    settle_unmeasured(found, chosen, joints, unplaced)
+    settle_commands(found, chosen, recording, joints)
+    ask_for_surplus(found, chosen, joints)
+    ask_for_joints(found, chosen, groups)
+    note_other_names(found, {target: family for target, family in chosen.items() if target not in nameless})
+    note_order_of_legs(found, chosen, joints, mapping)
     note_controllers_constants(found, chosen, groups, recording)
     _add(found, chosen, nameless)
     _propose_rate(found, recording)
@@ -101,13 +129,19 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     add_base(found, recording, left, machine, mapping)
     _ask_for_doubts(found, recording, machine)
     ask_for_positions(found, recording, machine)
+    ask_for_stated_positions(found, clues, joints)
     ask_for_torques(found, groups, recording, mapping)
+    ask_for_torques_of_no_joint(found, unplaced, left, joints, recording, mapping)
     ask_for_base(found, recording, machine, mapping)
     if found.of("q") and not found.questions:
         found.mapped = convert_units(found, recording, machine, mapping)
     note_joints_without_position(found, joints)
     used = {item.source for item in found.mapped} | set(clocks)
     found.unused = [name for name in column_names(recording) if name not in used]
+    live = live_columns(recording)
+    found.lost = [
+        name for name in found.unused if name in live and name in clues and is_of_joints(clues[name])
+    ]
     return found
 
 
@@ -148,7 +182,7 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
 def _without_clock(
     found: Guesses, recording: Recording, stream: Stream, mapping: Map, clues: dict[str, Clue]
 ) -> None:
-    stated = mapping.log.get("rate_hz")
+    stated = mapping.rate_hz
     rate = stated or stated_rate(recording.said)
     if rate:
         found.rate_hz = float(rate)
@@ -162,14 +196,12 @@ def _without_clock(
     else:
         named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
         but = f" ({named[0]} does not go forward evenly)" if named else ""
-        line = _RATE_LINE.format(rate=_ANY_RATE, why="")
-        found.ask_of_all(stream.name, f"no column of times{but}", line)
+        found.ask_of_all(stream.name, f"no column of times{but}", RATE_LINE)
 
 
 def _propose_rate(found: Guesses, recording: Recording) -> None:
     """The rate that velocities tell, where a rate has to be asked for."""
-    asked = _RATE_LINE.format(rate=_ANY_RATE, why="")
-    at = next((k for k, question in enumerate(found.questions) if question.line == asked), None)
+    at = next((k for k, question in enumerate(found.questions) if question.line == RATE_LINE), None)
     values = {column.name: column.values for stream in recording.streams for column in stream.columns}
     speeds = {item.target[2:]: values[item.source] for item in found.of("v")}
     pairs = [
@@ -183,8 +215,7 @@ def _propose_rate(found: Guesses, recording: Recording) -> None:
     whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     rate = rate_by_velocities(q[whole], v[whole])
     if rate is not None:
-        line = _RATE_LINE.format(rate=rate, why=", as the velocities say")
-        found.questions[at] = replace(found.questions[at], line=line)
+        found.questions[at] = found.questions[at].with_rate(float(f"{rate:.3g}"), ", as the velocities say")
 
 
 def _add(found: Guesses, chosen: dict[str, Family], nameless: Container[str]) -> None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.recording import Stream
 from excite.errors import LogError
+
+# What asks for the rate of rows without a clock; a number stands in it only where something tells one.
+RATE_LINE = "log: {rate_hz: NUMBER}   # rows a second"
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,10 @@ class Question:
     torques: Mapping[str, str] = field(default_factory=dict)
     units: tuple[Mapping[str, str], ...] = ()
 
+    def with_rate(self, rate: float, why: str) -> Question:
+        """The question for the rate with a number in its line [Hz], and what tells it."""
+        return replace(self, line=self.line.replace("NUMBER", f"{rate:g}") + why)
+
 
 @dataclass
 class Guesses:
@@ -67,6 +74,7 @@ class Guesses:
         facts: what else was decided: name, value, reason.
         questions: what is missing.
         unused: columns that nothing was made of.
+        lost: those of them that are of joints by their names: positions, velocities, measured torques or currents.
         rate_hz: rows a second of streams without a clock; None where nothing states it.
         stated_because: what says the units of positions that a map states.
     """
@@ -75,6 +83,7 @@ class Guesses:
     facts: list[tuple[str, str, str]] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
     rate_hz: float | None = None
     stated_because: str = "unit stated in the map"
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import yaml
 
-from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.columns.families import columns_of
+from excite.conversion.guesses import Guesses
 from excite.conversion.mapping import SCHEMA, Map
 from excite.conversion.trials import Cut
 from excite.logs.log import LogHeader
@@ -21,7 +21,7 @@ def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map
     offset: dict[str, float] = {}
     for channel in dict.fromkeys(item.channel for item in found.mapped):
         items = found.of(channel)
-        columns |= _patterns(channel, items, joints)
+        columns |= columns_of(channel, {item.target: item.source for item in items}, joints)
         factors = {item.factor for item in items}
         if len(factors) == 1 and factors != {1.0}:
             scale[channel] = factors.pop()
@@ -71,23 +71,6 @@ def _si(found: Guesses) -> dict[str, str]:
         "time": "s",
     }
     return {name: unit for name, unit in units.items() if found.of(name)}
-
-
-def _patterns(channel: str, items: list[Mapped], joints: Sequence[str]) -> dict[str, str]:
-    """One pattern for a channel where its columns follow one, else a column a joint."""
-    if channel in ("time", "base", "wrench", "imu", "contact"):
-        return {item.target: item.source for item in items}
-    sources = {item.target.partition(".")[2]: item.source for item in items}
-    if len(items) > 1 and set(sources) == set(joints):
-        for mark, of in (("{joint}", None), ("{n}", 1), ("{n0}", 0)):
-            first = sources[joints[0]]
-            word = joints[0] if of is None else str(of)
-            for match in re.finditer(re.escape(word), first):
-                pattern = first[: match.start()] + mark + first[match.end() :]
-                words = [joint if of is None else str(k + of) for k, joint in enumerate(joints)]
-                if all(sources[j] == pattern.replace(mark, w) for j, w in zip(joints, words, strict=True)):
-                    return {channel: pattern}
-    return {item.target: item.source for item in items}
 
 
 def _flow(value: object) -> str:

@@ -6,6 +6,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
@@ -91,6 +92,24 @@ class Map(BaseModel):
         description="Fields of log.yaml as they shall stand there: torque, controller, rate_hz, modelled …",
     )
 
+    @property
+    def rate_hz(self) -> float | None:
+        """Rows a second that ``log`` states [Hz]; None for none.
+
+        Raises:
+            LogError: what stands there is no rate.
+        """
+        rate = self.log.get("rate_hz")
+        if rate is None:
+            return None
+        if isinstance(rate, int | float) and 0.0 < rate < np.inf and not isinstance(rate, bool):
+            return float(rate)
+        raise LogError(
+            f"rate_hz is no rate: {rate}",
+            field="log",
+            remedy="write the rows a second, as `log: {rate_hz: 250}`",
+        )
+
     def ignores(self, column: str) -> bool:
         """Whether a column is left out: its name, brackets and all, or a pattern of it."""
         return any(column == mark or fnmatchcase(column, mark) for mark in self.ignore)
@@ -99,10 +118,12 @@ class Map(BaseModel):
 def read_map(path: Path) -> Map:
     """Read a ``map.yaml``; every mistake in it is said at once.
 
+    What is advised stands in lines, several of which may begin with the same word: they are taken together.
+
     Raises:
         LogError: the file is missing, is no YAML, or holds unknown fields or values.
     """
-    content = read_yaml(path, error=LogError, remedy="see docs/formats.md")
+    content = read_yaml(path, error=LogError, remedy="see docs/formats.md", sections=True)
     try:
         found = Map.model_validate(content)
     except ValidationError as error:

@@ -6,10 +6,13 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from excite.conversion.columns.families import Family
-from excite.conversion.columns.naming.match import BY_NAME
-from excite.conversion.columns.vocabulary import SHARES
+from excite.conversion.columns.naming.match import BY_NAME, Doubt
+from excite.conversion.columns.unfilled import live_columns
+from excite.conversion.columns.vocabulary import FORCES, SHARES
+from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -69,7 +72,49 @@ def ask_for_nameless_torques(
     found.ask(
         f"the columns have no names: by their values {told} were told, and {first_names(left, MOST_NAMED)} are left, "
         "of which nothing says whether they are torques",
-        f'columns: {{tau.{joint}: "{left[0]}", …}} (i.{joint} for currents), or log: {{torque: none}}',
+        f'columns: {{tau.{joint}: "{left[0]}"}} (i.{joint} for currents), or log: {{torque: none}}',
+    )
+
+
+def torques_of_no_joint(
+    groups: Sequence[Family], chosen: Mapping[str, Family], recording: Recording
+) -> list[str]:
+    """Columns that are measured torques by their names and vary, where no torque of any joint was understood.
+
+    Several may be of one joint, as a motor's, a sensor's and an estimate; those of the other joints then hold zeros.
+    """
+    if {"tau", "i"} & {target for target, family in chosen.items() if family.placed.columns}:
+        return []
+    live = live_columns(recording)
+    return [
+        column
+        for family in groups
+        if family.target == "tau" and not FORCES & set(family.stem.split("_")) and not family.placed.columns
+        for column in family.columns
+        if column in live
+    ]
+
+
+def ask_for_torques_of_no_joint(
+    found: Guesses,
+    unplaced: Sequence[str],
+    clues: Mapping[str, Clue],
+    joints: Sequence[str],
+    recording: Recording,
+    mapping: Map,
+) -> None:
+    """Ask which of several torques is the one of a joint, where nothing says whose they are."""
+    if not unplaced or found.of("tau") or found.of("i") or "torque" in mapping.log:
+        return
+    live = live_columns(recording)
+    moving = [item.target[2:] for item in found.of("q") if item.source in live] or list(joints)
+    numbers = {item.target[2:]: clues[item.source].number for item in found.of("q") if item.source in clues}
+    number = clues[unplaced[0]].number
+    may_be = [joint for joint, own in numbers.items() if own is not None and own == number] or moving
+    found.ask(
+        f"{first_names(unplaced, MOST_NAMED)} are torques by their names, and which of them is that of "
+        f"{first_names(may_be, MOST_NAMED, by=' or ')} is not told",
+        f'columns: {{tau.{may_be[0]}: "{unplaced[0]}"}}, or log: {{torque: none}}',
     )
 
 
@@ -88,17 +133,21 @@ def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequen
         if family is None or family.placed.because == BY_NAME:
             continue
         if len(family.placed.left_over) > max(_HAND, len(joints) // 2):
-            first = family.columns[0]
+            pairs = ", ".join(f'{target}.{j}: "{c}"' for j, c in zip(joints, family.columns, strict=False))
             found.ask(
-                f"{first} … are {len(family.columns)} columns for {len(joints)} joints",
-                f'columns: {{{target}.{joints[0]}: "{first}", …}}, or joints: [those that the columns begin with]',
+                f"{family.columns[0]} … are {len(family.columns)} columns for {len(joints)} joints",
+                f"columns: {{{pairs}}}, or joints: [those that the columns begin with]",
             )
 
 
 def ask_for_joints(found: Guesses, chosen: Mapping[str, Family], groups: Sequence[Family]) -> None:
     """Columns that may be several joints' by their names, of the channels that a log is made of."""
     known = {item.channel for item in found.mapped} | set(chosen)
+    asked = False
     for target in ("q", "tau", "i"):
+        # What the map then says of positions is true of the others' labels.
+        if asked:
+            return
         open_ones = [family for family in groups if family.target == target and family.placed.doubts]
         if target in chosen:
             doubts = chosen[target].placed.doubts
@@ -106,18 +155,32 @@ def ask_for_joints(found: Guesses, chosen: Mapping[str, Family], groups: Sequenc
             continue
         else:
             doubts = open_ones[0].placed.doubts
+        proposed, asked = _one_each(doubts), bool(doubts)
         for doubt in doubts:
             names = ", ".join(f'"{column}"' for column in doubt.columns)
             columns = first_names(doubt.columns, MOST_NAMED)
+            pairs = ", ".join(f'{target}.{proposed[c]}: "{c}"' for c in doubt.columns if c in proposed)
+            line = f"ignore: [{names}]"
             found.ask(
                 f"which joint {columns} is of cannot be told by its name: it may be "
                 f"{first_names(doubt.joints, MOST_NAMED, by=' or ')}"
                 if len(doubt.columns) == 1
                 else f"which joints {columns} are of cannot be told by their names: they may be "
                 f"{first_names(doubt.joints, MOST_NAMED)}",
-                f'columns: {{{target}.{doubt.joints[0]}: "{doubt.columns[0]}"'
-                f"{', …' if len(doubt.columns) > 1 else ''}}}, or ignore: [{names}]",
+                f"columns: {{{pairs}}}, or {line}" if pairs else line,
             )
+
+
+def _one_each(doubts: Sequence[Doubt]) -> dict[str, str]:
+    """A joint for each doubtful column as far as there are enough, none of them twice, in their orders."""
+    columns = [(column, doubt.joints) for doubt in doubts for column in doubt.columns]
+    if not columns:
+        return {}
+    joints = list(dict.fromkeys(joint for _, may_be in columns for joint in may_be))
+    fits = np.array([[joint in may_be for joint in joints] for _, may_be in columns])
+    away = np.abs(np.arange(len(columns))[:, None] - np.arange(len(joints)))
+    rows, places = linear_sum_assignment(np.where(fits, away, fits.size * (away.max() + 1)))
+    return {columns[k][0]: joints[at] for k, at in zip(rows, places, strict=True) if fits[k, at]}
 
 
 def note_other_names(found: Guesses, chosen: Mapping[str, Family]) -> None:

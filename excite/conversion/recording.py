@@ -37,6 +37,7 @@ class Column:
         channel: what it holds (``q``, ``tau`` …) where the format itself says so; empty where it has to be guessed.
         label: the joint or sensor that the format, or a list of names in the file, names beside it; empty for none.
         unit: as the format states it; empty for none.
+        spelt: its name with a number for a letter that counts; empty where the name has none.
     """
 
     name: str
@@ -44,6 +45,12 @@ class Column:
     channel: str = ""
     label: str = ""
     unit: str = ""
+    spelt: str = ""
+
+    @property
+    def said_as(self) -> str:
+        """The name that is read."""
+        return self.spelt or self.name
 
 
 @dataclass(frozen=True, eq=False)

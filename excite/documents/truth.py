@@ -17,6 +17,15 @@ class Added(Block):
     mass: Number = Field(description="[kg]")
 
 
+class InjectedEffect(Block):
+    """An effect that the nominal model lacks."""
+
+    effect: Name = Field(description="name of the effect")
+    location: Name = Field(description="where it sits")
+    value: Number = Field(description="how much, in its unit")
+    unit: str = Field(description="unit of the value", max_length=40)
+
+
 class Truth(Document):
     """True inertial parameters of a virtual robot, for comparison afterwards."""
 
@@ -30,4 +39,7 @@ class Truth(Document):
     )
     parameters: Annotated[list[Number], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="ten inertial parameters a link, about its joint's frame [SI]"
+    )
+    injected: Annotated[list[InjectedEffect], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="effects that were injected, which the log's `modelled` does not name"
     )

@@ -22,8 +22,9 @@ from excite.identification.adaptation import (
 )
 from excite.identification.attempt import attempt, equations_of, failure_finding
 from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.estimators.base import Estimator
+from excite.identification.estimators.base import Estimator, SolveStatus
 from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
+from excite.identification.estimators.fallback import estimate_at
 from excite.identification.estimators.method_settings import own_settings
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.identification.estimators.settings import BoxSettings, EstimatorSettings, StatedBoundsSettings
@@ -162,7 +163,8 @@ def identify_problem(
     plain = without_terms(problem, addable)
     weighted = iterate_weights(regression(plain))
     weighted_statistics = base_statistics(weighted)
-    changes = find_changes(weighted, weighted_statistics.noise)
+    too_few = _too_few_instants(plain, weighted_statistics.base.rank)
+    changes = Changes((), 0.0, 1.0) if too_few else find_changes(weighted, weighted_statistics.noise)
     informed = _informed_settings(problem, settings, changes)
     adaptation = Adaptation((), 1.0, 1.0)
     if isinstance(settings, AdaptiveSettings) and plain.channel_names[0] != "fx":
@@ -175,6 +177,9 @@ def identify_problem(
     estimate, failure = attempt(
         estimator, problem, settings, regression(problem) if adaptation.terms else weighted
     )
+    if too_few and isinstance(settings, AdaptiveSettings):
+        kept = estimate_at(estimator.name, weighted, problem.prior.copy(), SolveStatus.SOLVED)
+        estimate, failure = replace(kept, distance=0.0), None
     identified = identified_parameters(problem, estimate.parameters)
     if adaptation.terms:
         estimate = replace(estimate, parameters=estimate.parameters[: plain.n_params], regression=weighted)
@@ -202,11 +207,36 @@ def identify_problem(
         identified=identified,
         statistics=certainty,
         judgement=judgement,
-        findings=(*known, *failed, *notes, *adaptation_finding(adaptation, identified), *warnings, *doubts),
+        findings=(
+            *known,
+            *failed,
+            *too_few,
+            *notes,
+            *adaptation_finding(adaptation, identified),
+            *warnings,
+            *doubts,
+        ),
     )
     if failure is not None:
         raise NoSolutionError(failure.what, best=result, remedy=failure.remedy) from failure
     return result
+
+
+def _too_few_instants(problem: IdentificationProblem, rank: int) -> tuple[Finding, ...]:
+    """A finding where contact wrenches were used at fewer instants than there are base parameters.
+
+    Each of the six channels alone could then be fitted exactly, whatever its noise, which nothing tells: neither
+    changes of bodies nor parameters better than the nominal ones follow.
+    """
+    instants = int(np.bincount(problem.channel).max())
+    if problem.channel_names[0] != "fx" or instants >= rank:
+        return ()
+    text = (
+        f"{instants} instants for {rank} base parameters: each channel could be fitted exactly, so that nothing tells "
+        "noise from bodies; no changed segment is looked for, and the default method keeps the nominal bodies: record "
+        "longer and more varied motions"
+    )
+    return (Finding("too_few_instants", text, {"instants": float(instants), "base_parameters": float(rank)}),)
 
 
 def _boxes(robot: Robot, settings: EstimatorSettings) -> tuple[Array, tuple[Finding, ...]]:

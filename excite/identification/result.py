@@ -204,7 +204,8 @@ class Identification(Tabled):
         if self.in_unknown_unit:
             return ["changed segments: not asked of torques in an unknown unit"]
         if not self.changes.segments:
-            return ["changed segments: none found"]
+            few = any(found.kind == "too_few_instants" for found in self.findings)
+            return [f"changed segments: {'not looked for' if few else 'none found'}"]
         lines = ["changed segments:"]
         for item in self.changes.segments:
             others = f" (or {', '.join(item.tied_with)})" if item.tied_with else ""

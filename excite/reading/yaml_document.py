@@ -36,6 +36,7 @@ def read_yaml(
     limit: int = MAX_DESCRIPTION_BYTES,
     most_nodes: int = MAX_NODES,
     degrees: bool = False,
+    sections: bool = False,
 ) -> dict[str, Any]:
     """The mapping that a YAML file holds.
 
@@ -46,6 +47,8 @@ def read_yaml(
         limit: largest size [bytes].
         most_nodes: how many values it may stand for.
         degrees: whether angles may be tagged ``!degrees`` (read as radians) or ``!radians``.
+        sections: whether a mapping or list at the top may stand in parts, ``columns: {…}`` a line each, which are then
+            one.
 
     Raises:
         InputError: of the class ``error``: the file cannot be read, is no YAML or no mapping, nests or repeats itself
@@ -56,8 +59,12 @@ def read_yaml(
     try:
         root = _composed(text, path, error, most_nodes)
         if root is not None:
+            if sections and isinstance(root, yaml.MappingNode):
+                _join_sections(root)
             _check_nodes(root, path, error, most_nodes)
-        content = None if root is None else yaml.load(text, Loader=_AngleLoader if degrees else _Loader)
+        content = (
+            None if root is None else (_AngleLoader if degrees else _Loader)("").construct_document(root)
+        )
     except yaml.YAMLError as reason:
         line = " ".join(str(reason).split())
         raise error(f"is not valid YAML ({line[:200]})", source=path, remedy="mend the syntax") from reason
@@ -86,6 +93,20 @@ def _composed(text: str, path: Path, error: type[InputError], most_nodes: int) -
         if nodes > most_nodes:
             raise _too_many(path, error, most_nodes)
     return yaml.compose(text, Loader=_Loader)
+
+
+def _join_sections(root: yaml.MappingNode) -> None:
+    """Make one of the mappings, or of the lists, that stand under the same key at the top."""
+    first: dict[str, yaml.Node] = {}
+    left = []
+    for key, value in root.value:
+        name = str(key.value)
+        same = first.setdefault(name, value)
+        if same is not value and isinstance(value, yaml.CollectionNode) and type(same) is type(value):
+            same.value += value.value
+        else:
+            left.append((key, value))
+    root.value = left
 
 
 def _check_nodes(root: yaml.Node, path: Path, error: type[InputError], most_nodes: int) -> None:

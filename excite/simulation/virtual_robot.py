@@ -24,6 +24,16 @@ from excite.simulation.true_parameters import (
 Reading = Callable[[Recording], Recording]
 
 
+@dataclass(frozen=True)
+class Injected:
+    """An effect that was injected: its name, its location, and its value in the effect's unit."""
+
+    effect: str
+    location: str
+    value: float
+    unit: str
+
+
 @dataclass(frozen=True, eq=False)
 class VirtualRobot:
     """What is simulated in place of a real robot.
@@ -38,6 +48,7 @@ class VirtualRobot:
         noise: factor on the noise of every sensor; 0 for a log without noise.
         laws: injected physics that acts at every step.
         changes: injected changes of the machine itself, made before it is compiled, in order.
+        injected: names, places and sizes of all that was injected, in order.
     """
 
     robot: Robot
@@ -48,6 +59,7 @@ class VirtualRobot:
     noise: float = 1.0
     laws: tuple[Law, ...] = ()
     changes: tuple[Change, ...] = ()
+    injected: tuple[Injected, ...] = ()
 
     def with_law(self, law: Law) -> VirtualRobot:
         """The same robot under one more law."""

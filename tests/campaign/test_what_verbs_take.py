@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -88,3 +89,20 @@ def test_one_of_what_is_asked_for_is_taken_as_one(planned: Path) -> None:
         for motions, inject in ((motion, bias), ([motion], [bias]))
     )
     assert (one == several).all()
+
+
+@pytest.mark.parametrize("effect", ["coulomb_friction", "viscous_friction", "torque_gain", "payload"])
+def test_what_is_injected_stands_in_the_truth_and_not_in_the_baseline(
+    effect: str, planned: Path, tmp_path: Path
+) -> None:
+    robot = excite.load_robot("ur10")
+    motion = excite.load_motions(sorted((planned / "motions").iterdir())[0], robot)
+    plain = excite.simulate(robot, motion, nominal=True)
+    found = excite.simulate(robot, motion, inject=effect, nominal=True)
+    assert set(found.log.header.modelled) == set(plain.log.header.modelled) - {effect}
+    found.save(tmp_path / "log")
+    truth = json.loads((tmp_path / "log" / "truth.json").read_text())
+    (injected,) = truth["injected"]
+    assert injected["effect"] == effect and injected["value"] != 0.0 and injected["unit"]
+    assert injected["location"] in (*robot.joint_names, *(segment.link for segment in robot.segments))
+    assert plain.truth_json()["injected"] == []

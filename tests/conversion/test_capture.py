@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import excite
@@ -61,12 +63,23 @@ def recorded(plan: Path, folder: Path, run: str, motion: str, shift: float = 0.0
     return file
 
 
-def stood(plan: Path, folder: Path, run: str, motion: str, torque: float | None = None) -> Path:
-    """A recording that stands where a motion begins, by its gravity or with one torque at every joint."""
+def stood(
+    plan: Path,
+    folder: Path,
+    run: str,
+    motion: str,
+    torque: float | None = None,
+    start: dict[str, float] | None = None,
+) -> Path:
+    """A recording that stands where a motion begins or at other positions, by its gravity or with one torque at every
+    joint."""
     file = recorded(plan, folder, run, motion)
     lines = file.read_text().splitlines()
     rows = np.repeat([[float(x) for x in lines[1].split(",")]], 10_000, axis=0)
     rows[:, 0] = 0.001 * np.arange(len(rows))
+    if start is not None:
+        rows[:, 1:7] = list(start.values())
+        rows[:, 7:] = 5.0 * np.cos(rows[:, 1:7])
     rows[:, 1:7] += 1e-5 * np.random.default_rng(len(run)).normal(size=(len(rows), 6))
     if torque is not None:
         rows[:, 7:] = torque
@@ -83,6 +96,37 @@ def test_a_sheet_names_runs_repeats_and_what_to_record(plan, tmp_path):
     assert read.roles()["turn"] == "validation" and read.roles()["swing"] == "identification"
     assert read.repeats() == {"swing_again": "swing", "reach_again": "reach"}
     assert "Warm up" in text and "/joint_states" in text and "excite doctor" in text
+
+
+def test_postures_that_are_held_load_the_joints_differently(plan, tmp_path):
+    robot = excite.load_robot("ur10")
+    sheet = excite.capture(robot, plan, tmp_path / "sheet.md").capture
+    held = [run for run in sheet.runs if run.kind == "static"]
+    data = robot.model.createData()
+    loads = [
+        pin.computeGeneralizedGravity(robot.model, data, np.array([*run.start.values()])) for run in held
+    ]
+    assert len(held) == 3
+    for k, one in enumerate(loads):
+        assert all(np.abs(one - other).max() > 1.0 for other in loads[:k])
+        moved = excite.load_motions(plan / held[k].motion, robot)[0]
+        row = int(np.argmin(np.abs(moved.time - moved.time[0] - held[k].at_s)))
+        np.testing.assert_allclose(moved.q[row], [*held[k].start.values()], atol=1e-4)
+
+
+def test_the_sheets_count_is_that_of_its_table(plan, tmp_path):
+    sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
+    text = sheet.path.read_text()
+    rows = [line for line in text.splitlines() if line.endswith("☐ |")]
+    assert f"{len(rows)} runs in the order" in text and "3 motions, 2 of them again, 3 postures held" in text
+
+
+def test_a_plan_without_a_motion_to_validate_on_gets_one(plan, tmp_path):
+    document = json.loads((plan / "plan.json").read_text()) | {"validation": []}
+    shutil.copytree(plan / "motions", tmp_path / "motions")
+    (tmp_path / "plan.json").write_text(json.dumps(document))
+    roles = excite.capture(excite.load_robot("ur10"), tmp_path).capture.roles()
+    assert [roles["swing"], roles["reach"]] == ["identification", "validation"]
 
 
 def test_commands_on_the_sheet_find_a_robot_of_ones_own_from_any_folder(plan, tmp_path):
@@ -109,7 +153,9 @@ def test_a_page_holds_the_same_sheet(plan, tmp_path):
 def test_logs_come_back_with_the_plans_roles(plan, tmp_path):
     sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
     files = [
-        (recorded if run.kind == "motion" else stood)(plan, tmp_path, run.name, Path(run.motion).stem)
+        recorded(plan, tmp_path, run.name, Path(run.motion).stem)
+        if run.kind == "motion"
+        else stood(plan, tmp_path, run.name, Path(run.motion).stem, start=run.start)
         for run in sheet.capture.logged
         if run.motion
     ]
@@ -118,6 +164,7 @@ def test_logs_come_back_with_the_plans_roles(plan, tmp_path):
     assert roles == {
         "static_1": ("identification", None),
         "static_2": ("identification", None),
+        "static_3": ("identification", None),
         "swing": ("identification", None),
         "reach": ("identification", None),
         "turn": ("validation", None),

@@ -75,7 +75,7 @@ def test_torques_among_columns_without_names_are_asked_for_where_values_do_not_t
     (question,) = error.value.questions
     assert "column2 … column4 as q, column5 … column7 as v" in question.what
     assert "column8, column9 are left" in question.what
-    assert 'columns: {tau.shoulder: "column8", …}' in question.line
+    assert 'columns: {tau.shoulder: "column8"}' in question.line
     told = {
         "columns": {"columns": {"tau.shoulder": "column8", "tau.elbow": "column9"}},
         "none": {"log": {"torque": "none"}},

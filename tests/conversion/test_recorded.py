@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 import excite
 from excite.conversion.convert import Conversion
 from excite.conversion.guesses import UnclearError
-from excite.errors import LogError
+from excite.errors import InputError, LogError
 from excite.robot.catalogue import example_robot_data
 from tests.conftest import lacking
 
@@ -108,8 +109,6 @@ OTHERS = {
     "human_lee_wensing_park2020": ("human_train.npz", "continuous", "rate_hz|joint positions"),
     "human_running_rajagopal": ("run_kinematics_and_grf.npz", "ur10", "39 columns for 6 joints"),
 }
-# Robots' models alone.
-MODELS = {"robot_models"}
 
 
 def converted(name: str, case: Recorded, folder: Path) -> Conversion:
@@ -165,9 +164,45 @@ def test_a_recording_becomes_a_log(name, tmp_path):
         np.testing.assert_array_equal(one.q, other.q)
 
 
-def test_every_folder_is_converted_or_said_to_be_no_recording(data_dir):
-    folders = {folder.name for folder in data_dir.iterdir() if folder.is_dir()}
-    assert folders == set(RECORDED) | set(OTHERS) | MODELS
+def smallest_files(folder: Path) -> list[Path]:
+    """The smallest file of each kind in a folder, texts about it and models left out."""
+    by_kind: dict[str, list[Path]] = {}
+    for file in sorted(folder.rglob("*")):
+        if file.is_file() and file.stat().st_size and not file.stem.lower().startswith(("readme", "license")):
+            by_kind.setdefault(file.suffix.lower(), []).append(file)
+    models = (".urdf", ".xacro", ".stl", ".dae", ".obj", ".srdf", ".mtl", ".png", ".py", ".m", ".md")
+    return [
+        min(files, key=lambda f: f.stat().st_size) for kind, files in by_kind.items() if kind not in models
+    ]
+
+
+def model_in(folder: Path, tmp_path: Path) -> Path:
+    """The smallest URDF in a folder, else a machine of one axis."""
+    models = sorted(folder.rglob("*.urdf"), key=lambda file: file.stat().st_size)
+    return models[0] if models else rig(tmp_path, "continuous")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", sorted(folder.name for folder in DATA.iterdir() if folder.is_dir()) if DATA.is_dir() else []
+)
+def test_every_folder_is_converted_asked_about_or_said_to_be_no_recording(name, tmp_path):
+    """Whatever folders are there: each file becomes a log, or is refused in a line that says what to do."""
+    robot = model_in(DATA / name, tmp_path)
+    for file in smallest_files(DATA / name):
+        out = tmp_path / "log"
+        try:
+            found = excite.convert([file], robot, out)
+        except UnclearError as error:
+            assert error.questions and all(question.what and question.line for question in error.questions)
+        except InputError as error:
+            assert error.remedy and "\n" not in str(error)
+        else:
+            joints = found.log.header.joints
+            assert joints and all(np.isfinite(trial.q).all() for trial in found.log.trials)
+            assert {f"q.{joint}" for joint in joints} <= set(found.columns)
+            shutil.rmtree(out)
+        assert not out.exists()
 
 
 @pytest.mark.parametrize("name", OTHERS)

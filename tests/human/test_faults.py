@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from excite.errors import LogError
 from excite.human.measure import MeasureSettings, measure_recordings
 from excite.human.readers.registry import read_recording
 from excite.human.segments import JOINT_NAMES
+from excite.human.subject import Subject
 from excite.human.virtual.files import write_mot, write_trc
 from tests.human.recordings import write_c3d
 
@@ -171,3 +173,60 @@ def test_the_command_names_millimetres_and_swapped_feet_of_trc_and_mot(session, 
     found = findings_of_the_command([trial, forces], tmp_path)
     assert "millimetres" in found["units"] and "walk.trc" in found["units"]
     assert "plate_left lies under the right foot" in found["swapped_plates"]
+
+
+def mistaken(session, index: int, force: float = 1.0, lever: float = 1.0):
+    """The trial with one plate whose readings are in other units: force and local moments times these factors."""
+    plates = list(session.trial.plates)
+    plate = plates[index]
+    about = np.cross(plate.corners.mean(axis=0), plate.force)
+    moment = force * (about + lever * (plate.moment - about))
+    plates[index] = replace(plate, force=force * plate.force, moment=moment)
+    return replace(session.trial, plates=tuple(plates))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("force", "lever", "kind", "unit"),
+    [
+        (1.0 / 4.4482216152605, 1.0, "units", "pounds-force"),
+        (1.0 / 9.80665, 1.0, "units", "kilograms-force"),
+        (1e-3, 1.0, "units", "kilonewtons"),
+        (1.0, 1e-3, "units", "N·m where the file's unit makes them N·mm"),
+        (1.0, 1e3, "units", "N·mm where the file's unit makes them N·m"),
+        (-1.0, 1.0, "reaction_sign", "turned round"),
+    ],
+)
+@pytest.mark.parametrize("index", [0, 1])
+def test_each_plate_is_judged_on_its_own(session, person, index, force, lever, kind, unit):
+    found = measured(session, mistaken(session, index, force, lever))
+    own, other = (session.trial.plates[k].name for k in (index, 1 - index))
+    assert own in kinds(found)[kind] and unit in kinds(found)[kind] and other not in kinds(found)[kind]
+    assert {finding.kind for finding in found.findings} - {finding.kind for finding in person.findings} == {
+        kind
+    }
+    for a, b in zip(found.log.trials, person.log.trials, strict=True):
+        for name, wrench in a.wrenches.items():
+            np.testing.assert_allclose(wrench, b.wrenches[name], rtol=1e-6, atol=1e-3)
+
+
+def test_plates_as_they_should_be_are_left_alone(session, person):
+    assert not {"units", "moments", "reaction_sign"} & {finding.kind for finding in person.findings}
+
+
+@pytest.mark.parametrize(
+    ("case", "file", "said"),
+    [
+        ("c19_plate_moments", "walk.c3d", "moments of plate_1 are N·m"),
+        ("c23_one_plate_turned", "flip_one.c3d", "vertical forces of plate_1 point down"),
+        ("c25_plates_in_pounds", "walk.c3d", "forces of plate_2 are pounds-force"),
+    ],
+)
+def test_plates_of_stored_recordings_are_put_right(case, file, said):
+    path = Path(__file__).resolve().parents[3] / "shared" / "cases" / case / file
+    if not path.exists():
+        pytest.skip("no recordings here")
+    found = measure_recordings(Subject(mass=70.0, height=1.82, sex="male"), [read_recording(path)])
+    assert any(said in finding.text for finding in found.findings)
+    assert found.trials[path.stem]["plates_kg"] == pytest.approx(70.6, abs=0.1)
+    assert found.trials[path.stem]["seconds"] == pytest.approx(5.0, abs=0.1)

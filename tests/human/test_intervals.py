@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import excite
 from excite.human.identified import identify_person
 from excite.human.measure import measure_person, write_person
 from excite.human.subject import Subject
@@ -24,3 +25,18 @@ def test_intervals_hold_the_truth_of_a_person_whose_segments_all_differ(method, 
     off = np.array([(row.identified - session.masses[row.segment]) / row.std for row in rows])
     assert np.mean(np.abs(off) < 2.0) > 0.9
     assert np.sqrt(np.mean(off**2)) < 1.2
+
+
+@pytest.mark.slow
+def test_too_few_instants_leave_the_tables_and_name_no_segment(person, tmp_path):
+    """Five seconds, of which three and a half are identified from."""
+    write_person(person, tmp_path / "log")
+    found = excite.identify(tmp_path / "log" / "robot.yaml", tmp_path / "log")
+    assert "too_few_instants" in {finding.kind for finding in found.findings}
+    assert not found.changes.segments and "not looked for" in found.summary()
+    np.testing.assert_array_equal(
+        found.identified.inertial, found.identified.nominal[: len(found.identified.inertial)]
+    )
+    for method in ("hqp", "lmi"):
+        other = excite.identify(tmp_path / "log" / "robot.yaml", tmp_path / "log", method)
+        assert not other.changes.segments

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.columns.families import Family, is_measured, of_motor, with_others
+from excite.conversion.columns.families import (
+    Family,
+    columns_line,
+    is_measured,
+    of_motor,
+    says_quantity,
+    with_others,
+)
+from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.vocabulary import ASIDE, MEASURED
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses
@@ -19,25 +26,36 @@ from excite.conversion.recording import Recording, Stream
 _SAME = 0.02
 
 
-def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> dict[str, Family]:
+def choose(
+    groups: Sequence[Family], found: Guesses, recording: Recording, joints: Sequence[str]
+) -> dict[str, Family]:
     """The family for each channel: of several the one with the most joints; rivals as good are asked about.
 
     Rivals are none where one's topic or table is called by what is no measurement (external, desired …), or where
-    both hold the same values.
+    both hold the same values. Of torques and currents those columns count that are not the same in every row.
     """
     chosen: dict[str, Family] = {}
+    live = live_columns(recording)
+    parts: dict[str, list[Family]] = {}
     for family in sorted(groups, key=lambda one: _is_aside(one, recording)):
         if not family.target or not family.placed.columns:
             continue
         if family.target not in chosen:
             chosen[family.target] = family
+            parts[family.target] = [family]
             continue
         other = chosen[family.target]
         if _of_other_joints(family, other):
             chosen[family.target] = with_others(other, family)
+            parts[family.target].append(family)
             continue
-        alike = len(family.placed.columns) == len(other.placed.columns)
+        # What stands beside other joints' columns is a rival of what is chosen of the same joints.
+        of_joints = _joints(family, live)
+        rival = next((one for one in parts[family.target] if _joints(one, live) == of_joints), other)
+        alike = len(of_joints) == len(_joints(rival, live))
+        other = rival
         side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
+        side = side and says_quantity(family) == says_quantity(other)
         told = _is_aside(family, recording) != _is_aside(other, recording)
         if not (alike and side and family.target in ("q", "tau", "i")) or told:
             continue
@@ -47,10 +65,24 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
             continue
         if _told_by_a_word(found, chosen, family, other):
             continue
-        _ask_which(found, other, family)
-    known = set(chosen) | {item.channel for item in found.mapped}
-    _ask_for_measured(found, chosen, known)
-    _ask_for_set_points(found, chosen)
+        _ask_which(found, rival, family, joints)
+    return chosen
+
+
+def settle_unmeasured(
+    found: Guesses, chosen: dict[str, Family], joints: Sequence[str], unplaced: Sequence[str]
+) -> None:
+    """Take what was asked of the joints for what was measured, or ask for that, where nothing measured is there.
+
+    Args:
+        found: questions and facts are added.
+        chosen: families by channel, changed.
+        joints: the robot's.
+        unplaced: measured torques of which nothing says whose they are.
+    """
+    known = set(chosen) | {item.channel for item in found.mapped} | ({"tau"} if unplaced else set())
+    _ask_for_measured(found, chosen, known, joints)
+    _ask_for_set_points(found, chosen, joints)
     if "q_cmd" in chosen and not known & {"q", "tau", "i"}:
         # A motion that was planned and has no measured twin.
         chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
@@ -58,12 +90,11 @@ def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> di
     if "tau_cmd" in chosen and not known & {"tau", "i"}:
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
-    return chosen
 
 
-def _ask_which(found: Guesses, first: Family, other: Family) -> None:
+def _ask_which(found: Guesses, first: Family, other: Family, joints: Sequence[str]) -> None:
     """Which of two families a channel is, or which of more."""
-    line = f'columns: {{{first.target}: "{_pattern(first)}"}}'
+    line = f"columns: {{{columns_line(first, joints)}}}"
     more = f"or {other.columns[0]} …"
     for k, question in enumerate(found.questions):
         if question.line == line:
@@ -72,7 +103,9 @@ def _ask_which(found: Guesses, first: Family, other: Family) -> None:
     found.ask(f"{first.target} may be {first.columns[0]} … {more}", line)
 
 
-def _ask_for_measured(found: Guesses, chosen: dict[str, Family], known: set[str]) -> None:
+def _ask_for_measured(
+    found: Guesses, chosen: dict[str, Family], known: set[str], joints: Sequence[str]
+) -> None:
     """Ask for measured channels where all that is there, and all that a map states, was asked of the joints."""
     unmeasured = not {"q", "tau", "i"} & known
     if unmeasured and {"q_cmd", "tau_cmd"} <= set(chosen):
@@ -81,9 +114,18 @@ def _ask_for_measured(found: Guesses, chosen: dict[str, Family], known: set[str]
         found.ask(
             f"{q.columns[0]} … and {tau.columns[0]} … are what was asked of the joints, and nothing that was measured "
             "is there: record measured positions and torques or currents",
-            f'columns: {{q: "{_pattern(q)}"}} and log: {{torque: none}}, or columns: {{q: "{_pattern(q)}", '
-            f'tau: "{_pattern(tau)}"}} to take them for measured',
+            f"columns: {{{columns_line(q, joints, 'q')}}} and log: {{torque: none}}, or columns: "
+            f"{{{columns_line(q, joints, 'q')}, {columns_line(tau, joints, 'tau')}}} to take them for measured",
         )
+
+
+def _joints(family: Family, live: Container[str]) -> set[str]:
+    """Joints of which a family holds something: of torques and currents what is not the same in every row."""
+    return {
+        joint
+        for joint, column in family.placed.columns.items()
+        if family.target not in ("tau", "i") or column in live
+    }
 
 
 def _of_other_joints(family: Family, other: Family) -> bool:
@@ -97,7 +139,7 @@ def _of_other_joints(family: Family, other: Family) -> bool:
     return named and disjoint and side and family.quantity == other.quantity
 
 
-def _ask_for_set_points(found: Guesses, chosen: dict[str, Family]) -> None:
+def _ask_for_set_points(found: Guesses, chosen: dict[str, Family], joints: Sequence[str]) -> None:
     """Ask whether positions that were asked for are to stand for measured ones, beside torques that were measured."""
     if found.of("q") or "q" in chosen or "q_cmd" not in chosen or not {"tau", "i"} & set(chosen):
         return
@@ -106,7 +148,7 @@ def _ask_for_set_points(found: Guesses, chosen: dict[str, Family]) -> None:
     found.ask(
         f"{q.columns[0]} … are what was asked of the joints, and where they were is not there beside their torques: "
         "record measured positions",
-        f'columns: {{q: "{_pattern(q)}"}}   # takes them for measured',
+        f"columns: {{{columns_line(q, joints, 'q')}}}   # takes them for measured",
     )
 
 
@@ -178,18 +220,3 @@ def _are_same(one: Family, other: Family, recording: Recording) -> bool:
         if np.sqrt(np.mean((a[whole] - b[whole]) ** 2)) > _SAME * np.std(a[whole]):
             return False
     return True
-
-
-def _pattern(family: Family) -> str:
-    """A column's name with its number as a pattern."""
-    name = family.columns[0]
-    if (joint := next((j for j, column in family.placed.columns.items() if column == name), "")) in name:
-        return name.replace(joint, "{joint}") if joint else name
-    if len(family.columns) < 2:
-        return name
-    # The last number, or the one before others that all columns have alike: AxisPos_A1_R1, AxisPos_A2_R1.
-    pairs = list(zip(re.finditer(r"\d+", name), re.finditer(r"\d+", family.columns[1]), strict=False))
-    place = next((one for one, other in reversed(pairs) if one[0] != other[0]), None)
-    if place is None:
-        return name
-    return f"{name[: place.start()]}{'{n0}' if int(place[0]) == 0 else '{n}'}{name[place.end() :]}"

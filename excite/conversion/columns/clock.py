@@ -17,7 +17,7 @@ TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
 # to there. Steps of rows in days are those of no other unit.
 _SERIAL_DATES = ((20_000.0, 80_000.0), (714_000.0, 774_000.0))
 # Rates that robots are recorded at [Hz]. Three powers of ten lie between units, so that at most two of them fit.
-_SLOWEST_HZ, _FASTEST_HZ = 4.0, 20_000.0
+SLOWEST_HZ, FASTEST_HZ = 4.0, 20_000.0
 # Share of intervals that have to be positive: loggers repeat stamps, and write some rows out of order.
 _FORWARD = 0.9
 # A step back by more rows than this is a clock that was set anew; buffers that mix rows hold fewer.
@@ -128,7 +128,7 @@ def tick(values: Array, stated: str) -> tuple[float | None, str]:
     """
     steps = np.diff(values[np.isfinite(values)])
     step = float(np.median(steps[steps > 0.0]))
-    possible = [unit for unit, tick in TICKS.items() if _SLOWEST_HZ <= 1.0 / (step * tick) <= _FASTEST_HZ]
+    possible = [unit for unit, tick in TICKS.items() if SLOWEST_HZ <= 1.0 / (step * tick) <= FASTEST_HZ]
     if possible == ["d"] and stated != "d" and not _is_serial_date(values):
         possible = []
     if stated in TICKS and (stated in possible or not possible):
@@ -182,4 +182,4 @@ def rate_by_velocities(positions: Array, velocities: Array) -> float | None:
     rates = (slope * speed).sum(axis=0)[told] / power[told]
     rate = float(np.median(rates))
     same = np.abs(rates / rate - 1.0).max() < _ONE_RATE
-    return rate if same and _SLOWEST_HZ <= rate <= _FASTEST_HZ else None
+    return rate if same and SLOWEST_HZ <= rate <= FASTEST_HZ else None

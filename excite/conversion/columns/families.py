@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from string import ascii_lowercase
 
 from excite.conversion.columns.joints import Placed, first_number, place, with_words_of_joints
 from excite.conversion.columns.naming.match import BY_WORDS
-from excite.conversion.columns.unit_words import unit_named
+from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, unit_named
 from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, clue, with_joints_numbers
 from excite.conversion.recording import Column, Recording
@@ -54,16 +56,73 @@ class Family:
 def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str] = ()) -> dict[str, Clue]:
     """What the name of every column says, or its format."""
     left_out = set(ignored)
-    found = {}
+    plain = _clues(recording, joints, left_out, frozenset())
+    letters = frozenset(word for said in plain.values() for word in said.label.split("_") if len(word) == 1)
+    found = _clues(recording, joints, left_out, letters) if letters else plain
+    return _by_units(with_joints_numbers(with_words_of_joints(found, joints)))
+
+
+def _clues(
+    recording: Recording, joints: Sequence[str], left_out: Container[str], letters: frozenset[str]
+) -> dict[str, Clue]:
+    """What every name or format says, where these letters stand for joints."""
+    found: dict[str, Clue] = {}
     for stream in recording.streams:
         of_stream = clue(stream.name, ()) if len(recording.streams) > 1 else None
         of_joint = clue(stream.name, joints) if len(recording.streams) > 1 else None
         for column in stream.columns:
             if column.name not in left_out:
-                said = _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
+                said = _clue(
+                    replace(column, name=column.said_as.removeprefix(f"{stream.name}/")), joints, letters
+                )
                 said = said if of_stream is None else _as_its_stream(said, of_stream)
                 found[column.name] = said if of_joint is None else _of_its_joint(said, of_joint)
-    return with_joints_numbers(with_words_of_joints(found, joints))
+    return found
+
+
+def with_numbers_for_letters(recording: Recording) -> Recording:
+    """The recording, letters that count columns read as numbers: ``torque_a`` … ``torque_f`` as ``torque_1`` …
+
+    They are letters where names differ in nothing but one that stands alone, and go from the first one of the alphabet.
+    """
+    names = [column.name for stream in recording.streams for column in stream.columns]
+    groups: dict[str, dict[str, tuple[str, str]]] = {}
+    for name in names:
+        for match in re.finditer(r"(?<![A-Za-z])[A-Za-z](?![A-Za-z0-9])", name):
+            rest = f"{name[: match.start()]}\0{name[match.end() :]}"
+            number = f"{name[: match.start()]}{ord(match[0].lower()) - ord('a') + 1}{name[match.end() :]}"
+            groups.setdefault(rest, {})[match[0].lower()] = (name, number)
+    said: dict[str, str] = {}
+    for by_letter in groups.values():
+        if len(by_letter) > 1 and sorted(by_letter) == list(ascii_lowercase[: len(by_letter)]):
+            said |= dict(by_letter.values())
+    if not said:
+        return recording
+    streams = [
+        replace(s, columns=tuple(replace(c, spelt=said.get(c.name, "")) for c in s.columns))
+        for s in recording.streams
+    ]
+    return replace(recording, streams=tuple(streams))
+
+
+def _by_units(clues: dict[str, Clue]) -> dict[str, Clue]:
+    """The clues; of columns of one quantity and joint whose units are of several quantities, each of its unit's.
+
+    ``ang_deg_s`` beside ``ang_deg`` is the angle's rate.
+    """
+    groups: dict[tuple[object, ...], list[str]] = {}
+    for name, said in clues.items():
+        key = (said.quantity, said.label, said.numbers, said.exact, said.commanded)
+        groups.setdefault(key, []).append(name)
+    found = dict(clues)
+    for (quantity, *_), names in groups.items():
+        of_units = {name: QUANTITY_OF_UNIT.get(clues[name].unit, "") for name in names}
+        # What states no unit is of the quantity that its name says.
+        if quantity in of_units.values() or "" in of_units.values():
+            found |= {
+                n: replace(clues[n], quantity=of) for n, of in of_units.items() if of not in ("", "time")
+            }
+    return found
 
 
 def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
@@ -98,6 +157,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
         key=lambda family: (
             -len(family.placed.columns),
             not family.stated,
+            not says_quantity(family),
             not is_measured(family),
             of_motor(family),
             len(family.stem),
@@ -168,6 +228,12 @@ def is_measured(family: Family) -> bool:
     return bool(set(family.stem.split("_")) & SURELY_MEASURED)
 
 
+def says_quantity(family: Family) -> bool:
+    """Whether format, names or units say what it is: a joint's name alone may be anything's."""
+    word = any(OF_WORD.get(word) == family.quantity for word in family.stem.split("_"))
+    return family.stated or word or QUANTITY_OF_UNIT.get(family.unit) == family.quantity
+
+
 def of_motor(family: Family) -> bool:
     """Whether its names are those of the motors' side of elastic joints."""
     return bool(set(family.stem.split("_")) & OF_MOTOR)
@@ -184,6 +250,34 @@ def is_anonymous(family: Family, joints: Sequence[str]) -> bool:
         and not family.stated
         and len(family.columns) > len(joints)
     )
+
+
+def columns_of(channel: str, sources: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:
+    """What a map's ``columns`` say of a channel: one pattern where its columns follow one, else a column a joint.
+
+    Args:
+        channel: such as ``q``.
+        sources: the column of each target, as ``q.elbow``.
+        joints: in the order in which patterns count them.
+    """
+    by_joint = {target.partition(".")[2]: source for target, source in sources.items()}
+    if len(sources) < 2 or set(by_joint) != set(joints):
+        return dict(sources)
+    for mark, first in (("{joint}", None), ("{n}", 1), ("{n0}", 0)):
+        words = {joint: joint if first is None else str(k + first) for k, joint in enumerate(joints)}
+        column = by_joint[joints[0]]
+        for match in re.finditer(re.escape(words[joints[0]]), column):
+            pattern = column[: match.start()] + mark + column[match.end() :]
+            if all(by_joint[joint] == pattern.replace(mark, word) for joint, word in words.items()):
+                return {channel: pattern}
+    return dict(sources)
+
+
+def columns_line(family: Family, joints: Sequence[str], channel: str = "") -> str:
+    """What a map would say under ``columns`` to take a family, for its own channel or another one."""
+    channel = channel or family.target
+    sources = {f"{channel}.{joint}": column for joint, column in family.placed.columns.items()}
+    return ", ".join(f'{key}: "{column}"' for key, column in columns_of(channel, sources, joints).items())
 
 
 def _as_its_stream(said: Clue, stream: Clue) -> Clue:
@@ -219,13 +313,13 @@ def _stem(said: Clue) -> str:
     return "_".join(word for word in words if word not in labels)
 
 
-def _clue(column: Column, joints: Sequence[str]) -> Clue:
+def _clue(column: Column, joints: Sequence[str], letters: frozenset[str] = frozenset()) -> Clue:
     prefix, _, rest = column.name.rpartition("/")[2].partition(".")
     channel, label = column.channel, column.label
     if not channel and rest in joints and (prefix, False) in TARGETS | {(key, False): "" for key in _STATED}:
         channel, label = prefix, rest
     if not channel:
-        return _with_label(clue(column.name, joints, column.unit), label, joints)
+        return _with_label(clue(column.name, joints, column.unit, letters), label, joints)
     quantity, commanded = _STATED.get(channel, (channel, False))
     inner = clue(label, joints)
     return Clue(

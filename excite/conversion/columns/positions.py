@@ -105,7 +105,7 @@ def _by_unit(
     found.ask(
         f"{', '.join(names[0][:MOST_NAMED])} can only be degrees, {', '.join(names[1][:MOST_NAMED])} may be radians: "
         f"as degrees {one.partition('.')[2]} … would turn by less than 6.3",
-        f"units: {{q: deg}} where all are degrees, or units: {{{by_joint}}}",
+        f"units: {{q: deg}} (all are degrees), or units: {{{by_joint}}}",
         units=({"q": "rad"}, {"q": "deg"}, _units_of(turning, degrees)),
     )
     return [(items, None)]

@@ -36,7 +36,7 @@ def named_unit(items: list[Mapped], columns: dict[str, Column], *, slide: bool =
     """
     units = set()
     for item in items:
-        said = clue(item.source, [item.target.partition(".")[2]])
+        said = clue(columns[item.source].said_as, [item.target.partition(".")[2]])
         of_name = said.sliding if slide and said.sliding else said.unit
         units.add(unit_named(columns[item.source].unit) or of_name)
     return units.pop() if len(units) == 1 else ""

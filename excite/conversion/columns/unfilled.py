@@ -20,10 +20,9 @@ def without_unfilled(found: Guesses, groups: Sequence[Family], recording: Record
     Drivers without torque sensors leave the efforts of a joint state at zero, and servos that do not measure a load
     report a constant. One dead channel among live ones stays: it is a fault, which the doctor names.
     """
-    values = {column.name: column.values for stream in recording.streams for column in stream.columns}
-    live = []
+    varying, live = live_columns(recording), []
     for family in groups:
-        if family.quantity in _MOVING and not any(_varies(values[name]) for name in family.columns):
+        if family.quantity in _MOVING and varying.isdisjoint(family.columns):
             why = "the same number in every row at every joint: the field was not filled, and nothing is made of it"
             name = family.columns[0] if len(family.columns) == 1 else f"{family.columns[0]} …"
             found.facts.append(("nothing", name, why))
@@ -32,6 +31,11 @@ def without_unfilled(found: Guesses, groups: Sequence[Family], recording: Record
     return live
 
 
-def _varies(values: np.ndarray) -> bool:
-    known = values[np.isfinite(values)]
-    return len(known) > 0 and bool((known != known[0]).any())
+def live_columns(recording: Recording) -> frozenset[str]:
+    """Names of the columns whose numbers are not the same in every row."""
+    return frozenset(
+        column.name
+        for stream in recording.streams
+        for column in stream.columns
+        if len(np.unique(column.values[np.isfinite(column.values)])) > 1
+    )

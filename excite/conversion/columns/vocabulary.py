@@ -57,12 +57,17 @@ OF_WORD = {word: quantity for quantity, words in QUANTITIES.items() for word in 
 OF_HANDS = frozenset("hand hands finger fingers thumb thumbs pinky palm gripper grippers claw claws".split())
 # KUKA writes AIPos and ASPos for actual and set positions of axes.
 COMMANDED = frozenset(
-    "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
+    "cmd cmds command commanded commands des desired ref refs reference references target targets goal goals "
+    "setpoint setpoints sp set action actions ctrl ctrls control controls "
     # Isaac Lab calls a torque computed before it is clipped, and applied then.
     "computed "
     "soll sollwert consigne ff feedforward d want demand nominal requested input in as "
     # mc_rtc calls what goes to the robot out, and what comes from it in.
     "planned plan ipo interpolated interp prescribed qout tauout alphaout".split()
+)
+# Of them, words that mean nothing else: what a robot of one joint is asked for needs no other word.
+SURELY_COMMANDED = COMMANDED - frozenset(
+    "d in input as set nominal computed ff feedforward want demand".split()
 )
 MEASURED = frozenset(
     "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "

@@ -25,6 +25,7 @@ from excite.conversion.columns.vocabulary import (
     OF_MESSAGE,
     OF_WORD,
     SHARES,
+    SURELY_COMMANDED,
 )
 
 # Where a name changes its case: JointPos, PosFR, FRHip; a single capital letter at an end (tauJ, qD) is no word.
@@ -61,8 +62,11 @@ class Clue:
     sliding: str = ""
 
 
-def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
-    """What a column's name says of it, beside the names of the robot's joints and the unit that the file states."""
+def clue(name: str, joints: Sequence[str], unit: str = "", letters: frozenset[str] = frozenset()) -> Clue:
+    """What a column's name says of it, beside the names of the robot's joints and the unit that the file states.
+
+    ``letters`` stand for joints where a number follows them, as w of ``w1`` for a wrist.
+    """
     text, bracketed = without_brackets(name)
     exact, rest = _without_joint(text, joints)
     if not bracketed:
@@ -79,8 +83,9 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
         words, found = [], UNITS[words[0]]
     words, found, sliding = of_both(words, found)
     words = _joined(words)
-    axis = _axis_letter(words)
-    quantity = _quantity([word for word in words if word != axis], found, bool(exact or numbers or axis))
+    axis = _counted_letter(tokens, words, found, letters) if numbers else _axis_letter(words)
+    of_joint = bool(exact or numbers or axis) or (len(joints) == 1 and bool(set(words) & SURELY_COMMANDED))
+    quantity = _quantity(_without_last(words, axis), found, of_joint)
     if quantity in _OF_JOINTS and QUANTITY_OF_UNIT.get(found) == "time":
         # A letter of a word: ticks/s, the side of a leg.
         found = ""
@@ -98,6 +103,12 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
         numbers=tuple(numbers),
         sliding=sliding,
     )
+
+
+def is_of_joints(said: Clue) -> bool:
+    """Whether a name says a measured quantity of some joint's."""
+    of_joint = bool(said.exact or said.label or said.numbers)
+    return said.quantity in ("q", "v", "tau", "i") and not said.commanded and of_joint
 
 
 def with_joints_numbers(clues: dict[str, Clue]) -> dict[str, Clue]:
@@ -182,6 +193,29 @@ def _axis_letter(words: list[str]) -> str:
     return next(
         (one for one, after in pairs if len(one) == 1 and one not in "ad" and after in ("axis", "achse")), ""
     )
+
+
+def _counted_letter(tokens: Sequence[str], words: Sequence[str], unit: str, known: frozenset[str]) -> str:
+    """The letter before a number, where longer words or the unit say the quantity; empty for none.
+
+    Of ``angle_w1`` it is the wrist's, and so it is of ``w1_Nm``.
+    """
+    pairs = itertools.pairwise(tokens)
+    found = {
+        one for one, after in pairs if after.isdigit() and OF_WORD.get(one) in _OF_JOINTS and len(one) == 1
+    }
+    if len(found) != 1 or not found <= set(words):
+        return ""
+    (letter,) = found
+    said = any(len(word) > 1 and OF_WORD.get(word) in _OF_JOINTS for word in words)
+    other = QUANTITY_OF_UNIT.get(unit, "") in ("tau", "i") and OF_WORD[letter] not in ("tau", "i")
+    return letter if said or other or letter in known else ""
+
+
+def _without_last(words: Sequence[str], word: str) -> list[str]:
+    """The words without the last one that is ``word``."""
+    at = len(words) - 1 - list(reversed(words)).index(word) if word in words else len(words)
+    return [one for k, one in enumerate(words) if k != at]
 
 
 def _parts(word: str) -> list[str]:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.clock import FASTEST_HZ, SLOWEST_HZ
 from excite.conversion.columns.units import TO_SI
-from excite.conversion.guesses import Question
+from excite.conversion.guesses import RATE_LINE, Question
 from excite.conversion.mapping import Map
 from excite.conversion.result import Conversion
 from excite.conversion.torques.scales import torque_scales
@@ -93,9 +94,49 @@ def _left(log: Log, units: Sequence[Mapping[str, str]]) -> Array | None:
     return np.array([samples.judged(read) for read in readings])
 
 
+def _with_rate(question: Question, tried: Callable[[Map], Conversion], stated: Map) -> Question:
+    """The question for the rate of the rows, with the one at which inertial forces explain the torques.
+
+    Weight does not depend on the rate, inertial forces do, with its square. Torques of either sign are tried: a turned
+    one looks like no rate at all. The rate is proposed where it has an end on both sides within what any misreading has
+    to bring, and where the model then explains half of the torques' power.
+    """
+    rates = np.geomspace(SLOWEST_HZ, FASTEST_HZ, 200)
+    rate, low, high, turned = float(np.median(rates)), 0.0, 0.0, False
+    for _ in range(2):
+        try:
+            log = tried(stated.model_copy(update={"log": {**stated.log, "rate_hz": rate}})).log
+            samples = torque_samples(nominal_robot(log), log)
+        except InputError:
+            return question
+        if samples is None or log.header.torque in (None, "none"):
+            return question
+        left = []
+        for sign in (1.0, -1.0):
+            as_stated = Reading.as_stated(log)
+            by_clock = samples.by_clock(replace(as_stated, torque_factor=sign * as_stated.torque_factor))
+            left.append([float(np.mean(by_clock(rate / one))) for one in rates])
+        which, at = np.unravel_index(int(np.argmin(left)), np.shape(left))
+        count = len(samples.measured)
+        near = np.flatnonzero(np.array(left[which]) * count < left[which][at] * count + LEAST_GAIN)
+        if near[0] == 0 or near[-1] == len(rates) - 1 or np.exp(2.0 * left[which][at]) > 0.5:
+            return question
+        rate, low, high, turned = float(rates[at]), float(rates[near[0]]), float(rates[near[-1]]), bool(which)
+    signs = ", with the sign of the torques turned" if turned else ""
+    span = f"{_two_digits(low):g} to {_two_digits(high):g}"
+    why = f", as the nominal inertias say ({span} explain the torques about as well{signs})"
+    return question.with_rate(_two_digits(rate), why)
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
 def weighed(questions: Sequence[Question], tried: Callable[[Map], Conversion], stated: Map) -> list[Question]:
-    """The questions; one for a torque per volt or duty cycle with what the nominal weights make of it."""
+    """The questions; one alone with what the nominal model makes of it: a torque per volt or duty cycle, or a rate."""
     (question,) = questions if len(questions) == 1 else (None,)
+    if question is not None and question.line == RATE_LINE:
+        return [_with_rate(question, tried, stated)]
     if question is None or not question.torques:
         return list(questions)
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,16 @@ from excite.logs.signals.butterworth import lowpass, settling_samples
 
 GRAVITY = 9.81
 _UNLOADED_N = 20.0
+# What else than newtons forces are exported in, and by what moments are off that are not in the file's unit.
+_FORCE_UNITS = {4.4482216152605: "pounds-force", 9.80665: "kilograms-force", 1e3: "kilonewtons"}
+_LEVER_UNITS = {
+    1e3: "N·m where the file's unit makes them N·mm",
+    1e-3: "N·mm where the file's unit makes them N·m",
+}
+# Share of the frames in which plates carry the weight, within a third as in walking, that a unit has to bring.
+_BROUGHT, _ABOUT = 0.25, 0.3
+# The centre of pressure of somebody who stands still moves by some millimetres: by less it moves under nobody [m].
+_LEAST_SWAY = 5e-4
 _FREE_MOMENT_NM = 200.0
 _SHARED = 0.15
 
@@ -70,7 +81,9 @@ def plate_readings(
     """
     source, findings = recording.source, []
     plates = []
-    for plate in recording.plates:
+    turned, signs = _upward(list(recording.plates), source)
+    in_newtons, forces = _in_newtons(turned, body.subject.mass * GRAVITY, source)
+    for plate in in_newtons:
         largest = float(np.linalg.norm(plate.force, axis=1).max())
         if largest < _UNLOADED_N:
             text = f"{source.name}: {plate.name} carries no load (at most {largest:.1f} N); left out"
@@ -84,23 +97,115 @@ def plate_readings(
             field=", ".join(plate.name for plate in recording.plates) or "plates",
             remedy="check that the amplifiers were on, and that the right channels were exported",
         )
-    plates, signs = _upward(plates, source)
     ground = _ground_height(plates)
     read = [_at_times(plate, recording.time, cutoff_hz, source) for plate in plates]
     feet = {side: foot_line(placement, side, body) for side in SIDES}
     read, units = _in_metres(read, feet, ground, source)
+    read, moments = _in_newton_metres(read, feet, ground, source)
     read, swaps = unswapped_plates(read, feet, ground, source)
     readings, sides = _assigned(read, feet, ground, source)
-    return readings, (*findings, *signs, *units, *swaps, *sides)
+    return readings, (*findings, *signs, *forces, *units, *moments, *swaps, *sides)
 
 
 def _upward(plates: list[PlateRecording], source: Path) -> tuple[list[PlateRecording], list[Finding]]:
-    total = sum(float(plate.force[:, 2].mean()) for plate in plates)
-    if total >= 0.0:
+    """Plates whose vertical forces point up: nobody pulls at a plate."""
+    vertical = [plate.force[:, 2] for plate in plates]
+    down = [float((force * np.abs(force)).sum()) < 0.0 for force in vertical]
+    down = [is_down and np.abs(f).max() > _UNLOADED_N for is_down, f in zip(down, vertical, strict=True)]
+    names = tuple(plate.name for plate, is_down in zip(plates, down, strict=True) if is_down)
+    if not names:
         return plates, []
-    text = f"{source.name}: vertical forces point down: they are those on the plates; turned round"
-    turned = [replace(plate, force=-plate.force, moment=-plate.moment) for plate in plates]
-    return turned, [Finding("reaction_sign", text, {"mean_n": total}, tuple(p.name for p in plates))]
+    text = (
+        f"{source.name}: vertical forces of {' and '.join(names)} point down: they are those on the plates; turned "
+        "round"
+    )
+    mean = sum(float(force.mean()) for force, is_down in zip(vertical, down, strict=True) if is_down)
+    turned = [
+        replace(plate, force=-plate.force, moment=-plate.moment) if is_down else plate
+        for plate, is_down in zip(plates, down, strict=True)
+    ]
+    return turned, [Finding("reaction_sign", text, {"mean_n": mean}, names)]
+
+
+def _in_newtons(
+    plates: list[PlateRecording], weight: float, source: Path
+) -> tuple[list[PlateRecording], list[Finding]]:
+    """Plates in newtons: in the units, one for each plate, in which they carry the person's weight [N]."""
+    rows = min((len(plate.force) for plate in plates), default=0)
+    if not rows or len({len(plate.force) for plate in plates}) > 1:
+        return plates, []
+    vertical = np.column_stack([plate.force[:, 2] for plate in plates])
+    loaded = np.abs(vertical).max(axis=0) > 1e-3 * _UNLOADED_N
+    choices = [(1.0, *_FORCE_UNITS) if has_load else (1.0,) for has_load in loaded]
+    mixed = product(*choices) if len(plates) <= 4 else ((one,) * len(plates) for one in choices[0])
+    factors = np.array(list(mixed))
+    carried = np.abs(factors @ vertical.T - weight) < _ABOUT * weight
+    share = carried.mean(axis=1)
+    best = int(np.argmax(share))
+    if share[best] - share[0] < _BROUGHT:
+        return plates, []
+    found, scaled = [], []
+    for plate, factor in zip(plates, factors[best], strict=True):
+        scaled.append(replace(plate, force=factor * plate.force, moment=factor * plate.moment))
+        if factor != 1.0:
+            text = (
+                f"{source.name}: forces of {plate.name} are {_FORCE_UNITS[factor]}, in which the plates carry the "
+                f"person's {weight:.0f} N in {100 * share[best]:.0f} % of the frames, and as newtons in "
+                f"{100 * share[0]:.0f} %; converted"
+            )
+            found.append(Finding("units", text, {"factor": float(factor)}, (plate.name,)))
+    return scaled, found
+
+
+def _in_newton_metres(
+    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
+) -> tuple[list[PlateRecording], list[Finding]]:
+    """Plates whose centre of pressure moves under a foot: in the unit of moments in which it does."""
+    found, read = [], []
+    for plate in plates:
+        chosen = plate
+        if plate.corners is not None and not _is_possible(plate, feet, height):
+            levers = {factor: _levered(plate, factor) for factor in _LEVER_UNITS}
+            fits = next((f for f, one in levers.items() if _is_possible(one, feet, height)), None)
+            sway = 1e3 * _sway(plate, height)
+            if fits is not None:
+                chosen = levers[fits]
+                text = (
+                    f"{source.name}: moments of {plate.name} are {_LEVER_UNITS[fits]}: as they stand the centre of "
+                    f"pressure moves by {sway:.2g} mm and lies {100 * typical_miss(plate, feet, height):.0f} cm from "
+                    f"a foot; converted"
+                )
+                found.append(Finding("units", text, {"factor": fits}, (plate.name,)))
+            elif sway < 1e3 * _LEAST_SWAY:
+                text = (
+                    f"{source.name}: the centre of pressure of {plate.name} moves by {sway:.2g} mm only: check that "
+                    "its moments were recorded, and their unit"
+                )
+                found.append(Finding("moments", text, {"sway_m": 1e-3 * sway}, (plate.name,)))
+        read.append(chosen)
+    return read, found
+
+
+def _is_possible(plate: PlateRecording, feet: dict[str, Array], height: float) -> bool:
+    """Whether a centre of pressure lies under a foot and moves, as far as it is loaded."""
+    sway = _sway(plate, height)
+    return not np.isfinite(sway) or (sway > _LEAST_SWAY and typical_miss(plate, feet, height) < NEAR)
+
+
+def _sway(plate: PlateRecording, height: float) -> float:
+    """Typical distance of the centre of pressure from its middle [m]; NaN where the plate is not loaded."""
+    point = pressure_center(plate.force, plate.moment, height)
+    point = point[np.isfinite(point[:, 0]), :2]
+    if not len(point):
+        return float("nan")
+    return float(np.median(np.linalg.norm(point - np.median(point, axis=0), axis=1)))
+
+
+def _levered(plate: PlateRecording, factor: float) -> PlateRecording:
+    """The plate with its moments about the middle of its surface times a factor."""
+    center = np.zeros(3) if plate.corners is None else plate.corners.mean(axis=0)
+    about = np.cross(center, plate.force)
+    return replace(plate, moment=about + factor * (plate.moment - about))
 
 
 def _ground_height(plates: Sequence[PlateRecording]) -> float:
@@ -132,21 +237,27 @@ def _at_times(plate: PlateRecording, time: Array, cutoff_hz: float | None, sourc
 def _in_metres(
     plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
 ) -> tuple[list[PlateRecording], list[Finding]]:
-    """Points of application that are a thousand times too far out."""
-    if max(typical_miss(plate, feet, height) for plate in plates) < 5.0:
-        return plates, []
-    scaled = []
+    """Points of application that are a thousand times too far out, plate by plate."""
+    read, names = [], []
     for plate in plates:
-        point = np.nan_to_num(pressure_center(plate.force, plate.moment, height))
-        free = plate.moment - np.cross(point, plate.force)
-        factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
-        scaled.append(replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free))
-    if max(typical_miss(plate, feet, height) for plate in scaled) > FAR:
+        scaled = plate
+        if plate.corners is None and typical_miss(plate, feet, height) > 5.0:
+            point = np.nan_to_num(pressure_center(plate.force, plate.moment, height))
+            free = plate.moment - np.cross(point, plate.force)
+            factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
+            scaled = replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free)
+            if typical_miss(scaled, feet, height) > FAR:
+                scaled = plate
+            else:
+                names.append(plate.name)
+        read.append(scaled)
+    if not names:
         return plates, []
     text = (
-        f"{source.name}: points of application lie kilometres from the feet: they are millimetres; converted"
+        f"{source.name}: points of application of {' and '.join(names)} lie kilometres from the feet: they are "
+        "millimetres; converted"
     )
-    return scaled, [Finding("units", text, {"factor": 1e-3}, tuple(plate.name for plate in plates))]
+    return read, [Finding("units", text, {"factor": 1e-3}, tuple(names))]
 
 
 def _assigned(

@@ -68,10 +68,10 @@ def support(
     typical = float(np.median(vertical[expected > 0.5 * weight])) if (expected > 0.5 * weight).any() else 0.0
     if not 0.05 * weight < typical < 20.0 * weight:
         raise LogError(
-            f"vertical forces are {typical:.4g} where the person weighs {weight:.0f} N",
+            f"vertical forces are {typical:.4g} N where the person weighs {weight:.0f} N ({_largest(readings)})",
             source=source,
             field="force plates",
-            remedy="give forces in newtons, and the person's mass in kilograms",
+            remedy="check the plates' gains and the person's mass in kilograms: no unit of force makes them agree",
         )
     short = expected - vertical > _MISSING * weight
     carried = _without_short_runs(~short, round(_SHORTEST_S * rate_hz))
@@ -101,6 +101,10 @@ def support(
         )
         findings.append(Finding("mass", text, {"plates_kg": mass, "given_kg": body.subject.mass}))
     return Support(span, mass, tuple(findings))
+
+
+def _largest(readings: Sequence[PlateReading]) -> str:
+    return ", ".join(f"{one.name} at most {one.force[:, 2].max():.4g}" for one in readings)
 
 
 def _without_short_runs(flags: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
