@@ -1,8 +1,9 @@
-"""How far the nominal model is to be trusted, and which terms beside rigid bodies an arm's log asks for.
+"""Which terms beside rigid bodies an arm's log asks for, and how far the nominal model is to be trusted.
 
-Both are chosen by what predicts blocks of the log that are left out, with bodies that can exist. On public logs of
-arms (UR10e, Panda, LWR 4+, AirBot Play, TX40, TIAGo) such bodies alone leave 0.94 to 1.5 times the error of least
-squares on trials left out; with what is chosen here, 0.71 to 0.98 times (docs/measured.md).
+Whether a joint has an offset, friction or a rotor is decided by the evidence of the rows (Tipping and Faul 2003),
+joint by joint; what drives and sensors may add beyond, and the weight of the nominal model, by what predicts blocks
+of the log that are left out, with bodies that can exist. What this leaves of trials left out, beside least squares, is
+in docs/measured.md (default_method).
 """
 
 from __future__ import annotations
@@ -12,17 +13,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.finding import Finding, listed
 from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
 from excite.identification.identified_parameters import IdentifiedParameters
+from excite.identification.judgement.statistics import base_statistics
 from excite.identification.noise.correlated import triangle
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, square_factor
+from excite.identification.regression import (
+    Regression,
+    iterate_weights,
+    prior_std,
+    regression,
+    square_factor,
+)
 from excite.logs.log import Log
-from excite.rows.drive_terms import DRIVE_TERMS, EXTENSIONS
+from excite.rows.drive_terms import DRIVE_TERMS, EXTENSIONS, USUAL_TERMS
 from excite.rows.joint_rows import drive_terms
 from excite.rows.settings import ProblemSettings
 
@@ -34,6 +44,8 @@ _BLOCKS = 5
 _LEAST_GAIN = 0.02
 _STEP = 10.0
 _WEIGHTS = (1e-3, 1e2)
+# Evidence that differs by less is the same [nats]: where steps of the search end.
+_SAME_EVIDENCE = 1e-6
 # Standard deviation of a term that is left out, as share of its own: it then stays at zero.
 _OUT = 1e-9
 # Tried and left out: a first harmonic of each joint's own angle, as cables pull. With it the LWR's last joint leaves a
@@ -61,48 +73,125 @@ class Adaptation:
     left: float
 
 
+@dataclass(frozen=True)
+class Candidates:
+    """Terms of an arm's equations that the log is asked about.
+
+    Attributes:
+        by_evidence: terms that each joint has or has not, as the evidence of the rows says.
+        by_blocks: terms that are added where they predict blocks left out.
+    """
+
+    by_evidence: tuple[str, ...] = ()
+    by_blocks: tuple[str, ...] = ()
+
+
 def without_terms(problem: IdentificationProblem, terms: Sequence[str]) -> IdentificationProblem:
     """The problem without the columns of some terms."""
-    names = problem.parameter_names
-    columns = np.array([k for k, name in enumerate(names) if _term(name) not in terms])
-    if len(columns) == len(names):
-        return problem
-    drives = columns[columns >= problem.n_inertial] - problem.n_inertial
-    return replace(
-        problem,
-        Y=problem.Y[:, columns],
-        parameter_names=tuple(names[k] for k in columns),
-        prior=problem.prior[columns],
-        drive_spread=None if problem.drive_spread is None else problem.drive_spread[drives],
-    )
+    return problem.with_drives([name for name in problem.parameter_names if _term(name) not in terms])
 
 
-def extended(
+def candidates(
     log: Log, settings: ProblemSettings | None, own: AdaptiveSettings
-) -> tuple[ProblemSettings | None, tuple[str, ...]]:
-    """Settings of a problem with the columns of all terms that may be added to an arm's equations, and these terms.
+) -> tuple[ProblemSettings | None, Candidates]:
+    """Settings of a problem with the columns of all terms that an arm may have, and which of these are in question.
 
-    A term that is stated is none that may be added: it stays, whatever the log says of it.
+    Terms that the problem's settings state are none of them: they stay, whatever the log says. Those that the log's
+    header names as modelled are in question, as is what it does not name.
     """
     if log.header.free_base or own.terms == "stated":
-        return settings, ()
+        return settings, Candidates()
     settings = settings or ProblemSettings()
-    stated = drive_terms(log.header, settings)
-    added = tuple(name for name in EXTENSIONS if name not in stated)
-    return replace(settings, drive_terms=(*stated, *added)), added
+    there = drive_terms(log.header, settings)
+    usual = () if settings.drive_terms is not None else tuple(dict.fromkeys((*there, *USUAL_TERMS)))
+    added = tuple(name for name in EXTENSIONS if name not in there)
+    asked = tuple(name for name in usual if name not in EXTENSIONS)
+    columns = tuple(dict.fromkeys((*there, *usual, *added)))
+    return replace(settings, drive_terms=columns), Candidates(asked, added)
+
+
+def with_shown_drives(
+    problem: IdentificationProblem, candidates: Candidates, own: AdaptiveSettings
+) -> IdentificationProblem:
+    """The problem without the drives' parameters that the evidence of the rows speaks against.
+
+    Parameters whose nominal value is not zero stay: the robot's description states them.
+    """
+    names = problem.parameter_names
+    asked = np.array([_term(name) in candidates.by_evidence for name in names]) & (problem.prior == 0.0)
+    asked[: problem.n_inertial] = False
+    if not asked.any():
+        return problem
+    asked_of = dict(zip(names, asked.tolist(), strict=True))
+    plain = without_terms(problem, candidates.by_blocks)
+    rows = iterate_weights(regression(plain))
+    noise = base_statistics(rows).noise
+    factor = rows.weighted(noise.std, noise).independent_factor
+    target = factor[:, -1] - factor[:, :-1] @ plain.prior
+    scales = prior_std(plain, own.spreads(plain.robot))
+    in_question = np.array([asked_of[name] for name in plain.parameter_names])
+    spread = evident_spreads(factor[:, :-1] * scales, target, in_question)
+    shown = {name for name, value in zip(plain.parameter_names, spread.tolist(), strict=True) if value > 0.0}
+    return problem.with_drives({name for name in names if name in shown or not asked_of[name]})
+
+
+def evident_spreads(matrix: Array, target: Array, in_question: NDArray[np.bool_]) -> Array:
+    """Standard deviations of parameters about zero under which a measurement is most probable.
+
+    ``target = matrix · x + noise`` of unit variance, ``x ~ N(0, diag(s²))`` with ``s = 1`` where nothing is in
+    question. The others' are those of greatest evidence, found one by one, the one that gains most first; exactly zero
+    where the rows speak against the parameter, ``q² ≤ s`` in the symbols of Tipping and Faul (AISTATS 2003).
+
+    Args:
+        matrix: ``(m, n)``.
+        target: ``(m,)``.
+        in_question: ``(n,)``.
+
+    Returns:
+        ``(n,)``, in units of the columns' scales.
+    """
+    spread = np.ones(matrix.shape[1])
+    certain, columns = matrix[:, ~in_question], matrix[:, in_question]
+    whitener = cho_factor(np.eye(len(matrix)) + certain @ certain.T)
+    both = columns.T @ cho_solve(whitener, np.column_stack([columns, target]))
+    gram, projected = both[:, :-1], both[:, -1]
+    variance = np.ones(len(gram))
+    while True:
+        root = np.sqrt(variance)
+        inner = cho_factor(np.eye(len(gram)) + root[:, None] * gram * root)
+        seen = root[:, None] * np.column_stack([gram, projected])
+        rest = both - (gram * root) @ cho_solve(inner, seen)
+        own, pull = np.diag(rest).copy(), rest[:, -1]
+        # Without the parameter itself.
+        alone = 1.0 / np.maximum(1.0 - variance * own, np.finfo(float).tiny)
+        own, pull = own * alone, pull * alone
+        usable = own > np.finfo(float).eps * np.maximum(np.diag(gram), np.finfo(float).tiny)
+        best = np.where(usable & (pull**2 > own), (pull**2 - own) / np.where(usable, own, 1.0) ** 2, 0.0)
+        gain = _evidence(best, own, pull) - _evidence(variance, own, pull)
+        gain[~usable] = np.where(variance[~usable] > 0.0, np.inf, 0.0)
+        place = int(np.argmax(gain))
+        if gain[place] < _SAME_EVIDENCE:
+            break
+        variance[place] = best[place]
+    spread[in_question] = np.sqrt(variance)
+    return spread
+
+
+def _evidence(variance: Array, own: Array, pull: Array) -> Array:
+    """Logarithm of the evidence of each parameter's variance, all others fixed, less that of a variance of zero."""
+    grown = 1.0 + variance * own
+    return np.asarray(0.5 * (variance * pull**2 / grown - np.log(grown)))
 
 
 def with_terms_of(
     identified: IdentifiedParameters, log: Log, settings: ProblemSettings | None
 ) -> ProblemSettings:
-    """Settings of a problem whose columns are those of what was identified, added terms among them."""
+    """Settings of a problem that has the columns of all that was identified, and maybe others."""
     settings = settings or ProblemSettings()
-    there = {_term(name) for name in identified.drive_names}
-    added = [name for name in EXTENSIONS if name in there]
-    if log.header.free_base or not added:
+    if log.header.measures_contacts:
         return settings
-    stated = drive_terms(log.header, settings)
-    return replace(settings, drive_terms=(*stated, *(name for name in added if name not in stated)))
+    terms = tuple(dict.fromkeys(_term(name) for name in identified.drive_names))
+    return replace(settings, drive_terms=terms)
 
 
 def adaptation_finding(found: Adaptation, identified: IdentifiedParameters) -> tuple[Finding, ...]:

@@ -17,7 +17,9 @@ from excite.identification.adaptation import (
     Adaptation,
     adapt,
     adaptation_finding,
-    extended,
+    Candidates,
+    candidates,
+    with_shown_drives,
     without_terms,
 )
 from excite.identification.attempt import attempt, equations_of, failure_finding
@@ -55,6 +57,8 @@ _UNCHANGED_SHARE = 0.1
 # whose segments all differ from the table's, 0 to 0.96, and with 0.9 here 82 to 84 % of their true masses lay within
 # two deviations of what was identified; without the pull, 99 to 100 %. Joint torques tell at which joint a change
 # begins: of the other half of a KUKA LWR's run, 0.29 N·m are left at the first joint by cls3 with 0.9, 0.31 with 0.98.
+_NONE = Candidates()
+
 _EXPLAINED, _EXPLAINED_BY_JOINT = 0.98, 0.9
 
 
@@ -117,16 +121,16 @@ def _identified(
     """The identification from a log that the doctor has repaired."""
     log = chart.log
     with equations_of(log):
-        addable: tuple[str, ...] = ()
+        asked = Candidates()
         if isinstance(own, AdaptiveSettings):
-            problem_settings, addable = extended(log, problem_settings, own)
+            problem_settings, asked = candidates(log, problem_settings, own)
         problem = build_problem(robot, log, problem_settings, role="identification")
         validation = None
         if log.role("validation"):
             validation = build_problem(robot, log, problem_settings, role="validation")
         # A mistake in the log is the likeliest reason for whatever else is found, so it is said first.
         odd = (*nominal_faults(robot), *chart.findings)
-        return identify_problem(problem, validation, estimator, own, odd, addable)
+        return identify_problem(problem, validation, estimator, own, odd, asked)
 
 
 @one_blas_thread
@@ -137,7 +141,7 @@ def identify_problem(
     estimator: Estimator[Any],
     settings: EstimatorSettings | None = None,
     known: Sequence[Finding] = (),
-    addable: Sequence[str] = (),
+    asked: Candidates = _NONE,
 ) -> Identification:
     """Identify from a problem that has been built.
 
@@ -147,7 +151,7 @@ def identify_problem(
         estimator: the estimator.
         settings: its settings; defaults if None.
         known: what was found of the log already, which comes before all other findings.
-        addable: terms whose columns come last in both problems and that an adaptive method may leave out.
+        asked: terms with columns in both problems that an adaptive method may leave out.
 
     Raises:
         NoSolutionError: see :func:`identify`.
@@ -158,6 +162,10 @@ def identify_problem(
     boxes, notes = _boxes(robot, settings)
     if isinstance(settings, BoxSettings):
         settings = replace(settings, com_boxes=boxes)
+    if isinstance(settings, AdaptiveSettings):
+        problem = with_shown_drives(problem, asked, settings)
+        validation = None if validation is None else validation.with_drives(problem.parameter_names)
+    addable = asked.by_blocks
     # What is known of rigid bodies and friction is stated without the terms that only an adaptive method adds.
     plain = without_terms(problem, addable)
     weighted = iterate_weights(regression(plain))

@@ -47,6 +47,16 @@ class Regression:
         scaled = self.channel_factors / self.std[:, None, None]
         return square_factor(np.vstack(list(scaled)))
 
+    @property
+    def independent_factor(self) -> Array:
+        """``R`` of the rows divided by ``std`` and by the root of the noise's integrated autocorrelation, likewise.
+
+        Its squares count independent numbers, and not rows whose noise is that of their neighbours.
+        """
+        inflation = np.ones(len(self.std)) if self.noise is None else self.noise.inflation
+        scaled = self.channel_factors / (self.std * np.sqrt(inflation))[:, None, None]
+        return square_factor(np.vstack(list(scaled)))
+
     def weighted(self, std: Array, noise: NoiseModel | None = None) -> Regression:
         """The same rows with other channel weights ``1/std``.
 
