@@ -32,8 +32,8 @@ from excite.identification.regression import (
     square_factor,
 )
 from excite.logs.log import Log
-from excite.rows.drive_terms import DRIVE_TERMS, EXTENSIONS, USUAL_TERMS
-from excite.rows.joint_rows import drive_terms
+from excite.rows.drive_terms import DRIVE_TERMS, EXTENSIONS
+from excite.rows.joint_rows import drive_terms, usual_terms
 from excite.rows.settings import ProblemSettings
 
 # Blocks that are left out in turn. Fewer leave too little of short logs to learn from.
@@ -103,7 +103,9 @@ def candidates(
         return settings, Candidates()
     settings = settings or ProblemSettings()
     there = drive_terms(log.header, settings)
-    usual = () if settings.drive_terms is not None else tuple(dict.fromkeys((*there, *USUAL_TERMS)))
+    usual: tuple[str, ...] = ()
+    if settings.drive_terms is None:
+        usual = tuple(dict.fromkeys((*there, *usual_terms(log.header, settings))))
     added = tuple(name for name in EXTENSIONS if name not in there)
     asked = tuple(name for name in usual if name not in EXTENSIONS)
     columns = tuple(dict.fromkeys((*there, *usual, *added)))

@@ -233,8 +233,5 @@ DRIVE_TERMS: dict[str, DriveTerm] = {
     )
 }
 
-USUAL_TERMS = ("viscous", "coulomb", "offset", "armature")
-"""Terms that a joint has or has not, which the method ``adaptive`` decides by the evidence of the log."""
-
 EXTENSIONS = ("gain", "load_friction", "bending")
 """Terms that the method ``adaptive`` tries beside those of the log: what drives and sensors add to rigid bodies."""
