@@ -224,8 +224,8 @@ def adapt(
     Args:
         problem: rows with the columns of all terms that may be added.
         plain: the rows without them, condensed and weighted; its weights and noise are used throughout.
-        settings: of the estimator, one after another taken where it is better than those before it; a stated
-            ``alpha`` stays, as do the terms where they are ``stated``.
+        settings: of the estimator, each taken where it is better than those before it; a stated ``alpha`` stays, as do
+            the terms where they are ``stated``.
         estimator: finds bodies that can exist.
         addable: the terms that may be added.
 
@@ -235,7 +235,7 @@ def adapt(
     trial = _Trial(_blocks(problem), plain, problem, estimator, tuple(addable))
     own = settings[0]
     first = best = trial.left((), own)
-    for other in [item for item in settings[1:] if item != own]:
+    for other in settings[1:]:
         found = trial.left((), other)
         if _better(found, best):
             own, best = other, found

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lstsq
+from scipy.linalg import lstsq, solve_triangular
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -152,6 +152,23 @@ def _most_probable(rows: Regression) -> tuple[Array, Array]:
     a, b = rows.factor[:, :-1] * scales, rows.factor[:, -1] - rows.factor[:, :-1] @ problem.prior
     covariance = np.linalg.inv(a.T @ a + np.eye(problem.n_params))
     return problem.prior + scales * (covariance @ (a.T @ b)), scales[:, None] * covariance * scales
+
+
+def log_evidence(rows: Regression, relative: float | Array) -> float:
+    """Logarithm of the rows' probability, parameters scattered about nominal ones, up to a constant [nats].
+
+    ``y ~ N(Yθ₀, I + Y S² Yᵀ)`` in units of independent noise (MacKay, Neural Computation 1992).
+
+    Args:
+        rows: weighted rows.
+        relative: see :func:`prior_std`.
+    """
+    factor = rows.independent_factor
+    target = factor[:, -1] - factor[:, :-1] @ rows.problem.prior
+    scaled = factor[:, :-1] * prior_std(rows.problem, relative)
+    root = np.linalg.cholesky(np.eye(len(scaled)) + scaled @ scaled.T)
+    left = solve_triangular(root, target, lower=True)
+    return -0.5 * float(left @ left) - float(np.log(np.diag(root)).sum())
 
 
 def _probable_variances(rows: Regression) -> Array:
