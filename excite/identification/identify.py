@@ -15,9 +15,9 @@ from excite.errors import NoSolutionError, RobotError
 from excite.finding import Finding
 from excite.identification.adaptation import (
     Adaptation,
+    Candidates,
     adapt,
     adaptation_finding,
-    Candidates,
     candidates,
     with_shown_drives,
     without_terms,
@@ -168,7 +168,10 @@ def identify_problem(
     informed = _informed_settings(robot, settings, changes)
     adaptation = Adaptation((), 1.0, 1.0)
     if isinstance(settings, AdaptiveSettings) and plain.channel_names[0] != "fx":
-        tried = [settings, *(one for one in (informed,) if isinstance(one, AdaptiveSettings) and one != settings)]
+        tried = [
+            settings,
+            *(one for one in (informed,) if isinstance(one, AdaptiveSettings) and one != settings),
+        ]
         adaptation, settings = adapt(problem, weighted, tried, Adaptive(), addable)
     else:
         settings = max(settings, informed, key=lambda one: log_evidence(weighted, one.spreads(robot)))

@@ -125,7 +125,9 @@ def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float 
         std = np.sqrt(rows.residual_variances(problem.prior))
     for _ in range(iterations):
         rows = rows.weighted(std)
-        new = np.sqrt(_probable_variances(rows) if scarce else rows.residual_variances(least_squares(rows.factor)))
+        new = np.sqrt(
+            _probable_variances(rows) if scarce else rows.residual_variances(least_squares(rows.factor))
+        )
         # A channel that is fitted exactly must not take all the weight.
         new = np.maximum(new, 1e-6 * max(float(new.max()), 1e-12))
         change = np.max(np.abs(new - std) / std)

@@ -41,7 +41,9 @@ def rows() -> list[Row]:
             ours = sum(fit.rmse for fit in result.judgement.validation.values())
             hand = by_hand(log).sum()
             text = f"{ours:.4g} / {hand:.4g} = {ours / hand:.3f}"
-            what = f"{title}, {split}: trials left out, sum over joints, default method / least squares by hand"
+            what = (
+                f"{title}, {split}: trials left out, sum over joints, default method / least squares by hand"
+            )
             found.append(Row.holds(what, "≤ 1", text, ours <= hand))
             bad = result.judgement.consistency.inconsistent
             found.append(Row.holds("… bodies that cannot exist", "none", ", ".join(bad) or "none", not bad))
@@ -60,7 +62,9 @@ def exchanged(log: Log, folder: Path) -> Log:
     other = {"identification": "validation", "validation": "identification"}
     entries = [entry.model_copy(update={"role": other[entry.role]}) for entry in log.header.trials]
     trials = [replace(trial, role=other[trial.role]) for trial in log.trials]
-    turned = replace(log, header=log.header.model_copy(update={"trials": tuple(entries)}), trials=tuple(trials))
+    turned = replace(
+        log, header=log.header.model_copy(update={"trials": tuple(entries)}), trials=tuple(trials)
+    )
     return load_log(save_log(turned, folder))
 
 

@@ -13,8 +13,9 @@ from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
 from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
 from excite.identification.estimators.quadratic.hierarchy_state import Level
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer
 from excite.identification.orthogonal import row_space
+from tests.identification.dual_active_set import project
 
 N = 6
 

@@ -13,7 +13,8 @@ from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, no_solution
 from excite.identification.estimators.fallback import best_known
-from excite.identification.estimators.quadratic.projection import Projector, distance_to_optimum, project
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.projection import Projector, distance_to_optimum
 from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.settings import (
     BodySettings,
@@ -54,7 +55,7 @@ class QuadraticProgram(Estimator[QpSettings]):
         "need not"
     )
 
-    def __init__(self, projector: Projector = project):
+    def __init__(self, projector: Projector | None = None):
         self._projector = projector
 
     def estimate(self, problem: IdentificationProblem, settings: QpSettings) -> Estimate:
@@ -64,8 +65,9 @@ class QuadraticProgram(Estimator[QpSettings]):
         model = model_constraints(rows, settings)
         cone = inertia_cone(problem, settings.inertia_floor, settings.sphere_subdivisions)
         rotated, reached = objective.constraints(model.linear), None
+        projector = self._projector or ActiveSetProjector()
         for _ in range(_MAX_ROUNDS):
-            answer = self._projector(objective.target, rotated)
+            answer = projector(objective.target, rotated)
             if answer is None:
                 raise _failure(rows, objective, model.linear, cone, SolveStatus.INFEASIBLE, None)
             reached = answer.z
