@@ -75,10 +75,12 @@ class Candidates:
     Attributes:
         by_evidence: terms that each joint has or has not, as the evidence of the rows says.
         by_blocks: terms that are added where they predict blocks left out.
+        expected: terms that the log's header names, or that joints have as a rule where it names none.
     """
 
     by_evidence: tuple[str, ...] = ()
     by_blocks: tuple[str, ...] = ()
+    expected: tuple[str, ...] = ()
 
 
 def without_terms(problem: IdentificationProblem, terms: Sequence[str]) -> IdentificationProblem:
@@ -104,7 +106,7 @@ def candidates(
     added = tuple(name for name in EXTENSIONS if name not in there)
     asked = tuple(name for name in usual if name not in EXTENSIONS)
     columns = tuple(dict.fromkeys((*there, *usual, *added)))
-    return replace(settings, drive_terms=columns), Candidates(asked, added)
+    return replace(settings, drive_terms=columns), Candidates(asked, added, there)
 
 
 def with_shown_drives(
@@ -201,6 +203,34 @@ def with_terms_of(
         return settings
     terms = tuple(dict.fromkeys(_term(name) for name in identified.drive_names))
     return replace(settings, drive_terms=terms)
+
+
+def drives_finding(
+    asked: Candidates, names: Sequence[str], identified: IdentifiedParameters
+) -> tuple[Finding, ...]:
+    """Where the log's drives are not what its header names, in a sentence; empty where they are.
+
+    Args:
+        asked: the terms that were in question.
+        names: parameters of the problem before.
+        identified: what is left of them, with values.
+    """
+    kept = identified.by_drive()
+    places = tuple(
+        name for name in kept if _term(name) in asked.by_evidence and _term(name) not in asked.expected
+    )
+    absent = [name for name in names if name not in kept and _term(name) in asked.by_evidence]
+    gone = tuple(name for name in absent if _term(name) in asked.expected)
+    parts = []
+    if places:
+        shown = listed([f"{name} {kept[name]:+.3g}" for name in places], 5)
+        parts.append(f"the rows show what the log's header does not name: {shown}")
+    if gone:
+        parts.append(f"they show nothing of, and left out is: {listed(gone, 5)}")
+    if not parts:
+        return ()
+    values = {name: kept[name] for name in places}
+    return (Finding("drives", "; ".join(parts), values, (*places, *gone)),)
 
 
 def adaptation_finding(found: Adaptation, identified: IdentifiedParameters) -> tuple[Finding, ...]:

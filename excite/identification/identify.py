@@ -19,6 +19,7 @@ from excite.identification.adaptation import (
     adapt,
     adaptation_finding,
     candidates,
+    drives_finding,
     with_shown_drives,
     without_terms,
 )
@@ -156,6 +157,7 @@ def identify_problem(
     boxes, notes = _boxes(robot, settings)
     if isinstance(settings, BoxSettings):
         settings = replace(settings, com_boxes=boxes)
+    names = problem.parameter_names[problem.n_inertial :]
     if isinstance(settings, AdaptiveSettings):
         problem = with_shown_drives(problem, asked, settings)
         validation = None if validation is None else validation.with_drives(problem.parameter_names)
@@ -208,7 +210,15 @@ def identify_problem(
         identified=identified,
         statistics=certainty,
         judgement=judgement,
-        findings=(*known, *failed, *notes, *adaptation_finding(adaptation, identified), *warnings, *doubts),
+        findings=(
+            *known,
+            *failed,
+            *notes,
+            *drives_finding(asked, names, identified),
+            *adaptation_finding(adaptation, identified),
+            *warnings,
+            *doubts,
+        ),
     )
     if failure is not None:
         raise NoSolutionError(failure.what, best=result, remedy=failure.remedy) from failure

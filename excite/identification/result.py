@@ -166,7 +166,7 @@ class Identification(Tabled):
             f"{self.robot}, method {self.method}: {count(len(self.base), 'base parameter')}"
             + (f" of {rank}" if rank is not None else "")
             + f" from {self.solution.n_samples} samples",
-            f"total mass {mass.identified:.3f} kg (nominal {mass.nominal:.3f} kg)",
+            f"total mass {mass.identified:.3f} kg (nominal {mass.nominal:.3f} kg{self._mass_held()})",
         ]
         if not self.solution.solved:
             lines.insert(0, f"NO SOLUTION, the best found follows: {self.solution.status}")
@@ -177,6 +177,15 @@ class Identification(Tabled):
         lines += ["", *self._change_lines()]
         lines += [f"note: {text}" for text in self.warnings]
         return "\n".join(lines)
+
+    def _mass_held(self) -> str:
+        """Whether the total mass was imposed, and why not."""
+        held, mass = self.solution.total_mass, self.total_mass
+        if held is not None:
+            return f"; held at what was {'measured' if mass.weighed is None else 'weighed'}"
+        if mass.weighed is not None or mass.measured is not None:
+            return "; not held"
+        return "; not held: this record does not tell it"
 
     def _promises(self) -> list[str]:
         """What is proven of the objective, and what became of stated bounds."""
@@ -193,7 +202,7 @@ class Identification(Tabled):
 
     def _change_lines(self) -> list[str]:
         if not self.changes.segments:
-            return ["changed segments: none found"]
+            return ["changed segments: none found that stands out; all parameters are estimated anew"]
         lines = ["changed segments:"]
         for item in self.changes.segments:
             others = f" (or {', '.join(item.tied_with)})" if item.tied_with else ""

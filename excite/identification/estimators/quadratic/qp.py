@@ -50,9 +50,9 @@ class QuadraticProgram(Estimator[QpSettings]):
     )
     settings_class: ClassVar[type[EstimatorSettings]] = QpSettings
     guarantees: ClassVar[str] = (
-        "within the stated distance of the global optimum; masses not negative, total mass, boxes of the centres "
-        "of mass, symmetry and positive definite inertias about the joint frames hold; the triangle inequality "
-        "need not"
+        "within the stated distance of the global optimum; masses not negative, boxes of the centres of mass and "
+        "positive definite inertias about the joint frames hold, the total mass where it was weighed or the record "
+        "tells it, symmetry where it is asked for; the triangle inequality need not"
     )
 
     def __init__(self, projector: Projector | None = None):
