@@ -73,7 +73,9 @@ def essential_parameters(
         share_below: share of the channels below which a parameter may go.
         rsd_above: relative standard deviation above which it may go [percent].
     """
-    least = share_below * whole_signal(statistics.factor, statistics.rotated)
+    # The value with which a parameter alone would make all of the signal.
+    lengths = np.maximum(np.linalg.norm(statistics.factor, axis=0), np.finfo(float).tiny)
+    least = share_below * np.linalg.norm(statistics.rotated) / lengths
     kept = np.arange(len(statistics.estimate))
     removed: list[int] = []
     factor, rotated, meat = statistics.factor, statistics.rotated, statistics.meat
@@ -90,15 +92,3 @@ def essential_parameters(
         kept = np.delete(kept, worst)
         rotation, factor = np.linalg.qr(np.delete(factor, worst, axis=1))
         rotated, meat = rotation.T @ rotated, rotation.T @ meat @ rotation
-
-
-def whole_signal(factor: Array, rotated: Array) -> Array:
-    """Value of each parameter that alone would make all of the signal, ``(n_base,)`` [SI].
-
-    Args:
-        factor: ``R`` of the rows on the parameters, ``(n_base, n_base)``.
-        rotated: ``Qᵀ`` of the measurement, ``(n_base,)``.
-    """
-    return np.asarray(
-        np.linalg.norm(rotated) / np.maximum(np.linalg.norm(factor, axis=0), np.finfo(float).tiny)
-    )

@@ -9,7 +9,11 @@ from numpy.typing import NDArray
 from scipy.linalg import qr_delete, solve_triangular
 
 from excite.arrays import Array
-from excite.identification.judgement.essential import RSD_ABOVE, SHARE_BELOW, whole_signal
+from excite.identification.judgement.essential import RSD_ABOVE
+
+
+# What Xu et al. 2020 call small [SI, units mixed].
+VALUE_BELOW = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,25 +56,24 @@ def essential_objective(
     matrix: Array,
     n_rows: int,
     *,
-    share_below: float = SHARE_BELOW,
+    value_below: float = VALUE_BELOW,
     rsd_above: float = RSD_ABOVE,
 ) -> TorqueObjective:
     """``‖τ − Y_e π_e‖`` with the parameters left by the elimination at the end of section II.A.
 
-    At each round the least-squares parameters are found anew, and of those that add less than ``share_below`` of the
-    torques and whose relative standard deviation of eq. (7) is above ``rsd_above`` percent the one of
+    At each round the least-squares parameters are found anew, and of those whose size is below
+    ``value_below`` and whose relative standard deviation of eq. (7) is above ``rsd_above`` percent the one of
     greatest standard deviation relative to its size is cancelled.
 
     Args:
         triangle: ``R`` of ``[Y_b τ] = Q R``, ``(n_base + 1, n_base + 1)``.
         matrix: base parameters as combinations of all parameters, ``(n_base, n_params)``.
         n_rows: number of rows of ``Y_b``.
-        share_below: see :func:`~excite.identification.judgement.essential.essential_parameters`.
+        value_below: [SI], 0.01 in the paper.
         rsd_above: [%], 40 in the paper.
     """
     n = len(matrix)
     kept, factor, rotated = np.arange(n), triangle[:n, :n], triangle[:n, n]
-    least = share_below * whole_signal(factor, rotated)
     squares = float(triangle[n, n]) ** 2
     while len(kept) > 1:
         values = solve_triangular(factor, rotated)
@@ -78,7 +81,7 @@ def essential_objective(
         variance = squares / max(n_rows - len(kept), 1)
         std = np.sqrt(variance * np.einsum("ij,ij->i", inverse, inverse))
         size = np.maximum(np.abs(values), 1e-300)
-        cancelled = (size < least[kept]) & (100.0 * std > rsd_above * size)
+        cancelled = (size < value_below) & (100.0 * std > rsd_above * size)
         if not cancelled.any():
             break
         worst = int(np.argmax(np.where(cancelled, std / size, -1.0)))

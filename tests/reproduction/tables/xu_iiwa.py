@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.identification.judgement.essential import RSD_ABOVE
+from excite.identification.physical.objective import VALUE_BELOW
 from excite.regressor.base_parameters import structural_base_parameters
 from tests.reproduction.iiwa import bounds, grouping, iiwa, judge, published_base, published_parameters
 from tests.reproduction.iiwa_excitation import condition, excitation
@@ -38,9 +39,6 @@ TABLE_10 = {
     "[37]": (0.6376, 1.2118, 0.2949, 0.7976, 0.3224, 0.3100, 0.5900),
 }
 JOINTS = tuple(f"joint {k}" for k in range(1, 8))
-
-# What Xu et al. call small [SI].
-VALUE_BELOW = 0.01
 
 
 def tables() -> list[Table]:
