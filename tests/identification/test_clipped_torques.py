@@ -13,7 +13,6 @@ from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
 from tests.diagnosis.servo_arm import clipped_log, whole
 
-
 # The same parameters, whatever the evidence of each log is.
 TERMS = ProblemSettings(drive_terms=("viscous", "coulomb", "offset", "armature"))
 
