@@ -182,7 +182,8 @@ def _probable_variances(rows: Regression) -> Array:
     columns = rows.channel_factors[:, :, :-1] / rows.std[:, None, None]
     taken = np.einsum("cij,jk,cik->c", columns, covariance, columns, optimize=True)
     numbers = np.maximum(rows.problem.numbers(), 1.0)
-    return rows.residual_variances(parameters) * numbers / np.maximum(numbers - taken, np.finfo(float).eps)
+    left = np.maximum(numbers - taken, np.finfo(float).eps)
+    return np.asarray(rows.residual_variances(parameters) * numbers / left)
 
 
 def stated_std(problem: IdentificationProblem) -> Array:
