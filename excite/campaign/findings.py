@@ -117,6 +117,7 @@ def _shown(
     trial = trials[int(np.argmax(spread))]
     fine = replace(settings, rate_hz=log.header.rate_hz)
     problem = build_problem(robot, replace(log, trials=(trial,)), fine, role="validation")
+    problem = problem.with_drives(identification.identified.drive_names)
     return _Shown(trial, log.header, fine, problem)
 
 

@@ -1,8 +1,9 @@
-"""How far the nominal model is to be trusted, and which terms beside rigid bodies an arm's log asks for.
+"""Which terms beside rigid bodies an arm's log asks for, and how far the nominal model is to be trusted.
 
-Both are chosen by what predicts blocks of the log that are left out, with bodies that can exist. On public logs of
-arms (UR10e, Panda, LWR 4+, AirBot Play, TX40, TIAGo) such bodies alone leave 0.94 to 1.5 times the error of least
-squares on trials left out; with what is chosen here, 0.71 to 0.98 times (docs/measured.md).
+Whether a joint has an offset, friction or a rotor is decided by the evidence of the rows (Tipping and Faul 2003),
+joint by joint; what drives and sensors may add beyond, and the weight of the nominal model, by what predicts blocks
+of the log that are left out, with bodies that can exist. What this leaves of trials left out, beside least squares, is
+in docs/measured.md (default_method).
 """
 
 from __future__ import annotations
@@ -12,28 +13,34 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.finding import Finding, listed
 from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
 from excite.identification.identified_parameters import IdentifiedParameters
+from excite.identification.judgement.statistics import base_statistics
 from excite.identification.noise.correlated import triangle
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, square_factor
+from excite.identification.regression import (
+    Regression,
+    iterate_weights,
+    prior_std,
+    regression,
+    square_factor,
+)
 from excite.logs.log import Log
 from excite.rows.drive_terms import DRIVE_TERMS, EXTENSIONS
-from excite.rows.joint_rows import drive_terms
+from excite.rows.joint_rows import drive_terms, usual_terms
 from excite.rows.settings import ProblemSettings
 
 # Blocks that are left out in turn. Fewer leave too little of short logs to learn from.
 _BLOCKS = 5
-# What a term or another weight has to take of the mean square left over, in the logarithm, on blocks left out: more
-# than its own standard error over the blocks, and more than this. Of the public logs' helpful terms none takes less
-# than 0.024; on simulated arms without such effects none takes more than 0.01.
-_LEAST_GAIN = 0.02
 _STEP = 10.0
 _WEIGHTS = (1e-3, 1e2)
+# Evidence that differs by less is the same [nats]: where steps of the search end.
+_SAME_EVIDENCE = 1e-6
 # Standard deviation of a term that is left out, as share of its own: it then stays at zero.
 _OUT = 1e-9
 # Tried and left out: a first harmonic of each joint's own angle, as cables pull. With it the LWR's last joint leaves a
@@ -61,48 +68,169 @@ class Adaptation:
     left: float
 
 
+@dataclass(frozen=True)
+class Candidates:
+    """Terms of an arm's equations that the log is asked about.
+
+    Attributes:
+        by_evidence: terms that each joint has or has not, as the evidence of the rows says.
+        by_blocks: terms that are added where they predict blocks left out.
+        expected: terms that the log's header names, or that joints have as a rule where it names none.
+    """
+
+    by_evidence: tuple[str, ...] = ()
+    by_blocks: tuple[str, ...] = ()
+    expected: tuple[str, ...] = ()
+
+
 def without_terms(problem: IdentificationProblem, terms: Sequence[str]) -> IdentificationProblem:
     """The problem without the columns of some terms."""
-    names = problem.parameter_names
-    columns = np.array([k for k, name in enumerate(names) if _term(name) not in terms])
-    if len(columns) == len(names):
-        return problem
-    drives = columns[columns >= problem.n_inertial] - problem.n_inertial
-    return replace(
-        problem,
-        Y=problem.Y[:, columns],
-        parameter_names=tuple(names[k] for k in columns),
-        prior=problem.prior[columns],
-        drive_spread=None if problem.drive_spread is None else problem.drive_spread[drives],
-    )
+    return problem.with_drives([name for name in problem.parameter_names if _term(name) not in terms])
 
 
-def extended(
+def candidates(
     log: Log, settings: ProblemSettings | None, own: AdaptiveSettings
-) -> tuple[ProblemSettings | None, tuple[str, ...]]:
-    """Settings of a problem with the columns of all terms that may be added to an arm's equations, and these terms.
+) -> tuple[ProblemSettings | None, Candidates]:
+    """Settings of a problem with the columns of all terms that an arm may have, and which of these are in question.
 
-    A term that is stated is none that may be added: it stays, whatever the log says of it.
+    Terms that the problem's settings state are none of them: they stay, whatever the log says. Those that the log's
+    header names as modelled are in question, as is what it does not name.
     """
     if log.header.free_base or own.terms == "stated":
-        return settings, ()
+        return settings, Candidates()
     settings = settings or ProblemSettings()
-    stated = drive_terms(log.header, settings)
-    added = tuple(name for name in EXTENSIONS if name not in stated)
-    return replace(settings, drive_terms=(*stated, *added)), added
+    there = drive_terms(log.header, settings)
+    usual: tuple[str, ...] = ()
+    if settings.drive_terms is None:
+        usual = tuple(dict.fromkeys((*there, *usual_terms(log.header, settings))))
+    added = tuple(name for name in EXTENSIONS if name not in there)
+    asked = tuple(name for name in usual if name not in EXTENSIONS)
+    columns = tuple(dict.fromkeys((*there, *usual, *added)))
+    return replace(settings, drive_terms=columns), Candidates(asked, added, there)
+
+
+def with_shown_drives(
+    problem: IdentificationProblem, candidates: Candidates, own: AdaptiveSettings
+) -> IdentificationProblem:
+    """The problem without the drives' parameters that the evidence of the rows speaks against.
+
+    Parameters whose nominal value is not zero stay: the robot's description states them.
+    """
+    names = problem.parameter_names
+    asked = np.array([_term(name) in candidates.by_evidence for name in names]) & (problem.prior == 0.0)
+    asked[: problem.n_inertial] = False
+    if not asked.any():
+        return problem
+    asked_of = dict(zip(names, asked.tolist(), strict=True))
+    plain = without_terms(problem, candidates.by_blocks)
+    rows = iterate_weights(regression(plain))
+    noise = base_statistics(rows).noise
+    factor = rows.weighted(noise.std, noise).independent_factor
+    target = factor[:, -1] - factor[:, :-1] @ plain.prior
+    scales = prior_std(plain, own.spreads(plain.robot))
+    in_question = np.array([asked_of[name] for name in plain.parameter_names])
+    spread = evident_spreads(factor[:, :-1] * scales, target, in_question)
+    shown = {name for name, value in zip(plain.parameter_names, spread.tolist(), strict=True) if value > 0.0}
+    return problem.with_drives({name for name in names if name in shown or not asked_of[name]})
+
+
+def evident_spreads(matrix: Array, target: Array, in_question: NDArray[np.bool_]) -> Array:
+    """Standard deviations of parameters about zero under which a measurement is most probable.
+
+    ``target = matrix · x + noise`` of unit variance, ``x ~ N(0, diag(s²))`` with ``s = 1`` where nothing is in
+    question. The others' are those of greatest evidence, found one by one, the one that gains most first; exactly zero
+    where the rows speak against the parameter, ``q² ≤ s`` in the symbols of Tipping and Faul (AISTATS 2003).
+
+    Args:
+        matrix: ``(m, n)``.
+        target: ``(m,)``.
+        in_question: ``(n,)``.
+
+    Returns:
+        ``(n,)``, in units of the columns' scales.
+    """
+    spread = np.ones(matrix.shape[1])
+    certain, count = int((~in_question).sum()), int(in_question.sum())
+    stacked = np.zeros((len(matrix) + certain, certain + count + 1))
+    stacked[: len(matrix)] = np.column_stack([matrix[:, ~in_question], matrix[:, in_question], target])
+    stacked[len(matrix) :, :certain] = np.eye(certain)
+    # What is certain to be there is orthogonalised away, which leaves few and well-scaled numbers.
+    rest = square_factor(stacked)[certain:, certain:]
+    columns, measured = rest[:, :-1], rest[:, -1]
+    variance = np.ones(count)
+    while True:
+        own, pull = _without_itself(columns, measured, variance)
+        usable = own > np.finfo(float).eps * (columns**2).sum(axis=0)
+        best = np.where(usable, np.maximum(pull**2 - own, 0.0) / np.where(usable, own, 1.0) ** 2, 0.0)
+        gain = np.where(variance == best, 0.0, _evidence(best, own, pull) - _evidence(variance, own, pull))
+        gain[~usable & (variance > 0.0)] = np.inf
+        place = int(np.argmax(gain))
+        if gain[place] < _SAME_EVIDENCE:
+            break
+        variance[place] = best[place]
+    spread[in_question] = np.sqrt(variance)
+    return spread
+
+
+def _without_itself(columns: Array, measured: Array, variance: Array) -> tuple[Array, Array]:
+    """``s = aᵀC⁻¹a`` and ``q = aᵀC⁻¹y`` of each column, ``C = I + Σ v a aᵀ`` over all columns but its own."""
+    count, root = len(variance), np.sqrt(variance)
+    q, r = np.linalg.qr(np.vstack([columns * root, np.eye(count)]))
+    inverse = np.linalg.inv(r)
+    share = (inverse**2).sum(axis=1)
+    mean = inverse @ (q[: len(columns)].T @ measured)
+    apart = np.vstack([columns, np.zeros((count, count))])
+    apart -= q @ (q.T @ apart)
+    there = variance > 0.0
+    v = np.where(there, variance, 1.0)
+    own = np.where(there, (1.0 / share - 1.0) / v, (apart**2).sum(axis=0))
+    pull = np.where(there, mean / np.sqrt(v) / share, apart[: len(columns)].T @ measured)
+    return own, pull
+
+
+def _evidence(variance: Array, own: Array, pull: Array) -> Array:
+    """Logarithm of the evidence of each parameter's variance, all others fixed, less that of a variance of zero."""
+    grown = 1.0 + variance * own
+    return np.asarray(0.5 * (variance * pull**2 / grown - np.log(grown)))
 
 
 def with_terms_of(
     identified: IdentifiedParameters, log: Log, settings: ProblemSettings | None
 ) -> ProblemSettings:
-    """Settings of a problem whose columns are those of what was identified, added terms among them."""
+    """Settings of a problem that has the columns of all that was identified, and maybe others."""
     settings = settings or ProblemSettings()
-    there = {_term(name) for name in identified.drive_names}
-    added = [name for name in EXTENSIONS if name in there]
-    if log.header.free_base or not added:
+    if log.header.measures_contacts:
         return settings
-    stated = drive_terms(log.header, settings)
-    return replace(settings, drive_terms=(*stated, *(name for name in added if name not in stated)))
+    terms = tuple(dict.fromkeys(_term(name) for name in identified.drive_names))
+    return replace(settings, drive_terms=terms)
+
+
+def drives_finding(
+    asked: Candidates, names: Sequence[str], identified: IdentifiedParameters
+) -> tuple[Finding, ...]:
+    """Where the log's drives are not what its header names, in a sentence; empty where they are.
+
+    Args:
+        asked: the terms that were in question.
+        names: parameters of the problem before.
+        identified: what is left of them, with values.
+    """
+    kept = identified.by_drive()
+    places = tuple(
+        name for name in kept if _term(name) in asked.by_evidence and _term(name) not in asked.expected
+    )
+    absent = [name for name in names if name not in kept and _term(name) in asked.by_evidence]
+    gone = tuple(name for name in absent if _term(name) in asked.expected)
+    parts = []
+    if places:
+        shown = listed([f"{name} {kept[name]:+.3g}" for name in places], 5)
+        parts.append(f"the rows show what the log's header does not name: {shown}")
+    if gone:
+        parts.append(f"they show nothing of, and left out is: {listed(gone, 5)}")
+    if not parts:
+        return ()
+    values = {name: kept[name] for name in places}
+    return (Finding("drives", "; ".join(parts), values, (*places, *gone)),)
 
 
 def adaptation_finding(found: Adaptation, identified: IdentifiedParameters) -> tuple[Finding, ...]:
@@ -133,8 +261,8 @@ def adapt(
     Args:
         problem: rows with the columns of all terms that may be added.
         plain: the rows without them, condensed and weighted; its weights and noise are used throughout.
-        settings: of the estimator, one after another taken where it is better than those before it; a stated
-            ``alpha`` stays, as do the terms where they are ``stated``.
+        settings: of the estimator, each taken where it is better than those before it; a stated ``alpha`` stays, as do
+            the terms where they are ``stated``.
         estimator: finds bodies that can exist.
         addable: the terms that may be added.
 
@@ -144,7 +272,7 @@ def adapt(
     trial = _Trial(_blocks(problem), plain, problem, estimator, tuple(addable))
     own = settings[0]
     first = best = trial.left((), own)
-    for other in [item for item in settings[1:] if item != own]:
+    for other in settings[1:]:
         found = trial.left((), other)
         if _better(found, best):
             own, best = other, found
@@ -181,11 +309,12 @@ def _weighted(
 
 
 def _better(found: Array, best: Array) -> bool:
+    """Whether blocks left out are predicted better by more than one standard error of the gain (Breiman 1984)."""
     if not np.isfinite(found).all():
         return False
     gain = best - found
     error = float(gain.std(ddof=1)) / np.sqrt(len(gain))
-    return bool(gain.mean() > max(_LEAST_GAIN, error))
+    return bool(gain.mean() > error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,14 +329,9 @@ class _Trial:
 
     def left(self, terms: tuple[str, ...], settings: AdaptiveSettings) -> Array:
         """Logarithm of the mean square left over in each block by what the others say, ``(n_blocks,)``."""
-        problem = _at_zero(self.problem, set(self.addable) - set(terms))
         squares = np.full(len(self.factors), np.inf)
         for block, judged in enumerate(self.factors):
-            others = np.delete(self.factors, block, axis=0)
-            stacked = np.array(
-                [square_factor(np.vstack(list(parts))) for parts in others.transpose(1, 0, 2, 3)]
-            )
-            rows = Regression(problem, (), stacked, self.plain.std, self.plain.noise)
+            rows = self._rows(np.delete(self.factors, block, axis=0), terms)
             try:
                 parameters = self.estimator.solve(rows, settings).parameters
             except (NoSolutionError, LinAlgError):
@@ -215,6 +339,12 @@ class _Trial:
             misfit = np.einsum("cij,j->ci", judged, np.append(parameters, -1.0)) / self.plain.std[:, None]
             squares[block] = np.sum(misfit**2)
         return np.asarray(np.log(squares))
+
+    def _rows(self, factors: Array, terms: tuple[str, ...]) -> Regression:
+        """Blocks together, with some of the terms that may be added."""
+        problem = _at_zero(self.problem, set(self.addable) - set(terms))
+        joined = np.array([square_factor(np.vstack(list(parts))) for parts in factors.transpose(1, 0, 2, 3)])
+        return Regression(problem, (), joined, self.plain.std, self.plain.noise)
 
 
 def _at_zero(problem: IdentificationProblem, terms: set[str]) -> IdentificationProblem:

@@ -15,9 +15,12 @@ from excite.errors import NoSolutionError, RobotError
 from excite.finding import Finding
 from excite.identification.adaptation import (
     Adaptation,
+    Candidates,
     adapt,
     adaptation_finding,
-    extended,
+    candidates,
+    drives_finding,
+    with_shown_drives,
     without_terms,
 )
 from excite.identification.attempt import attempt, equations_of, failure_finding
@@ -27,6 +30,7 @@ from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSe
 from excite.identification.estimators.fallback import estimate_at
 from excite.identification.estimators.method_settings import own_settings
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
+from excite.identification.estimators.setting import share_limits
 from excite.identification.estimators.settings import BoxSettings, EstimatorSettings, StatedBoundsSettings
 from excite.identification.identified_parameters import identified_parameters
 from excite.identification.judgement.changes import Changes, find_changes
@@ -36,7 +40,7 @@ from excite.identification.judgement.statistics import base_statistics
 from excite.identification.judgement.warnings import find_warnings
 from excite.identification.parameter_statistics import parameter_statistics
 from excite.identification.problem import IdentificationProblem, build_problem
-from excite.identification.regression import iterate_weights, regression
+from excite.identification.regression import iterate_weights, log_evidence, regression
 from excite.identification.result import Identification
 from excite.identification.solution import solution_of
 from excite.logs.bare_urdf import nominal_faults
@@ -51,12 +55,7 @@ from excite.threads import one_blas_thread
 
 # Once bodies are known to have changed, the others are believed this much more (see _informed_settings).
 _UNCHANGED_SHARE = 0.1
-# So much of what the nominal model leaves few bodies have to explain before the others are believed more. Contact
-# wrenches: on G1, HRP-2-like and TALOS with 1 to 5 kg added they explain 0.995 to 1.000; on twelve simulated people,
-# whose segments all differ from the table's, 0 to 0.96, and with 0.9 here 82 to 84 % of their true masses lay within
-# two deviations of what was identified; without the pull, 99 to 100 %. Joint torques tell at which joint a change
-# begins: of the other half of a KUKA LWR's run, 0.29 N·m are left at the first joint by cls3 with 0.9, 0.31 with 0.98.
-_EXPLAINED, _EXPLAINED_BY_JOINT = 0.98, 0.9
+_NONE = Candidates()
 
 
 def identify(
@@ -118,16 +117,16 @@ def _identified(
     """The identification from a log that the doctor has repaired."""
     log = chart.log
     with equations_of(log):
-        addable: tuple[str, ...] = ()
+        asked = Candidates()
         if isinstance(own, AdaptiveSettings):
-            problem_settings, addable = extended(log, problem_settings, own)
+            problem_settings, asked = candidates(log, problem_settings, own)
         problem = build_problem(robot, log, problem_settings, role="identification")
         validation = None
         if log.role("validation"):
             validation = build_problem(robot, log, problem_settings, role="validation")
         # A mistake in the log is the likeliest reason for whatever else is found, so it is said first.
         odd = (*nominal_faults(robot), *chart.findings)
-        return identify_problem(problem, validation, estimator, own, odd, addable)
+        return identify_problem(problem, validation, estimator, own, odd, asked)
 
 
 @one_blas_thread
@@ -138,7 +137,7 @@ def identify_problem(
     estimator: Estimator[Any],
     settings: EstimatorSettings | None = None,
     known: Sequence[Finding] = (),
-    addable: Sequence[str] = (),
+    asked: Candidates = _NONE,
 ) -> Identification:
     """Identify from a problem that has been built.
 
@@ -148,7 +147,7 @@ def identify_problem(
         estimator: the estimator.
         settings: its settings; defaults if None.
         known: what was found of the log already, which comes before all other findings.
-        addable: terms whose columns come last in both problems and that an adaptive method may leave out.
+        asked: terms with columns in both problems that an adaptive method may leave out.
 
     Raises:
         NoSolutionError: see :func:`identify`.
@@ -159,18 +158,27 @@ def identify_problem(
     boxes, notes = _boxes(robot, settings)
     if isinstance(settings, BoxSettings):
         settings = replace(settings, com_boxes=boxes)
+    names = problem.parameter_names[problem.n_inertial :]
+    if isinstance(settings, AdaptiveSettings):
+        problem = with_shown_drives(problem, asked, settings)
+        validation = None if validation is None else validation.with_drives(problem.parameter_names)
+    addable = asked.by_blocks
     # What is known of rigid bodies and friction is stated without the terms that only an adaptive method adds.
     plain = without_terms(problem, addable)
     weighted = iterate_weights(regression(plain))
     weighted_statistics = base_statistics(weighted)
     too_few = _too_few_instants(plain, weighted_statistics.base.rank)
     changes = Changes((), 0.0, 1.0) if too_few else find_changes(weighted, weighted_statistics.noise)
-    informed = _informed_settings(problem, settings, changes)
+    informed = _informed_settings(robot, settings, changes)
     adaptation = Adaptation((), 1.0, 1.0)
     if isinstance(settings, AdaptiveSettings) and plain.channel_names[0] != "fx":
-        tried = [item for item in (informed, settings) if isinstance(item, AdaptiveSettings)]
-        adaptation, informed = adapt(problem, weighted, tried, Adaptive(), addable)
-    settings = informed
+        tried = [
+            settings,
+            *(one for one in (informed,) if isinstance(one, AdaptiveSettings) and one != settings),
+        ]
+        adaptation, settings = adapt(problem, weighted, tried, Adaptive(), addable)
+    else:
+        settings = max(settings, informed, key=lambda one: log_evidence(weighted, one.spreads(robot)))
     left_out = [term for term in addable if term not in adaptation.terms]
     problem = without_terms(problem, left_out)
     validation = None if validation is None else without_terms(validation, left_out)
@@ -212,6 +220,7 @@ def identify_problem(
             *failed,
             *too_few,
             *notes,
+            *drives_finding(asked, names, identified),
             *adaptation_finding(adaptation, identified),
             *warnings,
             *doubts,
@@ -250,21 +259,22 @@ def _boxes(robot: Robot, settings: EstimatorSettings) -> tuple[Array, tuple[Find
         return equivalent_boxes(robot), (Finding("com_boxes", text),)
 
 
-def _informed_settings(
-    problem: IdentificationProblem, settings: EstimatorSettings, changes: Changes
-) -> EstimatorSettings:
-    """Let the bodies that have changed take the change.
+def _informed_settings(robot: Robot, settings: EstimatorSettings, changes: Changes) -> EstimatorSettings:
+    """Settings that let the bodies that have changed take the change.
 
     What a joint lets move between neighbours the data do not place; an even pull to the nominal model spreads
-    an added body over the whole chain. Where few bodies explain what the nominal model leaves, they get a
-    spread that fits their change, the others a tenth of theirs. Spreads that the caller set stay.
+    an added body over the whole chain. The bodies that have changed get a spread that fits their change, the others
+    a tenth of theirs; spreads that the caller set stay. Whether that is right the rows say: people, whose segments all
+    differ from the tables', and arms whose torques hold what no body explains are more probable without.
     """
-    least = _EXPLAINED if problem.channel_names[0] == "fx" else _EXPLAINED_BY_JOINT
-    if not changes.segments or changes.explained < least:
+    if not changes.segments:
         return settings
-    nominal = dict(zip((s.link for s in problem.robot.segments), problem.prior[::10], strict=False))
+    masses = robot.nominal_parameters[::10].tolist()
+    nominal = dict(zip((s.link for s in robot.segments), masses, strict=True))
     spread = dict.fromkeys(nominal, _UNCHANGED_SHARE * settings.prior_spread)
     for item in changes.segments:
         relative = 2.0 * abs(item.mass_change_kg) / max(nominal[item.link], 1e-3)
         spread[item.link] = max(settings.prior_spread, relative)
+    least, most = share_limits(settings, "segment_spread")
+    spread = {link: float(np.clip(value, least, most)) for link, value in spread.items()}
     return replace(settings, segment_spread={**spread, **settings.segment_spread})

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +110,20 @@ class IdentificationProblem:
             block = np.column_stack([self.Y[rows], self.y[rows]]) * self.weights[rows, None]
             r = np.asarray(np.linalg.qr(np.vstack([r, block]), mode="r"))
         return r
+
+    def with_drives(self, names: Collection[str]) -> IdentificationProblem:
+        """The problem without the columns of all drive parameters but those named."""
+        n = self.n_inertial
+        kept = np.array([k for k, name in enumerate(self.parameter_names) if k < n or name in names])
+        if len(kept) == self.n_params:
+            return self
+        return replace(
+            self,
+            Y=self.Y[:, kept],
+            parameter_names=tuple(self.parameter_names[k] for k in kept),
+            prior=self.prior[kept],
+            drive_spread=None if self.drive_spread is None else self.drive_spread[kept[n:] - n],
+        )
 
     def residual(self, parameters: Array) -> Array:
         """Measured minus predicted, ``(n_rows,)``, for ``parameters`` of shape ``(n_params,)``."""

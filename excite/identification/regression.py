@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lstsq
+from scipy.linalg import lstsq, solve_triangular
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -19,6 +19,8 @@ from excite.threads import one_blas_thread
 _BLOCK = 4096
 # Singular values of the column-scaled rows below this share of the greatest are structural zeros.
 RANK_TOLERANCE = 1e-8
+# Jovic 2016 expects masses of CAD to be off by up to 50 %.
+USUAL_SPREAD = 0.5
 _SMALLEST_MASS = 0.02
 _SMALLEST_RADIUS = 0.02
 
@@ -45,6 +47,16 @@ class Regression:
     def factor(self) -> Array:
         """``R`` of the rows divided by ``std``, measurement last, ``(n_params+1, n_params+1)``."""
         scaled = self.channel_factors / self.std[:, None, None]
+        return square_factor(np.vstack(list(scaled)))
+
+    @property
+    def independent_factor(self) -> Array:
+        """``R`` of the rows divided by ``std`` and by the root of the noise's integrated autocorrelation, likewise.
+
+        Its squares count independent numbers, and not rows whose noise is that of their neighbours.
+        """
+        inflation = np.ones(len(self.std)) if self.noise is None else self.noise.inflation
+        scaled = self.channel_factors / (self.std * np.sqrt(inflation))[:, None, None]
         return square_factor(np.vstack(list(scaled)))
 
     def weighted(self, std: Array, noise: NoiseModel | None = None) -> Regression:
@@ -95,6 +107,8 @@ def regression(problem: IdentificationProblem) -> Regression:
 def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float = 1e-3) -> Regression:
     """Weight each channel by one over the standard deviation of its own least-squares residual.
 
+    Where least squares leave fewer numbers than they take, the residual of the most probable parameters says it.
+
     Starts from the weights that the problem states; stops when no weight moves by more than ``tolerance``.
     The noise model of the final residuals comes with the result, scaled up for the degrees of freedom that
     the fit has taken.
@@ -106,9 +120,14 @@ def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float 
     """
     problem = rows.problem
     std = stated_std(problem)
+    scarce = iterations > 0 and not leaves_freedom(rows)
+    if scarce:
+        std = np.sqrt(rows.residual_variances(problem.prior))
     for _ in range(iterations):
         rows = rows.weighted(std)
-        new = np.sqrt(rows.residual_variances(least_squares(rows.factor)))
+        new = np.sqrt(
+            _probable_variances(rows) if scarce else rows.residual_variances(least_squares(rows.factor))
+        )
         # A channel that is fitted exactly must not take all the weight.
         new = np.maximum(new, 1e-6 * max(float(new.max()), 1e-12))
         change = np.max(np.abs(new - std) / std)
@@ -116,8 +135,55 @@ def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float 
         if change < tolerance:
             break
     rows = rows.weighted(std)
-    residual = problem.residual(least_squares(rows.factor))
-    return rows.weighted(std, estimate_noise(problem, rows.grids, residual))
+    parameters = _most_probable(rows)[0] if scarce else least_squares(rows.factor)
+    return rows.weighted(std, estimate_noise(problem, rows.grids, problem.residual(parameters)))
+
+
+def leaves_freedom(rows: Regression) -> bool:
+    """Whether least squares leave at least as many numbers as they take; else their residuals do not tell the noise."""
+    scale = np.linalg.norm(rows.factor[:, :-1], axis=0)
+    scaled = rows.factor[:, :-1] / np.where(scale > 0.0, scale, 1.0)
+    rank = int(np.linalg.matrix_rank(scaled, tol=RANK_TOLERANCE * max(1.0, float(np.linalg.norm(scaled)))))
+    return float(rows.problem.numbers().sum()) >= 2 * rank
+
+
+def _most_probable(rows: Regression) -> tuple[Array, Array]:
+    """Parameters as far from the nominal ones as their usual spread lets them, and ``(AᵀA + S⁻²)⁻¹`` about them."""
+    problem = rows.problem
+    scales = prior_std(problem, USUAL_SPREAD)
+    a, b = rows.factor[:, :-1] * scales, rows.factor[:, -1] - rows.factor[:, :-1] @ problem.prior
+    covariance = np.linalg.inv(a.T @ a + np.eye(problem.n_params))
+    return problem.prior + scales * (covariance @ (a.T @ b)), scales[:, None] * covariance * scales
+
+
+def log_evidence(rows: Regression, relative: float | Array) -> float:
+    """Logarithm of the rows' probability, parameters scattered about nominal ones, up to a constant [nats].
+
+    ``y ~ N(Yθ₀, I + Y S² Yᵀ)`` in units of independent noise (MacKay, Neural Computation 1992).
+
+    Args:
+        rows: weighted rows.
+        relative: see :func:`prior_std`.
+    """
+    factor = rows.independent_factor
+    target = factor[:, -1] - factor[:, :-1] @ rows.problem.prior
+    scaled = factor[:, :-1] * prior_std(rows.problem, relative)
+    root = np.linalg.cholesky(np.eye(len(scaled)) + scaled @ scaled.T)
+    left = solve_triangular(root, target, lower=True)
+    return -0.5 * float(left @ left) - float(np.log(np.diag(root)).sum())
+
+
+def _probable_variances(rows: Regression) -> Array:
+    """Square residual of each channel per number that the most probable parameters leave, ``(n_channels,)``.
+
+    MacKay (Neural Computation 1992): ``‖r‖²/(n − γ)`` with ``γ`` the numbers that the channel's rows determine.
+    """
+    parameters, covariance = _most_probable(rows)
+    columns = rows.channel_factors[:, :, :-1] / rows.std[:, None, None]
+    taken = np.einsum("cij,jk,cik->c", columns, covariance, columns, optimize=True)
+    numbers = np.maximum(rows.problem.numbers(), 1.0)
+    left = np.maximum(numbers - taken, np.finfo(float).eps)
+    return np.asarray(rows.residual_variances(parameters) * numbers / left)
 
 
 def stated_std(problem: IdentificationProblem) -> Array:

@@ -166,7 +166,7 @@ class Identification(Tabled):
             f"{self.robot}, method {self.method}: {count(len(self.base), 'base parameter')}"
             + (f" of {rank}" if rank is not None else "")
             + f" from {self.solution.n_samples} samples",
-            f"total mass {mass.identified:.3f} kg (nominal {mass.nominal:.3f} kg)"
+            f"total mass {mass.identified:.3f} kg (nominal {mass.nominal:.3f} kg{self._mass_held()})"
             + (", which is no weight: the torques are not N·m" if self.in_unknown_unit else ""),
         ]
         if not self.solution.solved:
@@ -178,6 +178,15 @@ class Identification(Tabled):
         lines += ["", *self._change_lines()]
         lines += [f"note: {text}" for text in self.warnings]
         return "\n".join(lines)
+
+    def _mass_held(self) -> str:
+        """Whether the total mass was imposed, and why not."""
+        held, mass = self.solution.total_mass, self.total_mass
+        if held is not None:
+            return f"; held at what was {'measured' if mass.weighed is None else 'weighed'}"
+        if mass.weighed is not None or mass.measured is not None:
+            return "; not held"
+        return "; not held: this record does not tell it"
 
     def _promises(self) -> list[str]:
         """What is proven of the objective, and what became of stated bounds."""
@@ -205,7 +214,10 @@ class Identification(Tabled):
             return ["changed segments: not asked of torques in an unknown unit"]
         if not self.changes.segments:
             few = any(found.kind == "too_few_instants" for found in self.findings)
-            return [f"changed segments: {'not looked for' if few else 'none found'}"]
+            said = (
+                "not looked for" if few else "none found that stands out; all parameters are estimated anew"
+            )
+            return [f"changed segments: {said}"]
         lines = ["changed segments:"]
         for item in self.changes.segments:
             others = f" (or {', '.join(item.tied_with)})" if item.tied_with else ""

@@ -22,6 +22,7 @@ class Solution:
         n_samples: instants that were used.
         violations: largest violation of each kind of constraint, recomputed; in the estimator's units.
         certificate: what is proven of the method's objective, None where it is convex.
+        total_mass: that was imposed on the sum of all masses [kg], None where it was free.
     """
 
     method: str
@@ -30,6 +31,7 @@ class Solution:
     n_samples: int
     violations: dict[str, float]
     certificate: Certificate | None
+    total_mass: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Its blocks of the document."""
@@ -53,4 +55,5 @@ def solution_of(estimate: Estimate) -> Solution:
         n_samples=len(np.unique(np.column_stack([problem.trial, problem.time]), axis=0)),
         violations=dict(estimate.violations or {}),
         certificate=estimate.certificate,
+        total_mass=estimate.total_mass,
     )

@@ -240,8 +240,11 @@ def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]
         for name, term in DRIVE_TERMS.items()
         if any(effect in header.modelled for effect in term.effects)
     )
-    if named:
-        return named
+    return named or usual_terms(header, settings)
+
+
+def usual_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:
+    """Terms that joints have as a rule; a sensor behind the gear reads nothing of the rotor."""
     usual: tuple[str, ...] = ("viscous", "coulomb", "offset")
     if header.torque != "link_side":
         usual = (*usual, "armature")

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from excite.campaign import loop
 from excite.campaign.experiment import simulate
 from excite.campaign.loop import campaign
+from excite.campaign.plan import plan
 from excite.campaign.result import Campaign
 from excite.campaign.settings import CampaignSettings
 from excite.errors import InputError, NoSolutionError
@@ -87,10 +89,21 @@ def test_campaign_on_a_real_robot_waits_for_its_log(ur10: Robot, tmp_path: Path)
     assert finished.awaits is None and finished.identification is not None
 
 
-def test_what_was_found_is_written_where_a_later_plan_fails(ur10: Robot, tmp_path: Path) -> None:
-    """Of five candidates; the one of the second iteration collides."""
-    asked = CampaignSettings(n_candidates=5, target_rsd=15.0, max_iterations=2, seed=3)
-    with pytest.raises(NoSolutionError, match="the one candidate is not safe for ur10: 1 is refused by"):
+def test_what_was_found_is_written_where_a_later_plan_fails(
+    ur10: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first plan is the verb's own; no motion is safe for the second."""
+    made = []
+
+    def planned(*given: object, **named: object) -> object:
+        if made:
+            raise NoSolutionError("the one candidate is not safe")
+        made.append(plan(*given, **named))
+        return made[0]
+
+    monkeypatch.setattr(loop, "plan", planned)
+    asked = CampaignSettings(n_candidates=5, target_rsd=5.0, max_iterations=2, seed=3)
+    with pytest.raises(NoSolutionError, match="the one candidate is not safe"):
         campaign(ur10, tmp_path / "campaign", asked)
     found = json.loads((tmp_path / "campaign" / "campaign.json").read_text(encoding="utf-8"))
     assert len(found["iterations"]) == 1

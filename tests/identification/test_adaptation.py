@@ -6,13 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
+from excite.identification.adaptation import evident_spreads
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.identify import identify
+from excite.identification.judgement.statistics import base_statistics
+from excite.identification.problem import build_problem
+from excite.identification.regression import iterate_weights, regression
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import EXTENSIONS
+from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log
 
 
@@ -76,11 +82,59 @@ def test_a_torque_scale_that_no_bodies_explain_is_taken_out_of_them(robot, clean
 
 def test_deviations_are_those_of_bodies_and_friction_alone(robot, clean):
     log = with_torques(clean, lambda tau, v: tau * np.array([1.0, 1.0, 1.6, 1.0, 1.0, 1.0]))
-    found, plain = identify(robot, log), identify(robot, log, "wls")
-    assert [item.name for item in found.statistics.base] == [item.name for item in plain.statistics.base]
-    np.testing.assert_allclose(
-        [item.std for item in found.statistics.base], [item.std for item in plain.statistics.base], rtol=1e-6
-    )
+    found = identify(robot, log)
+    names = [name for name in found.identified.drive_names if name.split(".")[0] not in EXTENSIONS]
+    plain = build_problem(robot, log).with_drives(names)
+    expected = base_statistics(iterate_weights(regression(plain)))
+    assert "gain" in added(found)
+    np.testing.assert_allclose([item.std for item in found.statistics.base], expected.std, rtol=1e-6)
+
+
+class TestEvidence:
+    """Spreads of parameters in question against the probability of the measurement, by scipy."""
+
+    def drawn(self, seed: int):
+        rng = np.random.default_rng(seed)
+        matrix = rng.normal(size=(40, 7)) * [1.0, 2.0, 0.5, 1.0, 3.0, 1.0, 0.3]
+        truth = np.array([0.5, -0.4, 2.0, 0.0, 0.4, 0.0, 3.0])
+        return matrix, matrix @ truth + rng.normal(size=40), np.array([0, 0, 1, 1, 1, 1, 1], dtype=bool)
+
+    def probability(self, matrix, target, spread) -> float:
+        covariance = np.eye(len(target)) + (matrix * spread**2) @ matrix.T
+        return float(multivariate_normal(cov=covariance).logpdf(target))
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_no_other_spread_of_one_parameter_is_more_probable(self, seed):
+        matrix, target, asked = self.drawn(seed)
+        spread = evident_spreads(matrix, target, asked)
+        assert (spread[:2] == 1.0).all() and (spread[[2, 4, 6]] > 0.0).all()
+        best = self.probability(matrix, target, spread)
+        for place in np.flatnonzero(asked):
+            for factor in (0.0, 0.5, 0.9, 1.1, 2.0):
+                other = spread.copy()
+                other[place] = factor * spread[place] if spread[place] else 0.1 * factor
+                assert self.probability(matrix, target, other) <= best + 1e-5
+
+    def test_what_no_row_shows_is_not_there(self):
+        matrix, target, asked = self.drawn(1)
+        matrix[:, 3] = 0.0
+        assert evident_spreads(matrix, target, asked)[3] == 0.0
+
+    def test_units_of_columns_do_not_matter(self):
+        matrix, target, asked = self.drawn(2)
+        units = np.array([1.0, 1.0, 1e3, 1e-3, 10.0, 1.0, 1e6])
+        np.testing.assert_allclose(
+            evident_spreads(matrix * units, target, asked),
+            evident_spreads(matrix, target, asked) / units,
+            rtol=1e-3,
+        )
+
+
+def test_stated_terms_stay_whatever_the_log_says(robot, clean):
+    settings = ProblemSettings(drive_terms=("offset", "root"))
+    found = identify(robot, clean, problem_settings=settings)
+    expected = [f"{term}.{joint}" for term in ("offset", "root") for joint in robot.joint_names]
+    assert [name for name in found.identified.drive_names if name.split(".")[0] not in EXTENSIONS] == expected
 
 
 def test_a_stated_weight_of_the_nominal_model_stays(robot, clean):

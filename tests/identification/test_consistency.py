@@ -8,10 +8,11 @@ import pytest
 
 from excite.identification.constraints.inertia_cone import icosphere, quadratic_rows
 from excite.identification.constraints.linear import LinearConstraints, stack
-from excite.identification.estimators.quadratic.projection import distance_to_optimum, project
+from excite.identification.estimators.quadratic.projection import distance_to_optimum
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement.consistency import check_consistency
 from excite.identification.judgement.validation import correlation
+from tests.identification.dual_active_set import project
 
 
 def _body(mass=2.0, com=(0.1, -0.2, 0.3), principal=(0.02, 0.03, 0.04)) -> np.ndarray:

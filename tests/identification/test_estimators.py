@@ -15,13 +15,14 @@ from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.least_squares.ls import LeastSquares, LsSettings
 from excite.identification.estimators.method_settings import estimator_settings
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer
 from excite.identification.estimators.quadratic.qp import QpSettings, QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.inertia import inertia_matrices
 from excite.identification.judgement.consistency import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, prior_std, regression
+from tests.identification.dual_active_set import project
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")

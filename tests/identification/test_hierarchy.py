@@ -13,8 +13,9 @@ from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
 from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
 from excite.identification.estimators.quadratic.hierarchy_state import Level
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer
 from excite.identification.orthogonal import row_space
+from tests.identification.dual_active_set import project
 
 N = 6
 
@@ -163,3 +164,27 @@ class TestLyingProjector:
             assert found.slacks == pytest.approx(honest.slacks, abs=1e-6)
         else:
             assert np.isfinite(found.x).all()
+
+
+def test_boxes_that_leave_room_are_met_however_badly_the_rows_are_conditioned():
+    """Widths from a millionth to ten, conditions up to 1e8: a corner of the box shows that there is room."""
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        n = int(rng.integers(4, 25))
+        m = int(rng.integers(2, n + 1))
+        left, right = (np.linalg.qr(rng.normal(size=(k, k)))[0] for k in (m, n))
+        matrix = left @ np.diag(np.geomspace(1.0, 10.0 ** -rng.uniform(0.0, 8.0), m)) @ right[:m]
+        low = rng.normal(size=n) - 1.0
+        high = low + 10.0 ** rng.uniform(-6.0, 1.0, size=n)
+        rows = LinearConstraints(
+            np.vstack([np.eye(n), -np.eye(n)]), np.concatenate([low, -high]), ("box",) * (2 * n)
+        )
+        found = solve_hierarchy(
+            (Level("box", rows),),
+            matrix,
+            10.0 * rng.normal(size=m),
+            ActiveSetProjector(),
+            np.clip(np.zeros(n), low, high),
+        )
+        assert found.status is not SolveStatus.INFEASIBLE
+        assert rows.violations(found.x).max() < 1e-6

@@ -19,12 +19,13 @@ from excite.identification.estimators.least_squares.wls import WeightedLeastSqua
 from excite.identification.estimators.method_settings import estimator_settings, methods_with
 from excite.identification.estimators.quadratic.cls1 import BoundedNearBase, Cls1Settings
 from excite.identification.estimators.quadratic.hqp import HierarchicalProgram, HqpSettings
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer
 from excite.identification.inertia import inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.loading import load_robot
+from tests.identification.dual_active_set import project
 from tests.identification.estimated import estimated
 from tests.identification.outside_cone import outside_cone
 from tests.identification.synthetic import arm_problem, modified_g1_parameters, segment_index, wrench_problem

@@ -12,8 +12,8 @@ from excite.identification.estimators.quadratic.projection import (
     ProjectionAnswer,
     Projector,
     distance_to_optimum,
-    project,
 )
+from tests.identification.dual_active_set import project
 
 
 def rows(matrix: list[list[float]], bound: list[float], n_equal: int = 0) -> LinearConstraints:

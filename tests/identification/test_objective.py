@@ -21,11 +21,7 @@ from excite.identification.estimators.entropic.geometric import (
 from excite.identification.estimators.fallback import best_feasible, best_known, estimate_at, plain_models
 from excite.identification.estimators.least_squares.ls import LsSettings
 from excite.identification.estimators.quadratic.hqp import HqpSettings
-from excite.identification.estimators.quadratic.projection import (
-    ProjectionAnswer,
-    distance_to_optimum,
-    project,
-)
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, distance_to_optimum
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.scaled import scaled_parameters
@@ -33,6 +29,7 @@ from excite.identification.estimators.settings import EstimatorSettings, PullSet
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, prior_std, regression
 from excite.robot.loading import load_robot
+from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
 
 

@@ -15,13 +15,14 @@ from excite.identification.estimators.entropic.entropic_problem import EntropicP
 from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
 from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
 from excite.identification.estimators.quadratic.hierarchy_state import HierarchyAnswer, Level
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer
 from excite.identification.estimators.quadratic.semi_projection import (
     SemiProjection,
     completed,
     pursue,
     semi_project,
 )
+from tests.identification.dual_active_set import project
 from tests.identification.test_solvers import conic_problem, entropic_problem, semi_problem
 
 

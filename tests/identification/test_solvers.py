@@ -29,7 +29,6 @@ from excite.identification.estimators.entropic.geometric import (
     relative_map,
 )
 from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
-from excite.identification.estimators.quadratic.projection import project
 from excite.identification.estimators.quadratic.semi_projection import (
     SemiAnswer,
     SemiProjection,
@@ -41,6 +40,7 @@ from excite.identification.estimators.quadratic.semi_projection import (
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.regression import prior_std
 from excite.robot.loading import load_robot
+from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
 
 # --- The entropic divergence

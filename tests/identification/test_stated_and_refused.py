@@ -29,7 +29,7 @@ from excite.identification.estimators.quadratic.hqp import (
     ScaledSphere,
     paper_levels,
 )
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer
 from excite.identification.estimators.quadratic.qp import QpSettings, QuadraticProgram
 from excite.identification.estimators.quadratic.semi_projection import SemiProjection, pursue, semi_project
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
@@ -42,6 +42,7 @@ from excite.identification.physical.known_bounds import KnownBounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, prior_std, regression
 from excite.robot.loading import load_robot
+from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
 
 

@@ -55,7 +55,9 @@ class ModelFiles:
         lines = []
         for model in (self.urdf, self.mjcf):
             if model is not None:
-                lines.append(f"wrote {model.path.name}: {count(len(model.changed), 'link')} changed")
+                lines.append(
+                    f"wrote {model.path.name}: parameters of {count(len(model.changed), 'link')} as identified"
+                )
                 lines += [f"  {note}" for note in model.notes]
         lines.append(f"wrote {self.differences.name}")
         if self.uncertainty is not None:

@@ -90,10 +90,7 @@ def ridge(rows: Regression, settings: PullSettings, metric: Array | None = None)
     for segment in problem.unmeasured:
         frozen[problem.robot.parameter_columns(segment)] = True
     free = np.flatnonzero(~frozen)
-    inflation = np.ones(len(rows.std)) if rows.noise is None else rows.noise.inflation
-    data = square_factor(
-        np.vstack(list(rows.channel_factors / (rows.std * np.sqrt(inflation))[:, None, None]))
-    )
+    data = rows.independent_factor
     data[:, -1] -= data[:, :-1] @ problem.prior
     tall = np.zeros((len(data) + len(free), len(free) + 1))
     tall[: len(data), :-1] = data[:, free] * scales[free]

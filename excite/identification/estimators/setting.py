@@ -34,6 +34,12 @@ def shares_by_link(low: float, high: float, what: str) -> Any:
     return field(default_factory=dict, metadata={"shares": (low, high), "what": what})
 
 
+def share_limits(settings: DataclassInstance, name: str) -> tuple[float, float]:
+    """Least and greatest value that a setting of :func:`shares_by_link` takes."""
+    low, high = next(item.metadata["shares"] for item in fields(settings) if item.name == name)
+    return float(low), float(high)
+
+
 def stated(unit: str, what: str) -> dict[str, str]:
     """Metadata of what has a form of its own, such as an array, and is checked where it is used."""
     return {"of": unit, "what": what}

@@ -11,6 +11,7 @@ from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.identification.estimators.setting import check_settings, number, shares_by_link, stated
 from excite.identification.physical.known_bounds import KnownBounds
+from excite.identification.regression import USUAL_SPREAD
 from excite.robot.robot import Robot
 
 
@@ -32,7 +33,9 @@ class EstimatorSettings:
         InputError: a number out of its bounds; names the setting.
     """
 
-    prior_spread: float = number(0.5, "1", 1e-6, 1e6, "spread of masses about nominal, as share of them")
+    prior_spread: float = number(
+        USUAL_SPREAD, "1", 1e-6, 1e6, "spread of masses about nominal, as share of them"
+    )
     segment_spread: Mapping[str, float] = shares_by_link(1e-6, 1e6, "prior_spread of single segments")
     total_mass: float | None = number(
         None, "kg", 1e-3, 1e4, "mass of the whole robot, from a scale", optional=True

@@ -12,7 +12,11 @@ from scipy.linalg import solve_triangular
 from excite.arrays import Array
 from excite.identification.judgement.statistics import relative_percent
 
-VALUE_BELOW = 0.01
+SHARE_BELOW = 0.01
+"""Part of the measured channels below which a parameter may go: the figure of Xu et al. 2020, who mean SI values.
+
+A value in SI units would keep other parameters of a robot of ten times the mass, or of another unit of length.
+"""
 RSD_ABOVE = 40.0
 
 
@@ -56,18 +60,22 @@ class EssentialParameters:
 
 
 def essential_parameters(
-    statistics: Solved, *, value_below: float = VALUE_BELOW, rsd_above: float = RSD_ABOVE
+    statistics: Solved, *, share_below: float = SHARE_BELOW, rsd_above: float = RSD_ABOVE
 ) -> EssentialParameters:
     """Remove, one at a time and re-estimating, the worst of the small and poorly determined parameters.
 
-    A parameter is a candidate while its absolute value is below ``value_below`` and its RSD above
-    ``rsd_above`` percent (0.01 and 40 % in Xu et al. 2020); of the candidates the one of greatest RSD goes.
+    A parameter is a candidate while what it adds to the weighted channels, ``‖column‖·|value|``, is below
+    ``share_below`` of what all add together, and its RSD above ``rsd_above`` percent (Xu et al. 2020: a value below
+    0.01 and 40 %); of the candidates the one of greatest RSD goes.
 
     Args:
         statistics: least squares on base parameters.
-        value_below: absolute value below which a parameter may go [SI, units mixed as in the paper].
+        share_below: share of the channels below which a parameter may go.
         rsd_above: relative standard deviation above which it may go [percent].
     """
+    # The value with which a parameter alone would make all of the signal.
+    lengths = np.maximum(np.linalg.norm(statistics.factor, axis=0), np.finfo(float).tiny)
+    least = share_below * np.linalg.norm(statistics.rotated) / lengths
     kept = np.arange(len(statistics.estimate))
     removed: list[int] = []
     factor, rotated, meat = statistics.factor, statistics.rotated, statistics.meat
@@ -76,7 +84,7 @@ def essential_parameters(
         inverse = solve_triangular(factor, np.eye(len(kept)))
         std = np.sqrt(np.einsum("ij,jk,ik->i", inverse, meat, inverse, optimize=True))
         rsd = relative_percent(std, values)
-        candidates = (np.abs(values) < value_below) & (rsd > rsd_above)
+        candidates = (np.abs(values) < least[kept]) & (rsd > rsd_above)
         if not candidates.any() or len(kept) == 1:
             return EssentialParameters(kept, tuple(removed), values, std, rsd)
         worst = int(np.argmax(np.where(candidates, rsd, -1.0)))

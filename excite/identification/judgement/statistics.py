@@ -14,7 +14,7 @@ from excite.arrays import Array
 from excite.identification.noise.bands import noise_bands
 from excite.identification.noise.correlated import NoiseModel, triangle
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import RANK_TOLERANCE, Regression
+from excite.identification.regression import RANK_TOLERANCE, Regression, leaves_freedom
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import PARAMETERS
 from excite.threads import one_blas_thread
@@ -94,6 +94,12 @@ def base_statistics(rows: Regression, base: BaseParameters | None = None) -> Bas
     weight = 1.0 / rows.std[problem.channel]
     q = _orthonormal(problem.Y, columns, weight, factor)
     residual = problem.y * weight - q @ (factor @ estimate)
+    if rows.noise is not None and not leaves_freedom(rows):
+        # The residual is none of the noise's; what the weights say of it stays.
+        meat = float(rows.noise.inflation.max()) * np.eye(base.rank)
+        ones = np.ones(base.rank)
+        white = np.sqrt(np.diag(_sandwich(factor, np.eye(base.rank))))
+        return BaseStatistics(base, estimate, factor, meat, rotated, rows.noise, white, ones)
     bands = noise_bands(problem, rows.grids, q, residual, factor)
     variance = float(residual @ residual) / max(problem.n_rows - base.rank, 1)
     return BaseStatistics(

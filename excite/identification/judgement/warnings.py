@@ -131,7 +131,15 @@ def _of_prediction(judgement: Judgement) -> list[Finding]:
     if not judgement.validation:
         return [Finding("no_validation", "no validation trials: the fit says nothing about other motions")]
     found = []
-    for name, fit in judgement.validation.items():
+    blind = tuple(name for name in judgement.validation if name not in judgement.fit)
+    if blind:
+        text = (
+            f"{listed(blind, _MOST_NAMED)}: no rows on the identification trials, so what acts there alone is the "
+            "nominal model's; let the joint move"
+        )
+        found.append(Finding("no_rows", text, places=blind))
+    for name in (name for name in judgement.validation if name in judgement.fit):
+        fit = judgement.validation[name]
         figures = {"validation_rmse": fit.rmse, "fit_rmse": judgement.fit[name].rmse}
         if fit.rmse >= fit.reference_rmse:
             text = f"{name}: no better than the nominal model on the validation trials"

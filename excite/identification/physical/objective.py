@@ -9,7 +9,10 @@ from numpy.typing import NDArray
 from scipy.linalg import qr_delete, solve_triangular
 
 from excite.arrays import Array
-from excite.identification.judgement.essential import RSD_ABOVE, VALUE_BELOW
+from excite.identification.judgement.essential import RSD_ABOVE
+
+# What Xu et al. 2020 call small [SI, units mixed].
+VALUE_BELOW = 0.01
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,7 +67,8 @@ class Adaptive(Estimator[AdaptiveSettings]):
     settings_class: ClassVar[type[EstimatorSettings]] = AdaptiveSettings
     guarantees: ClassVar[str] = (
         "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
-        "pseudo-inertia at least -1e-9, recomputed), and the total mass holds"
+        "pseudo-inertia at least -1e-9, recomputed), and the total mass holds where it was weighed or the "
+        "record tells it"
     )
 
     def __init__(self, solver: ConicSolver = interior_point):

@@ -61,7 +61,8 @@ class PhysicallyConsistent(Estimator[LmiSettings]):
     settings_class: ClassVar[type[EstimatorSettings]] = LmiSettings
     guarantees: ClassVar[str] = (
         "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
-        "pseudo-inertia at least -1e-9, recomputed), and masses, total mass, boxes and symmetry hold"
+        "pseudo-inertia at least -1e-9, recomputed), and masses and boxes hold, the total mass where it "
+        "was weighed or the record tells it, symmetry where it is asked for"
     )
 
     def __init__(self, solver: ConicSolver = interior_point, entropic: EntropicSolver = newton):

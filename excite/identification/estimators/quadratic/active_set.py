@@ -20,8 +20,7 @@ class ActiveSetProjector:
     """Goldfarb and Idnani's dual method (1983) with memory.
 
     Called with the target of the last call and rows that begin with the last ones, it goes on from its last
-    active set, which costs as many steps as the new rows bring; otherwise it starts anew. The answer is that
-    of :func:`~excite.identification.estimators.quadratic.projection.project`.
+    active set, which costs as many steps as the new rows bring; otherwise it starts anew.
     """
 
     def __init__(self) -> None:

@@ -14,9 +14,10 @@ from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.constraints.stated_bounds import speaks_of, stated_bounds
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
 from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
 from excite.identification.estimators.quadratic.hierarchy_state import Level
-from excite.identification.estimators.quadratic.projection import Projector, project
+from excite.identification.estimators.quadratic.projection import Projector
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, ParameterBoundsSettings
 from excite.identification.physical.default_bounds import default_bounds as physical_bounds
@@ -62,7 +63,7 @@ class BoundedNearBase(Estimator[Cls1Settings]):
         "prediction": "nearest in parameters, not in what they predict (CLS-1 of Golluccio et al. 2020)"
     }
 
-    def __init__(self, projector: Projector = project):
+    def __init__(self, projector: Projector | None = None):
         self._projector = projector
 
     def estimate(self, problem: IdentificationProblem, settings: Cls1Settings) -> Estimate:
@@ -94,7 +95,7 @@ class BoundedNearBase(Estimator[Cls1Settings]):
             (level,),
             scaled.columns(base),
             wanted,
-            self._projector,
+            self._projector or ActiveSetProjector(),
             ((start - scaled.center) / scaled.scales)[scaled.free],
         )
         violation = level.constraints.violations(answer.x)

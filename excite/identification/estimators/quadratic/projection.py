@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import daqp
 import numpy as np
 
 from excite.arrays import Array
@@ -25,37 +24,7 @@ class ProjectionAnswer:
     multipliers: Array
 
 
-# Codes of DAQP, and tolerances for rows of length one.
-_EQUALITY, _SOLVED = 5, 1
-_EXACT = {"primal_tol": 1e-12, "dual_tol": 1e-12}
-
 Projector = Callable[[Array, LinearConstraints], "ProjectionAnswer | None"]
-
-
-def project(target: Array, constraints: LinearConstraints) -> ProjectionAnswer | None:
-    """The point nearest to ``target`` that meets constraints, by a dual active set (DAQP).
-
-    Returns:
-        The answer, None where the solver finds the constraints inconsistent.
-    """
-    if not len(constraints.bound):
-        return ProjectionAnswer(target.copy(), np.zeros(0))
-    kinds = np.zeros(len(constraints.bound), dtype=np.int32)
-    kinds[: constraints.n_equal] = _EQUALITY
-    upper = np.full(len(constraints.bound), np.inf)
-    upper[: constraints.n_equal] = constraints.bound[: constraints.n_equal]
-    z, _, ending, told = daqp.solve(
-        np.eye(len(target)),
-        -target,
-        np.ascontiguousarray(constraints.matrix),
-        upper,
-        constraints.bound,
-        kinds,
-        **_EXACT,
-    )
-    if ending != _SOLVED:
-        return None
-    return ProjectionAnswer(np.array(z), -np.array(told["lam"]))
 
 
 def distance_to_optimum(target: Array, constraints: LinearConstraints, answer: ProjectionAnswer) -> float:

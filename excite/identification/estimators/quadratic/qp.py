@@ -13,7 +13,8 @@ from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, no_solution
 from excite.identification.estimators.fallback import best_known
-from excite.identification.estimators.quadratic.projection import Projector, distance_to_optimum, project
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.projection import Projector, distance_to_optimum
 from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.settings import (
     BodySettings,
@@ -49,12 +50,12 @@ class QuadraticProgram(Estimator[QpSettings]):
     )
     settings_class: ClassVar[type[EstimatorSettings]] = QpSettings
     guarantees: ClassVar[str] = (
-        "within the stated distance of the global optimum; masses not negative, total mass, boxes of the centres "
-        "of mass, symmetry and positive definite inertias about the joint frames hold; the triangle inequality "
-        "need not"
+        "within the stated distance of the global optimum; masses not negative, boxes of the centres of mass and "
+        "positive definite inertias about the joint frames hold, the total mass where it was weighed or the record "
+        "tells it, symmetry where it is asked for; the triangle inequality need not"
     )
 
-    def __init__(self, projector: Projector = project):
+    def __init__(self, projector: Projector | None = None):
         self._projector = projector
 
     def estimate(self, problem: IdentificationProblem, settings: QpSettings) -> Estimate:
@@ -64,8 +65,9 @@ class QuadraticProgram(Estimator[QpSettings]):
         model = model_constraints(rows, settings)
         cone = inertia_cone(problem, settings.inertia_floor, settings.sphere_subdivisions)
         rotated, reached = objective.constraints(model.linear), None
+        projector = self._projector or ActiveSetProjector()
         for _ in range(_MAX_ROUNDS):
-            answer = self._projector(objective.target, rotated)
+            answer = projector(objective.target, rotated)
             if answer is None:
                 raise _failure(rows, objective, model.linear, cone, SolveStatus.INFEASIBLE, None)
             reached = answer.z
