@@ -33,7 +33,9 @@ from excite.diagnosis.equations.noise_floor import (
     other_postures,
     repeat_floor,
     unrepeated,
+    without_drift,
 )
+from excite.diagnosis.equations.own_columns import own_rows, own_terms
 from excite.diagnosis.equations.standing_joints import held_power
 from excite.diagnosis.next_experiment.advice import advice
 from excite.diagnosis.simulator.accepted_values import found_effects
@@ -92,7 +94,7 @@ def diagnose_torques(
     first = attribution.stages[0]
     before, after = (baseline.plain(fit.residual) for fit in (attribution.before, attribution.after))
     closed = after if attribution.accepted else before
-    gap = gap_of(samples, before, closed, _floor(found, after), attribution.scale, rng)
+    gap = gap_of(samples, before, closed, _floor(found, before), attribution.scale, rng)
     effects = tuple(
         one
         for item, tied, values in zip(
@@ -135,17 +137,21 @@ def _accepted(item: Scored, tied: tuple[str, ...], values: Found, found: Judged,
     return by_blocks(beside_others(alone, values), found.budget, spread)
 
 
-def _floor(found: Judged, after: Array) -> Array:
-    """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds."""
-    samples, floor = found.samples, found.attribution.floor
-    repeat = repeat_floor(samples, after)
+def _floor(found: Judged, before: Array) -> Array:
+    """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds.
+
+    By the record before any effect, so that no floor depends on what was found.
+    """
+    samples, baseline, floor = found.samples, found.baseline, found.spectral
     outside = samples.judging
-    if repeat is not None:
-        floor = other_postures(np.maximum(repeat, 0.5 * floor), unrepeated(samples, found.noise, outside))
-    # Of an unknown gap nobody can say what part of it friction holds.
-    if found.judgement.verdict != "unknown":
-        floor = np.sqrt(floor**2 + held_power(samples, after, floor, outside))
-    return floor
+    if samples.repeats:
+        terms = own_terms(("viscous_friction", "coulomb_friction", "torque_bias"))
+        own = [own_rows(samples, terms, j, [sign])[0] for j, sign in enumerate(baseline.signs)]
+        repeat = repeat_floor(samples, without_drift(samples, before, own))
+        if repeat is not None:
+            more = unrepeated(samples, found.noise, outside)
+            floor = other_postures(np.maximum(repeat, 0.5 * floor), more)
+    return np.sqrt(floor**2 + held_power(samples, before, floor, outside))
 
 
 def _warnings(record: TorqueRecord, found: Judged, effects: tuple[Candidate, ...]) -> tuple[str, ...]:

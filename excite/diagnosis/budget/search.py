@@ -196,7 +196,7 @@ class Search:
         """What else might stand in a term's place, fitted in full."""
         term = self.design.terms[k]
         allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key and i != k]
-        joints = set(term.columns) if term.own is None else {term.own}
+        joints = set(term.columns)
         ranking = [s for s in screened(without, allowed) if self.can_be(s.index, s.x)]
         near = [item for item in one_each(self.design, ranking) if item.joint in joints]
         tried = (self.try_beside(without, item.index) for item in near[:_SWAPPED])
