@@ -47,8 +47,8 @@ class BaseTilt(Effect):
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gravity_x", "m/s²", -5.0, 5.0),
         Parameter("gravity_y", "m/s²", -5.0, 5.0),
-        Parameter("first_row_cosine", "N·m"),
-        Parameter("first_row_sine", "N·m"),
+        Parameter("first_row_cosine", "N·m", beside=True),
+        Parameter("first_row_sine", "N·m", beside=True),
     )
     confusable_with = ("joint_spring", "torque_bias", "encoder_offset")
     separating_motion = "a wide range of joint 1; the arm on a base that is turned"
