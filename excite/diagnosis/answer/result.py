@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from excite.diagnosis.answer.absorbed import Absorbed
+from excite.diagnosis.answer.absorbed import Absorbed, absorbed_lines
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, percent, sized
 from excite.diagnosis.answer.curves import Curves
@@ -240,6 +240,7 @@ class Diagnosis(Tabled):
         lines += ["", *listed, *([f"({closed_in_words(self.gap.of_positions)})"] if listed else [])]
         if self.budget is not None:
             lines += ["", *budget_lines(self.budget, self.gap, self.modelled, accepted=bool(self.effects))]
+        lines += absorbed_lines(self.absorbed)
         lines += trivial_table(self.trivial)
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]

@@ -91,7 +91,7 @@ def _gains(robot: Robot, joints: tuple[str, ...], servo: Servo) -> Iterator[Abso
     """Gains of the servo that nobody stated."""
     for name, unit, values in (("kp", "N·m/rad", servo.kp), ("kd", "N·m·s/rad", servo.kd)):
         guessed = [f"{name} of {joint}" in servo.estimated for joint in joints]
-        yield from estimated_gains(robot, joints, name, unit, values, guessed)
+        yield from estimated_gains(robot, joints, name, unit, values, guessed, servo.spread.get(name))
 
 
 def _beside_neighbours(found: Diagnosis, robot: Robot, log: Log, closed: ClosedLoop) -> Diagnosis:
