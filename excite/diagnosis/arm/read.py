@@ -143,14 +143,17 @@ class Reading:
         return found
 
     def _closes(self, stage: Stage) -> bool:
-        """Whether an effect, beside those before it, leaves less of the trials that judge at its own place."""
+        """Whether an effect, beside those before it, leaves less of the trials that judge at its own place.
+
+        What acts on several joints: as a mean over them of how many times less, each above its noise.
+        """
         item, before = stage.accepted, stage.context.baseline
         if item is None:
             return True
-        judging = self.scorer.baseline.samples.judging
+        judging, least = self.scorer.baseline.samples.judging, self.scorer.spectral**2
         old = (before.judged(before.fit.residual)[:, judging] ** 2).mean(axis=1)
-        part = (old - item.power[:, 1]) / self.scorer.scale**2
-        return bool((part[item.place] if item.hypothesis.effect.own_joint else part.sum()) > 0.0)
+        gain = np.log(np.maximum(old, least) / np.maximum(item.power[:, 1], least))
+        return bool((gain[item.place] if item.hypothesis.effect.own_joint else gain.sum()) > 0.0)
 
     def _nearer(self, last: Baseline) -> bool:
         """Whether a baseline leaves less of the trials that judge than that without effects."""
