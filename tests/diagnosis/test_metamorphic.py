@@ -1,4 +1,4 @@
-"""What may not change what a record says: torques that are moved, another joint's constant, what judging trials alone have."""
+"""What may not change what a record says: late torques, another joint's constant, what judging trials alone have."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_floor_does_not_move_with_the_torques(plain: Diagnosis, tmp_path: Path
 
 
 def test_a_floor_does_not_move_with_another_joints_constant(plain: Diagnosis, tmp_path: Path) -> None:
-    off = tuple(replace(t, tau=t.tau + [2.0, 0.0]) for t in arm(GAIN))
+    off = tuple(replace(t, tau=t.tau + np.array([2.0, 0.0])) for t in arm(GAIN))
     found = said(off, tmp_path, FIXED)
     _alike(plain, found)
     assert names(plain) <= names(found)
@@ -70,7 +70,7 @@ def _alike(one: Diagnosis, other: Diagnosis) -> None:
 
 def test_what_the_judging_trials_alone_have_changes_no_name(plain: Diagnosis, tmp_path: Path) -> None:
     trials = tuple(
-        replace(t, tau=t.tau + [20.0, 0.0]) if t.role == "validation" else t for t in arm(GAIN)
+        replace(t, tau=t.tau + np.array([20.0, 0.0])) if t.role == "validation" else t for t in arm(GAIN)
     )
     found = said(trials, tmp_path, FIXED)
     assert names(found) <= names(plain)
@@ -78,7 +78,7 @@ def test_what_the_judging_trials_alone_have_changes_no_name(plain: Diagnosis, tm
 
 
 def test_what_is_clear_at_its_own_joint_is_named_beside_what_has_no_name(tmp_path: Path) -> None:
-    """A wave of each trial's own at the first joint, which no effect follows, weighs more than the second's constant."""
+    """A wave of each trial's own at the first joint, which no effect follows, weighs more than a constant elsewhere."""
     rng, trials = np.random.default_rng(3), []
     for t in arm():
         wave = 8.0 * np.sin(2.0 * np.pi * rng.uniform(0.5, 3.0) * t.time + rng.uniform(0.0, 6.0))

@@ -6,7 +6,7 @@ import pytest
 
 import excite
 
-ROBOTS = ("so101", "ur10", "panda", "iiwa14", "jaco2", "g1_suspended", "talos")
+ROBOTS = ("so101", "ur10", "panda", "iiwa14", "jaco2", "talos", "hrp2like", "g1", "human")
 SAMPLE = ROBOTS[0]
 
 

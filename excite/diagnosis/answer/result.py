@@ -103,8 +103,8 @@ class Diagnosis(Tabled):
     Attributes:
         robot: name of the robot.
         verdict: ``effect``, ``none``, ``ambiguous`` or ``unknown``.
-        effect: the accepted effect, the likeliest one where the verdict is ambiguous, else None: of an unknown gap those
-            that are clear at their own places all the same are ``effects``.
+        effect: the accepted effect, the likeliest one where the verdict is ambiguous, else None: beside an unknown gap
+            those that are clear at their own places all the same are ``effects``.
         location: its likeliest place, or the place of an unknown gap.
         tied_locations: places that the data cannot tell from ``location``, itself among them.
         candidates: likeliest first; where ambiguous, first those that the data cannot tell apart.
@@ -217,8 +217,12 @@ class Diagnosis(Tabled):
             left = without_a_name(place, self.where, self.warnings)
             if self.effects:
                 one = len(self.effects) == 1
-                clear = f"{in_a_row([sized(item) for item in self.effects])} {'is' if one else 'are'} clear at "
-                clear += f"{'its' if one else 'their'} own place, and adding {'it' if one else 'them'} {closes}"
+                clear = (
+                    f"{in_a_row([sized(item) for item in self.effects])} {'is' if one else 'are'} clear at "
+                )
+                clear += (
+                    f"{'its' if one else 'their'} own place, and adding {'it' if one else 'them'} {closes}"
+                )
                 return f"{self.robot}: {clear}; {left} ({gap} before)."
             return f"{self.robot}: {left} ({gap})."
         if self.verdict == "ambiguous":

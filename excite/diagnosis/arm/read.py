@@ -145,14 +145,14 @@ class Reading:
     def _closes(self, stage: Stage) -> bool:
         """Whether an effect, beside those before it, leaves less of the trials that judge at its own place.
 
-        What acts on several joints: as a mean over them of how many times less, each above its noise.
+        What acts on several joints: as a mean over them of how many times less.
         """
         item, before = stage.accepted, stage.context.baseline
         if item is None:
             return True
-        judging, least = self.scorer.baseline.samples.judging, self.scorer.spectral**2
+        judging = self.scorer.baseline.samples.judging
         old = (before.judged(before.fit.residual)[:, judging] ** 2).mean(axis=1)
-        gain = np.log(np.maximum(old, least) / np.maximum(item.power[:, 1], least))
+        gain = np.log(np.maximum(old, 1e-300) / np.maximum(item.power[:, 1], 1e-300))
         return bool((gain[item.place] if item.hypothesis.effect.own_joint else gain.sum()) > 0.0)
 
     def _nearer(self, last: Baseline) -> bool:

@@ -40,7 +40,8 @@ def held_power(samples: ArmSamples, residual: Array, floor: Array, rows: NDArray
     held = (standing_share(samples) > HELD) & rows
     share = held.sum(axis=1) / max(int(rows.sum()), 1)
     standing, moving = (
-        (np.square(residual) * use).sum(axis=1) / np.maximum(use.sum(axis=1), 1) for use in (held, rows & ~held)
+        (np.square(residual) * use).sum(axis=1) / np.maximum(use.sum(axis=1), 1)
+        for use in (held, rows & ~held)
     )
     return np.asarray(share * np.maximum(standing - np.maximum(floor**2, moving), 0.0))
 

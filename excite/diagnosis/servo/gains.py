@@ -63,9 +63,7 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
         )
     guessed = np.isnan(np.concatenate([kp, kd])).any()
     spread = spread_of_gains(rows, kp, kd, best.servo) if guessed else {}
-    return replace(
-        best.servo, ki=stated.ki, estimated=stated.missing, rate_hz=stated.rate_hz, spread=spread
-    )
+    return replace(best.servo, ki=stated.ki, estimated=stated.missing, rate_hz=stated.rate_hz, spread=spread)
 
 
 def _error(signals: Signals, slow: Array) -> Array:
