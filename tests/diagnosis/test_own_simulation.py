@@ -1,4 +1,4 @@
-"""A robot that is its model, as the virtual robot of this toolkit records it, has no gap."""
+"""An arm that is its model, as the virtual robot of this toolkit records it, has no gap."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 
 import excite
 
-ROBOTS = ("so101", "ur10", "panda", "iiwa14", "jaco2", "talos", "hrp2like", "g1", "human")
+ROBOTS = ("so101", "ur10", "panda", "iiwa14", "jaco2")
 SAMPLE = ROBOTS[0]
 
 
