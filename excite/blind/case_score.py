@@ -71,7 +71,7 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
         right = verdict == ("none" if not names else "unknown")
         places = {document["location"], *document["tied_locations"]}
         placed = right and (not names or answer.effects[0].location in places)
-        hits, extras, wrong = int(right), len(effects), verdict == "effect"
+        hits, extras, wrong = int(right), len(effects), bool(effects) and verdict != "ambiguous"
     else:
         # What is truly there, in the background, is no mistake, though not what was asked for.
         there = {(_canonical(item.effect), item.location) for item in answer.background}
@@ -81,13 +81,18 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
             not known and not any(_match(name, other) for name in names)
             for other, known in zip(said, real, strict=True)
         )
-        right = verdict in {"effect", "ambiguous"} and any(n in options for n in names)
+        # Beside an unknown gap effects stand that are clear at their own places.
+        right = bool(effects) and verdict != "none" and any(n in options for n in names)
         places = {p for item in effects for p in (item["location"], *item.get("tied_locations", []))}
         if verdict == "ambiguous":
             tied = _tied(document)
             places |= {p for item in tied for p in (item["location"], *item.get("tied_locations", []))}
         placed = any(item.location in places for item in answer.effects)
-        wrong = verdict == "effect" and not (said and (real[0] or said[0] in names))
+        wrong = (
+            bool(effects)
+            and verdict in {"effect", "unknown"}
+            and not (said and (real[0] or said[0] in names))
+        )
     first = document["candidates"][0] if document["candidates"] else {}
     interval = document["gap"].get("share_closed_90")
     text = f"{verdict}: " + ", ".join(f"{item['effect']}@{item['location']}" for item in effects)

@@ -73,7 +73,7 @@ def _then(robot: str | None, log: Path, apply: Path | None, document: dict[str, 
         return ""
     if apply is not None and document["verdict"] != "none":
         return command_line("diagnose", log, "--robot", apply / "robot.yaml", "--out", "second")
-    if document["verdict"] in {"effect", "ambiguous"}:
+    if document["effects"]:
         return command_line("diagnose", log, "--apply", "better", "--out", "first")
     from excite.logs.header import header_path, read_header  # lazy: pydantic
     from excite.report.conclusions.diagnosed import identify_fitted  # lazy: pydantic

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from excite.diagnosis.answer.absorbed import estimated_gains
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.servo.gain_fit import Rows, fitted_servo, spread_of_gains
 from excite.documents.diagnosis import Diagnosis as Document
 from excite.logs.files import load_log, save_log
 from excite.robot.loading import load_robot
@@ -61,3 +64,48 @@ def test_only_gains_that_nobody_stated_are_listed() -> None:
     assert [(item.joint, item.size.value, item.size.unit) for item in found] == [
         (robot.joint_names[1], 80.0, "N·m/rad")
     ]
+
+
+def test_estimated_gains_are_printed_with_intervals(found: Diagnosis) -> None:
+    robot = load_robot("ur10")
+    (gain,) = estimated_gains(
+        robot, robot.joint_names[:1], "kp", "N·m/rad", [200.0], [True], np.array([10.0])
+    )
+    low, high = gain.interval90 or (0.0, 0.0)
+    assert high - low == pytest.approx(2 * 1.645 * 10.0, rel=1e-3) and low + high == pytest.approx(400.0)
+    text = replace(found, absorbed=(gain, *found.absorbed)).summary()
+    assert f"kp [N·m/rad]: {robot.joint_names[0]} 200 (184…216)" in text
+    friction = next(line for line in text.splitlines() if line.startswith("viscous friction [N·m·s/rad]"))
+    assert all(joint in friction for joint in JOINTS) and friction.count("…") == 2
+
+
+def test_gains_differ_between_stretches_by_what_the_record_tells() -> None:
+    """Position errors of a servo with known noise: the truth lies within three deviations, of less noise in fewer."""
+    spread = []
+    for noise in (1e-4, 1e-3):
+        rng = np.random.default_rng(4)
+        rows = gain_signals(noise, rng)
+        free = np.full(1, np.nan)
+        servo = fitted_servo(rows, free, free, "none", follows=True).servo
+        std = spread_of_gains(rows, free, free, servo)
+        assert abs(servo.kp[0] - 200.0) < 3.0 * std["kp"][0] + 1.0
+        spread.append(std["kp"][0])
+    assert 0.0 < spread[0] < spread[1]
+
+
+def gain_signals(noise: float, rng: np.random.Generator) -> Rows:
+    """Rows of one joint under ``200 e + 5 ė``, whose one body is known."""
+    t = np.linspace(0.0, 20.0, 1000)
+    q, v, a = (
+        sum(s * w**k * np.sin(w * t + k * np.pi / 2 + w) for s, w in ((0.5, 2.0), (0.2, 5.1)))[:, None]
+        for k in range(3)
+    )
+    need = 2.0 * a + 10.0 * np.sin(q)
+    # The command leads so that kp e + kd ė is what the body needs.
+    e = np.zeros_like(need)
+    for k in range(1, len(t)):
+        e[k] = e[k - 1] + (t[1] - t[0]) * (need[k] - 200.0 * e[k - 1]) / 5.0
+    rate = np.gradient(e[:, 0], t)[:, None]
+    signals = {"e": e + noise * rng.normal(size=e.shape), "vc": v + rate, "v": v, "a": a, "nominal": need}
+    signals |= {"sign": np.sign(v), "gravity": need * 0.0, "inverse_dynamics": need * 0.0}
+    return Rows(signals, 1e-3 * need[:, :, None], np.ones(1), np.zeros((len(t), 1, 2)))

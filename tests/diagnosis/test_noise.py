@@ -172,3 +172,15 @@ def test_what_holds_a_standing_joint_is_a_floor():
     assert held[0] == pytest.approx(0.5 * 0.25, rel=0.1)
     assert held_power(samples, residual, np.array([0.1]), rows >= 200)[0] == 0.0
     assert held_power(samples, 0.1 * np.ones((1, 400)), np.array([0.1]), every)[0] == pytest.approx(0.0)
+
+
+def test_what_moving_joints_leave_alike_is_no_hold():
+    """A constant that the model lacks is a gap wherever the joint is; what holds it at rest stands above that."""
+    rows, v = np.arange(400), np.where(np.arange(400) < 200, 0.0, 0.5)[:, None]
+    samples = SimpleNamespace(
+        index=(0,), standstill=np.array([0.01]), stacked=lambda name: v, rows=lambda values: values
+    )
+    every, floor = np.ones(400, dtype=np.bool_), np.array([0.1])
+    assert held_power(samples, np.full((1, 400), 2.0), floor, every)[0] == 0.0
+    residual = np.where(rows < 200, np.sqrt(4.25), 2.0)[None]
+    assert held_power(samples, residual, floor, every)[0] == pytest.approx(0.5 * 0.25)

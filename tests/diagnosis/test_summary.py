@@ -80,6 +80,16 @@ def test_what_an_unknown_gap_is_like_comes_first_and_once(two_effects: Diagnosis
     assert "no effect in the library explains" in unknown.summary().splitlines()[0]
 
 
+def test_what_is_clear_beside_an_unknown_gap_is_said_with_it(two_effects: Diagnosis):
+    sentence = replace(two_effects, verdict="unknown", effect=None, location="c").sentence()
+    clear, left = sentence.split("; ")
+    assert "joint spring at a" in clear and "stribeck at b" in clear
+    assert "are clear at their own place, and adding them closes" in clear
+    assert left.startswith("there is a gap at c that no effect in the library explains")
+    alone = replace(two_effects, verdict="unknown", location="c", effects=two_effects.effects[:1]).sentence()
+    assert "is clear at its own place, and adding it closes" in alone
+
+
 def test_what_the_doctor_found_is_said_once(two_effects: Diagnosis):
     lines = [line for line in two_effects.summary().splitlines() if line.startswith("log:")]
     assert lines == [

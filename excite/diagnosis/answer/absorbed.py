@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.equations.units import unit_at
 from excite.robot.robot import Robot
+from excite.shown import span
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,13 @@ class Absorbed:
 
 
 def estimated_gains(
-    robot: Robot, joints: Sequence[str], name: str, unit: str, values: Array, estimated: Sequence[bool]
+    robot: Robot,
+    joints: Sequence[str],
+    name: str,
+    unit: str,
+    values: Array,
+    estimated: Sequence[bool],
+    spread: Array | None = None,
 ) -> Iterator[Absorbed]:
     """Gains that were not stated and are the record's therefore.
 
@@ -54,7 +62,29 @@ def estimated_gains(
         unit: of it at a joint that turns.
         values: ``(n_joints,)`` [unit].
         estimated: which of them were not stated.
+        spread: ``(n_joints,)`` standard deviations of the values [unit]; None where they were not computed.
     """
-    for joint, value, guessed in zip(joints, np.asarray(values), estimated, strict=True):
+    stds = [None] * len(joints) if spread is None else np.asarray(spread).tolist()
+    wide = float(ndtri(0.95))
+    for joint, value, guessed, std in zip(joints, np.asarray(values).tolist(), estimated, stds, strict=True):
         if guessed:
-            yield Absorbed(joint, name, Estimate(float(value), None, unit_at(robot, joint, unit)))
+            between = None if std is None else (value - wide * std, value + wide * std)
+            yield Absorbed(joint, name, Estimate(value, std, unit_at(robot, joint, unit)), between)
+
+
+def absorbed_lines(items: Sequence[Absorbed]) -> list[str]:
+    """A line for each parameter that was fitted, with its value and 90 % interval at every joint."""
+    kinds = dict.fromkeys((item.parameter, item.size.unit) for item in items)
+    lines = []
+    for name, unit in kinds:
+        each = [item for item in items if (item.parameter, item.size.unit) == (name, unit)]
+        lines.append(f"{name.replace('_', ' ')} [{unit}]: " + ", ".join(_in_words(item) for item in each))
+    return ["", "fitted to the record before any effect, with 90 % intervals:", *lines] if lines else []
+
+
+def _in_words(item: Absorbed) -> str:
+    between = ""
+    if item.interval90 is not None:
+        low, high = (f"{end:.3g}" for end in item.interval90)
+        between = f" ({span(low, high, '…')})"
+    return f"{item.joint} {item.size.value:.3g}{between}"

@@ -5,6 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+# What is said wherever intervals of shares are shown.
+HELD = (
+    "90 % intervals of shares hold less than that: by blocks left out they held 72 % of the truth on ten simulated "
+    "arms with many effects, and 26 % on other such arms"
+)
 # Wider intervals are worth a word.
 _WIDE = 0.5
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from excite.diagnosis.answer.absorbed import Absorbed
+from excite.diagnosis.answer.absorbed import Absorbed, absorbed_lines
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, percent, sized
 from excite.diagnosis.answer.curves import Curves
@@ -103,7 +103,8 @@ class Diagnosis(Tabled):
     Attributes:
         robot: name of the robot.
         verdict: ``effect``, ``none``, ``ambiguous`` or ``unknown``.
-        effect: the accepted effect, the likeliest one where the verdict is ambiguous, else None.
+        effect: the accepted effect, the likeliest one where the verdict is ambiguous, else None: beside an unknown gap
+            those that are clear at their own places all the same are ``effects``.
         location: its likeliest place, or the place of an unknown gap.
         tied_locations: places that the data cannot tell from ``location``, itself among them.
         candidates: likeliest first; where ambiguous, first those that the data cannot tell apart.
@@ -213,7 +214,17 @@ class Diagnosis(Tabled):
             return f"{self.robot}: the model{fitted} leaves {gap}, the noise {floor}; no effect stands out in between."
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
-            return f"{self.robot}: {without_a_name(place, self.where, self.warnings)} ({gap})."
+            left = without_a_name(place, self.where, self.warnings)
+            if self.effects:
+                one = len(self.effects) == 1
+                clear = (
+                    f"{in_a_row([sized(item) for item in self.effects])} {'is' if one else 'are'} clear at "
+                )
+                clear += (
+                    f"{'its' if one else 'their'} own place, and adding {'it' if one else 'them'} {closes}"
+                )
+                return f"{self.robot}: {clear}; {left} ({gap} before)."
+            return f"{self.robot}: {left} ({gap})."
         if self.verdict == "ambiguous":
             either, of_all = either_of(self.effects, self.ambiguous_with)
             tells = "which of these; adding all" if of_all else "which; adding one"
@@ -233,6 +244,7 @@ class Diagnosis(Tabled):
         lines += ["", *listed, *([f"({closed_in_words(self.gap.of_positions)})"] if listed else [])]
         if self.budget is not None:
             lines += ["", *budget_lines(self.budget, self.gap, self.modelled, accepted=bool(self.effects))]
+        lines += absorbed_lines(self.absorbed)
         lines += trivial_table(self.trivial)
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]

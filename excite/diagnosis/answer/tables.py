@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from excite.diagnosis.answer.budget import Budget
-from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere, named_beside_closed
+from excite.diagnosis.answer.budget_doubts import HELD, doubt_of_share, left_elsewhere, named_beside_closed
 from excite.diagnosis.answer.candidate import Candidate, in_words, measured, sized
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.trivial import TrivialErrors
@@ -78,7 +78,8 @@ def _budget_table(budget: Budget) -> list[str]:
             what = other.follows if not other.knots else f"follows {other.follows}, without a name"
             lines.append(f"{name:{width}}  {_whole(other.share):>4}%  {'':10}  {what}")
         lines.append(f"{name:{width}}  {_whole(channel.rest):>4}%  {'':10}  the rest")
-    return [*lines, *(f"{mark} {doubt}" for doubt, mark in notes.items())]
+    held = [f"({HELD})"] if any(channel.effects for channel in budget.channels.values()) else []
+    return [*lines, *(f"{mark} {doubt}" for doubt, mark in notes.items()), *held]
 
 
 def _whole(share: float) -> str:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate
@@ -17,10 +21,20 @@ _LISTED = 8
 
 
 def candidate_of(
-    item: Scored, context: Context, gap: Gap, attribution: Attribution, tied: tuple[str, ...] = ()
+    item: Scored,
+    context: Context,
+    gap: Gap,
+    attribution: Attribution,
+    tied: tuple[str, ...] = (),
+    least: Mapping[str, float] = MappingProxyType({}),
 ) -> Candidate:
-    """A scored hypothesis as it stands in the document; gaps on the validation trials."""
-    h = item.hypothesis
+    """A scored hypothesis as it stands in the document; gaps on the validation trials.
+
+    No linear parameter has a deviation below ``least``, and what is made of them has one that follows from theirs.
+    """
+    h, told = item.hypothesis, item.hypothesis.told
+    known = [least.get(p.name, 0.0) for p in h.effect.linear]
+    told = replace(told, extra_std=np.maximum(told.extra_std, known))
     after = h.baseline.gap(h.fit.residual, attribution.scale)
     return Candidate(
         effect=item.name,
@@ -28,7 +42,7 @@ def candidate_of(
         parameters=at_joint(
             context.baseline.samples.robot,
             item.location,
-            h.effect.estimates(context, item.location, h.theta, h.told),
+            h.effect.estimates(context, item.location, h.theta, told),
         ),
         evidence=item.evidence,
         gap_after=after,
@@ -46,21 +60,24 @@ def beside_others(item: Candidate, found: Found) -> Candidate:
     return replace(item, parameters=values)
 
 
-def by_blocks(item: Candidate, budget: Budget) -> Candidate:
-    """An accepted effect as the model of all effects has it: its probability, and no smaller deviations.
-
-    Those are the deviations between blocks left out.
+def spread_by_blocks(budget: Budget, item: Scored) -> dict[str, float]:
+    """Deviations of an accepted effect's parameters between blocks left out of the model of all effects.
 
     Formulas know the noise and not what the model lacks: of a ball screw's offset one says ±0.05 N that is 0.24 N off.
     """
-    values, chance = dict(item.parameters), item.probability
-    for other in budget.named:
-        if (other.effect, other.location) != (item.effect, item.location):
-            continue
-        chance = other.probability
-        for name, (_, std) in other.values.items():
-            if name in values and std is not None and std > (values[name].std or 0.0):
-                values[name] = replace(values[name], std=std)
+    key = item.name, item.location
+    values = (other.values for other in budget.named if (other.effect, other.location) == key)
+    return {name: std for known in values for name, (_, std) in known.items() if std is not None}
+
+
+def by_blocks(item: Candidate, budget: Budget, spread: Mapping[str, float]) -> Candidate:
+    """An accepted effect as the model of all effects has it: its probability, and no smaller deviations."""
+    key = item.effect, item.location
+    chance = next((o.probability for o in budget.named if (o.effect, o.location) == key), item.probability)
+    values = {
+        name: replace(one, std=max(spread[name], one.std or 0.0)) if name in spread else one
+        for name, one in item.parameters.items()
+    }
     return replace(item, parameters=values, probability=chance)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.arm_curves import trial_curves
 from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.answer.gap import Gap
 from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
@@ -19,22 +20,26 @@ from excite.diagnosis.arm.candidates import (
     by_blocks,
     candidate_of,
     listed_candidates,
+    spread_by_blocks,
     with_others_in_it,
 )
 from excite.diagnosis.arm.judged import Judged, judged_record
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.arm.stranger import in_words
-from excite.diagnosis.attribution.attribution import Attribution
+from excite.diagnosis.attribution.attribution import Attribution, Scored
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.noise_floor import (
     other_postures,
     repeat_floor,
     unrepeated,
+    without_drift,
 )
+from excite.diagnosis.equations.own_columns import own_rows, own_terms
 from excite.diagnosis.equations.standing_joints import held_power
 from excite.diagnosis.next_experiment.advice import advice
 from excite.diagnosis.simulator.accepted_values import found_effects
+from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.robot_changes import robot_changes
 from excite.diagnosis.simulator.rollout_compare import simulated
 from excite.diagnosis.trivial.neighbours import of_torques
@@ -89,28 +94,24 @@ def diagnose_torques(
     first = attribution.stages[0]
     before, after = (baseline.plain(fit.residual) for fit in (attribution.before, attribution.after))
     closed = after if attribution.accepted else before
-    gap = gap_of(samples, before, closed, _floor(found, after), attribution.scale, rng)
+    gap = gap_of(samples, before, closed, _floor(found, before), attribution.scale, rng)
     effects = tuple(
-        beside_others(candidate_of(item, Context(item.hypothesis.baseline), gap, attribution, tied), values)
+        one
         for item, tied, values in zip(
             attribution.accepted, judgement.tied, found_effects(attribution), strict=True
         )
-    )
-    effects = tuple(
-        one
-        for item, scored in zip(effects, attribution.accepted, strict=True)
-        for one in with_others_in_it(by_blocks(item, found.budget), scored)
+        for one in with_others_in_it(_accepted(item, tied, values, found, gap), item)
     )
     listed, n_tied = listed_candidates(attribution, judgement, gap, effects)
-    location = effects[0].location if effects else None
-    if judgement.verdict == "unknown":
-        location = judgement.structured[0]
+    unknown = judgement.verdict == "unknown"
+    named = effects[0] if effects and not unknown else None
+    location = judgement.structured[0] if unknown else None if named is None else named.location
     return Diagnosis(
         robot=record.robot.name,
         verdict=judgement.verdict,
-        effect=effects[0].effect if effects else None,
+        effect=None if named is None else named.effect,
         location=location,
-        tied_locations=effects[0].tied_locations if effects else (),
+        tied_locations=() if named is None else named.tied_locations,
         candidates=listed,
         effects=effects,
         gap=gap,
@@ -128,17 +129,29 @@ def diagnose_torques(
     )
 
 
-def _floor(found: Judged, after: Array) -> Array:
-    """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds."""
-    samples, floor = found.samples, found.attribution.floor
-    repeat = repeat_floor(samples, after)
+def _accepted(item: Scored, tied: tuple[str, ...], values: Found, found: Judged, gap: Gap) -> Candidate:
+    """An accepted effect with its sizes beside all others, and one deviation of each wherever it is told."""
+    spread = spread_by_blocks(found.budget, item)
+    context = Context(item.hypothesis.baseline)
+    alone = candidate_of(item, context, gap, found.attribution, tied, spread)
+    return by_blocks(beside_others(alone, values), found.budget, spread)
+
+
+def _floor(found: Judged, before: Array) -> Array:
+    """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds.
+
+    By the record before any effect, so that no floor depends on what was found.
+    """
+    samples, baseline, floor = found.samples, found.baseline, found.spectral
     outside = samples.judging
-    if repeat is not None:
-        floor = other_postures(np.maximum(repeat, 0.5 * floor), unrepeated(samples, found.noise, outside))
-    # Of an unknown gap nobody can say what part of it friction holds.
-    if found.judgement.verdict != "unknown":
-        floor = np.sqrt(floor**2 + held_power(samples, after, floor, outside))
-    return floor
+    if samples.repeats:
+        terms = own_terms(("viscous_friction", "coulomb_friction", "torque_bias"))
+        own = [own_rows(samples, terms, j, [sign])[0] for j, sign in enumerate(baseline.signs)]
+        repeat = repeat_floor(samples, without_drift(samples, before, own))
+        if repeat is not None:
+            more = unrepeated(samples, found.noise, outside)
+            floor = other_postures(np.maximum(repeat, 0.5 * floor), more)
+    return np.sqrt(floor**2 + held_power(samples, before, floor, outside))
 
 
 def _warnings(record: TorqueRecord, found: Judged, effects: tuple[Candidate, ...]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from excite.diagnosis.answer.budget import Budget, Named
+from excite.diagnosis.answer.result import Verdict
 from excite.diagnosis.attribution.attribution import Attribution, Scored, Stage
 from excite.diagnosis.attribution.extended import extended
 from excite.diagnosis.attribution.hypotheses import Hypothesis, Search, along, at_rows
@@ -17,7 +18,7 @@ from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.attribution.structured import structured_joints
 from excite.diagnosis.budget.bodies import likeliest_beside
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
-from excite.diagnosis.budget.reading import alone, explained
+from excite.diagnosis.budget.reading import alone, explained, takes_its_place
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
@@ -48,7 +49,11 @@ class Reading:
     def verdict(self) -> tuple[Attribution, Judgement]:
         """The effects that are named, in the equations, and the verdict."""
         sure = [item for item in self.budget.named if item.clear]
-        if not sure or not explained(self.budget, sure):
+        whole = explained(self.budget, sure)
+        if not whole:
+            # What is clear at its own place is there, whatever hides the rest of the machine.
+            sure = [item for item in sure if alone(item) and takes_its_place(self.budget, item)]
+        if not sure:
             return self._open()
         # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
         first, *others = sorted(sure, key=lambda item: -item.surely)
@@ -59,7 +64,7 @@ class Reading:
         for begun in (self._begun, *own):
             stages, kept = self._that_explain(chosen, begun)
             if kept:
-                return self._named(stages, kept)
+                return self._named(stages, kept, whole=whole)
         return self._open()
 
     def _that_explain(self, chosen: list[Named], begun: Baseline) -> tuple[list[Stage], list[Named]]:
@@ -69,6 +74,7 @@ class Reading:
             if not kept or not self._nearer(stages[-1].context.baseline):
                 return [], []
             chosen = self._of_some_size(stages, kept)
+            chosen = [item for item in chosen if self._closes(stages[kept.index(item)])]
             if chosen == kept:
                 return stages, kept
 
@@ -88,8 +94,10 @@ class Reading:
         made = replace(self._nothing, stages=(stage,), stranger=stranger)
         return made, Judgement("unknown" if structured else "none", (), (), (), structured)
 
-    def _named(self, stages: list[Stage], kept: Sequence[Named]) -> tuple[Attribution, Judgement]:
-        """Effects that are the gap, the largest share first."""
+    def _named(
+        self, stages: list[Stage], kept: Sequence[Named], *, whole: bool
+    ) -> tuple[Attribution, Judgement]:
+        """Effects, the largest share first; ``whole`` where they are the gap and not the part of it at their places."""
         last = stages[-1].context.baseline
         rivals, (first,) = self._rivals(kept[0]), stages[0].ranking
         beside = tuple(scored for scored, _ in rivals)
@@ -109,12 +117,14 @@ class Reading:
         named = [(scored, chance) for scored, chance in rivals if scored.name != first.name]
         renamed = tuple(_second_name(item, last) for item in after.accepted)
         chance = kept[0].probability + sum(p for scored, p in rivals if scored.name == first.name)
+        structured = structured_joints(after, self.scorer.spectral)
+        verdict: Verdict = "ambiguous" if named or renamed[0] is not None else "effect"
         judgement = Judgement(
-            "ambiguous" if named or renamed[0] is not None else "effect",
+            verdict if whole or not structured else "unknown",
             tuple(scored for scored, _ in named),
             tuple((item.location, *(p for n, p in item.rivals if n == item.effect)) for item in kept),
             renamed,
-            structured_joints(after, self.scorer.spectral),
+            structured,
             tuple(_second_name(scored, last) for scored, _ in named),
             chance,
             tuple(p for _, p in named),
@@ -131,6 +141,19 @@ class Reading:
             if not linear or any(sure for sure, p in zip(there, linear, strict=True) if not p.beside):
                 found.append(item)
         return found
+
+    def _closes(self, stage: Stage) -> bool:
+        """Whether an effect, beside those before it, leaves less of the trials that judge at its own place.
+
+        What acts on several joints: as a mean over them of how many times less.
+        """
+        item, before = stage.accepted, stage.context.baseline
+        if item is None:
+            return True
+        judging = self.scorer.baseline.samples.judging
+        old = (before.judged(before.fit.residual)[:, judging] ** 2).mean(axis=1)
+        gain = np.log(np.maximum(old, 1e-300) / np.maximum(item.power[:, 1], 1e-300))
+        return bool((gain[item.place] if item.hypothesis.effect.own_joint else gain.sum()) > 0.0)
 
     def _nearer(self, last: Baseline) -> bool:
         """Whether a baseline leaves less of the trials that judge than that without effects."""

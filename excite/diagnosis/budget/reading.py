@@ -54,6 +54,22 @@ def _leads(budget: Budget, item: Named, *, most: bool = False) -> bool:
     )
 
 
+def takes_its_place(budget: Budget, item: Named) -> bool:
+    """Whether an effect surely takes something of the gap of its own joint, and no less there than has no name.
+
+    Of what acts on several joints: of any of them. Of a Panda that runs into something at joint 3 a constant takes less
+    than what is left there, and is its mean.
+    """
+    own = budget.channels.get(item.location)
+    places = budget.channels.values() if own is None else (own,)
+    return any(
+        s.interval90[0] > 0.0 and s.share >= max([channel.rest, *(u.share for u in channel.unnamed)])
+        for channel in places
+        for s in channel.effects
+        if (s.effect, s.location) == (item.effect, item.location)
+    )
+
+
 def alone(item: Named) -> bool:
     """Whether an effect has no rival of another name."""
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)

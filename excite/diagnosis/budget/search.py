@@ -22,6 +22,7 @@ from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.rivals.trifles import with_trifles
 from excite.diagnosis.budget.screening import Tried, one_each, screened
+from excite.diagnosis.budget.shares import has_told_size
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.gear_effect import GearEffect
@@ -167,6 +168,7 @@ class Search:
             ahead = {t.index: self._ahead(t, k) for t in tried}
             best = max(tried, key=lambda t: ahead[t.index], default=None)
             keep = here.passes and not orphan and self.can_be(k, self.model.parameters(k))
+            keep = keep and (not self.settles or has_told_size(self.model, k))
             if best is not None and best.merit.passes:
                 simple = self.design.terms[best.index].n_parameters < term.n_parameters
                 gain, width = ahead[best.index], self._width(without, best)
@@ -196,7 +198,7 @@ class Search:
         """What else might stand in a term's place, fitted in full."""
         term = self.design.terms[k]
         allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key and i != k]
-        joints = set(term.columns) if term.own is None else {term.own}
+        joints = set(term.columns)
         ranking = [s for s in screened(without, allowed) if self.can_be(s.index, s.x)]
         near = [item for item in one_each(self.design, ranking) if item.joint in joints]
         tried = (self.try_beside(without, item.index) for item in near[:_SWAPPED])

@@ -14,7 +14,8 @@ from excite.logs.signals.butterworth import noise_bandwidth
 from excite.logs.signals.spectrum import welch
 from excite.rows.kinematics import positions_on_grid, trial_grid, trial_rate
 
-# White noise is seen between this multiple of the kinematics' band and this share of the rate.
+# White noise is seen between this multiple of the kinematics' band and this share of the rate; of slow records, whose
+# band is wider than their spectrum, in the upper third below that.
 _ABOVE, _BELOW = 1.3, 0.45
 _SEGMENT, _SEGMENT_S = 256, 4.0
 # Nats that noise of a joint's acceleration may feign by itself. What other columns explain of a column is lost to its
@@ -38,9 +39,8 @@ def noise_density(positions: Sequence[Array], rate_hz: float, band_hz: float) ->
         rate_hz: of the samples.
         band_hz: end of the kinematics' band.
     """
-    low, high = _ABOVE * band_hz, _BELOW * rate_hz
-    if low >= high:
-        return np.zeros(positions[0].shape[1])
+    high = _BELOW * rate_hz
+    low = min(_ABOVE * band_hz, 2.0 * high / 3.0)
     found = []
     for q in positions:
         f, p = welch(np.diff(q, 3, axis=0), rate_hz, min(_SEGMENT, len(q) // 2), median=True)

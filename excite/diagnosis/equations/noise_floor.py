@@ -107,6 +107,24 @@ def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:
     return None if squares is None or not squares.size else np.sqrt(squares.mean(axis=1))
 
 
+def without_drift(samples: ArmSamples, residual: Array, columns: Sequence[Array]) -> Array:
+    """Residuals ``(n_joints, n_rows)`` of repeated trials, each less its own multiple of some columns.
+
+    A joint that warms up between two runs of a command differs by another friction or constant: that is no noise.
+
+    Args:
+        samples: the samples.
+        residual: ``(n_joints, n_rows)`` [N·m].
+        columns: by joint, ``(n_rows, n)`` of its friction and constant.
+    """
+    left = residual.copy()
+    for k in {k for repeat in samples.repeats for k in (repeat.first, repeat.again)}:
+        rows = samples.trial_of_row == k
+        for j, block in enumerate(columns):
+            left[j, rows] -= block[rows] @ np.linalg.lstsq(block[rows], residual[j, rows], rcond=None)[0]
+    return left
+
+
 def unrepeated(samples: ArmSamples, noise: Array, rows: NDArray[np.bool_] | None = None) -> Array:
     """Power of a known noise less what it has in the repeated trials, ``(n_joints,)`` [(N·m)²].
 

@@ -22,21 +22,28 @@ def standing_share(samples: ArmSamples) -> Array:
 
 
 def held_power(samples: ArmSamples, residual: Array, floor: Array, rows: NDArray[np.bool_]) -> Array:
-    """Power that standing joints leave above the noise, as a mean over all rows, ``(n_joints,)`` [(N·m)²].
+    """Power that standing joints leave above the noise and above what moving ones leave, as a mean over all rows.
 
     Dry friction holds a joint that stands with whatever torque it takes, which no model of the motion tells: it is
-    as much a floor as noise is.
+    as much a floor as noise is. What moving joints leave alike is the model's, which is told by the record without
+    asking what explains it.
 
     Args:
         samples: the samples.
-        residual: ``(n_joints, n_rows)`` what a model leaves [N·m].
+        residual: ``(n_joints, n_rows)`` what the model leaves before any effect [N·m].
         floor: ``(n_joints,)`` noise [N·m].
         rows: ``(n_rows,)`` which rows to tell it of.
+
+    Returns:
+        ``(n_joints,)`` [(N·m)²].
     """
     held = (standing_share(samples) > HELD) & rows
     share = held.sum(axis=1) / max(int(rows.sum()), 1)
-    power = (np.square(residual) * held).sum(axis=1) / np.maximum(held.sum(axis=1), 1)
-    return np.asarray(share * np.maximum(power - floor**2, 0.0))
+    standing, moving = (
+        (np.square(residual) * use).sum(axis=1) / np.maximum(use.sum(axis=1), 1)
+        for use in (held, rows & ~held)
+    )
+    return np.asarray(share * np.maximum(standing - np.maximum(floor**2, moving), 0.0))
 
 
 def stands_throughout(samples: ArmSamples) -> NDArray[np.bool_]:

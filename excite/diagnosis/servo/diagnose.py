@@ -91,7 +91,7 @@ def _gains(robot: Robot, joints: tuple[str, ...], servo: Servo) -> Iterator[Abso
     """Gains of the servo that nobody stated."""
     for name, unit, values in (("kp", "N·m/rad", servo.kp), ("kd", "N·m·s/rad", servo.kd)):
         guessed = [f"{name} of {joint}" in servo.estimated for joint in joints]
-        yield from estimated_gains(robot, joints, name, unit, values, guessed)
+        yield from estimated_gains(robot, joints, name, unit, values, guessed, servo.spread.get(name))
 
 
 def _beside_neighbours(found: Diagnosis, robot: Robot, log: Log, closed: ClosedLoop) -> Diagnosis:
@@ -197,10 +197,11 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
     if rollout is None or not rollout.before or closed.deviation is None or closed.floor is None:
         return replace(result, warnings=tuple(warnings))
     gap = position_gap(rollout, closed.deviation, closed.floor)
+    unaided = replace(rollout, after=rollout.before)
     result = replace(result, gap=gap)
     unexplained = above_noise(closed.structured, gap)
     faint = closed.strength < EXACT
-    if result.verdict in {"effect", "ambiguous"} and (faint or not confirmed(gap, closed.witness)):
+    if result.effects and (faint or not confirmed(gap, closed.witness)):
         named = " and ".join(f"{e.effect} at {e.location}" for e in result.effects)
         but = (
             f"torques rebuilt from a servo are no more exact than its {100 * closed.strength:.1f} % of them"
@@ -227,9 +228,12 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         if result.verdict == "effect":
             result = with_twin(result, guessed, lags=closed.lags, delay=closed.delay)
     elif result.verdict == "unknown" and result.location in closed.structured:
+        # Where positions show no gap, what torques made of them call clear is the encoders' noise.
         result = replace(
             result,
             verdict="unknown" if unexplained else "none",
             location=unexplained[0] if unexplained else None,
+            effects=result.effects[: max(closed.kept, 1)] if unexplained else (),
+            gap=gap if unexplained else position_gap(unaided, closed.deviation, closed.floor),
         )
     return replace(result, warnings=tuple(warnings))

@@ -22,6 +22,8 @@ _MASS, EQUATION = 0.15, 0.03
 # Rows that count as one: residuals are correlated.
 CORRELATED = 10.0
 _ROUNDS = 5
+# Stretches of a record that are left out of the gains' fit in turn.
+STRETCHES = 10
 # A row in which a joint turns, by the share of its dry friction that speaks there; what holds one that sticks is
 # anything up to all of it. Of a Feetech servo whose 12 bits show it at rest in 53 of 655 rows a gain of 940 N·m/rad
 # came of all rows, and 180 of those in which it turns. Fewer rows than this share tell nothing more.
@@ -43,6 +45,12 @@ class Rows:
     bodies: Array
     unit: Array
     aside: Array
+
+    def without(self, left_out: NDArray[np.intp]) -> Rows:
+        """All rows but some."""
+        signals = {name: np.delete(values, left_out, axis=0) for name, values in self.signals.items()}
+        bodies, aside = (np.delete(values, left_out, axis=0) for values in (self.bodies, self.aside))
+        return Rows(signals, bodies, self.unit, aside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +152,26 @@ def fitted_servo(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> 
     left = np.where(sound, rest / found[0], np.std(bare, axis=1))
     loss = np.log(np.maximum(left, 1e-15))
     return Tried(Servo(*found, kind, follows), loss)
+
+
+def spread_of_gains(rows: Rows, kp: Array, kd: Array, fitted: Servo) -> dict[str, Array]:
+    """Standard deviations of gains by a jackknife over stretches of the record (Miller 1974), ``(n_joints,)`` each.
+
+    Args:
+        rows: that the gains were fitted to.
+        kp: gains that are known, NaN where they are not.
+        kd: alike.
+        fitted: the servo of all rows, whose form is taken.
+    """
+    stretches = np.array_split(np.arange(len(rows.bodies)), STRETCHES)
+    made = []
+    for left_out in stretches:
+        part = rows.without(left_out)
+        servo = fitted_servo(part, kp, kd, fitted.feedforward, fitted.follows_velocity).servo
+        made.append((servo.kp, servo.kd))
+    off = np.array(made) - np.mean(made, axis=0)
+    spread = np.sqrt((STRETCHES - 1) / STRETCHES * (off**2).sum(axis=0))
+    return {"kp": spread[0], "kd": spread[1]}
 
 
 def turning_rows(sign: Array) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.servo.currents.constant_fit import constants_beside_bodies
-from excite.diagnosis.servo.gain_fit import Tried, fitted_servo, gain_rows
+from excite.diagnosis.servo.gain_fit import Tried, fitted_servo, gain_rows, spread_of_gains
 from excite.diagnosis.servo.levels import error_integral
 from excite.diagnosis.servo.servo import Servo, Signals
 from excite.diagnosis.servo.stated import stated_servo
@@ -50,14 +50,10 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
     tried = [fitted_servo(rows, kp, kd, kind, way) for kind in stated.feedforwards for way in stated.follows]
     best = _best(tried)
     if best.servo.feedforward != "inverse_dynamics" and np.isnan(np.concatenate([kp, kd])).any():
-        again = fitted_servo(
-            gain_rows(robot, log, asked, _SLOW_HZ),
-            kp,
-            kd,
-            best.servo.feedforward,
-            best.servo.follows_velocity,
-        )
-        best = again if again.sound.sum() >= best.sound.sum() else best
+        slower = gain_rows(robot, log, asked, _SLOW_HZ)
+        again = fitted_servo(slower, kp, kd, best.servo.feedforward, best.servo.follows_velocity)
+        if again.sound.sum() >= best.sound.sum():
+            rows, best = slower, again
     if not best.sound.all():
         weak = ", ".join(j for j, sound in zip(joints, best.sound, strict=True) if not sound)
         raise LogError(
@@ -65,7 +61,9 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
             field="controller",
             remedy="state controller.kp, controller.kd and controller.feedforward",
         )
-    return replace(best.servo, ki=stated.ki, estimated=stated.missing, rate_hz=stated.rate_hz)
+    guessed = np.isnan(np.concatenate([kp, kd])).any()
+    spread = spread_of_gains(rows, kp, kd, best.servo) if guessed else {}
+    return replace(best.servo, ki=stated.ki, estimated=stated.missing, rate_hz=stated.rate_hz, spread=spread)
 
 
 def _error(signals: Signals, slow: Array) -> Array:

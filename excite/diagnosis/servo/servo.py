@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -32,6 +33,7 @@ class Servo:
         ki: ``(n_joints,)`` [N·m/(rad·s)], 0 where there is no integral part.
         estimated: what was estimated and not stated.
         rate_hz: its cycles per second, None where they are not stated.
+        spread: by name of a gain, ``(n_joints,)`` standard deviations of those that were estimated.
     """
 
     kp: Array
@@ -41,6 +43,7 @@ class Servo:
     ki: Array | None = None
     estimated: tuple[str, ...] = ()
     rate_hz: float | None = None
+    spread: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def damping_share(self) -> float:

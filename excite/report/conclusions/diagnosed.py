@@ -14,7 +14,7 @@ from excite.robot.catalogue import robot_of_log
 VERDICTS = {
     "effect": "an effect is named and placed",
     "ambiguous": "several effects explain it alike",
-    "unknown": "no effect of the library explains it",
+    "unknown": "no effect of the library explains most of it",
     "none": "nothing stands above the noise",
 }
 # More than this left of the gap is worth a word.
@@ -32,7 +32,7 @@ def of_diagnosis(found: Document, findings: Findings) -> Conclusion:
         return Conclusion(sentence + " Nothing beyond that needs to be corrected.", True, command, purpose)
     if verdict == "none":
         return Conclusion(sentence + " The model is good enough for what this record shows.", True)
-    if verdict == "effect":
+    if verdict == "effect" or (verdict == "unknown" and found["effects"]):
         purpose = "write the effects into the robot, then see what is left"
         enough = _enough(found)
         return Conclusion(

@@ -47,8 +47,8 @@ class BaseTilt(Effect):
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gravity_x", "m/s²", -5.0, 5.0),
         Parameter("gravity_y", "m/s²", -5.0, 5.0),
-        Parameter("first_row_cosine", "N·m"),
-        Parameter("first_row_sine", "N·m"),
+        Parameter("first_row_cosine", "N·m", beside=True),
+        Parameter("first_row_sine", "N·m", beside=True),
     )
     confusable_with = ("joint_spring", "torque_bias", "encoder_offset")
     separating_motion = "a wide range of joint 1; the arm on a base that is turned"
@@ -97,8 +97,11 @@ class BaseTilt(Effect):
         # A slide that is level shows one of the two, or none.
         shown = np.isfinite(fit.extra_std[:2])
         aside, spread = fit.extra[:2][shown], fit.extra_std[:2][shown]
-        std = float(np.sqrt((spread**2).mean())) / _G if shown.any() else None
-        angle = Estimate(float(np.arcsin(min(float(np.linalg.norm(aside)) / _G, 1.0))), std, "rad")
+        # Of no tilt nobody knows the direction: any is as likely.
+        size = float(np.linalg.norm(aside))
+        along = aside / size if size > 0.0 else np.full(len(aside), len(aside) ** -0.5)
+        std = float(np.linalg.norm(along * spread)) / _G if shown.any() else None
+        angle = Estimate(float(np.arcsin(min(size / _G, 1.0))), std, "rad")
         found = super().estimates(context, location, theta, fit)
         return {"angle": angle, **{p.name: found[p.name] for p in self.linear[:2] if p.name in found}}
 

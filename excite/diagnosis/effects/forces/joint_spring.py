@@ -64,7 +64,7 @@ class JointSpring(Effect):
     told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("stiffness", "N·m/rad"),
-        Parameter("torque_at_zero", "N·m"),
+        Parameter("torque_at_zero", "N·m", beside=True),
     )
     confusable_with = ("torque_bias", "encoder_offset", "base_tilt")
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
@@ -143,8 +143,8 @@ class HardeningSpring(JointSpring):
 
     linear: ClassVar[tuple[Parameter, ...]] = (
         *JointSpring.linear,
-        Parameter("quadratic", "N·m/rad²"),
-        Parameter("cubic", "N·m/rad³"),
+        Parameter("quadratic", "N·m/rad²", beside=True),
+        Parameter("cubic", "N·m/rad³", beside=True),
     )
 
     @property
@@ -171,7 +171,7 @@ class RubbingSpring(HardeningSpring):
     """The same with a dry rubbing that builds up over a deflection."""
 
     by_motion = False
-    linear = (*HardeningSpring.linear, Parameter("rubbing", "N·m"))
+    linear = (*HardeningSpring.linear, Parameter("rubbing", "N·m", beside=True))
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("breakaway", "rad", 1e-3, 0.3),)
 
     def starts(self, theta: Theta) -> list[Theta]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
@@ -69,6 +70,12 @@ class EncoderOffset(Effect):
             moved = context.torques(q, samples.stacked("v"), samples.stacked("a"))
             columns = (moved - (context.baseline.rigid - context.baseline.added)) / secant
         return Shape({k: columns[:, [k]] for k in range(columns.shape[1])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        # A secant much wider than the offset is another function: with 0.3 rad for 0.017 one fits constants of a drive.
+        secant, offset = math.log(theta[0]), float(beta[0])
+        near = abs(secant - offset) <= abs(offset) + _SMALL
+        return near and super().admissible(context, location, theta, beta)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         value, std = float(fit.extra[0]), float(fit.extra_std[0])

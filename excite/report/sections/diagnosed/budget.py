@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 
 from excite.diagnosis.answer.budget import NOT_REPEATED
-from excite.diagnosis.answer.budget_doubts import doubt_of_share, left_elsewhere, named_beside_closed
+from excite.diagnosis.answer.budget_doubts import HELD, doubt_of_share, left_elsewhere, named_beside_closed
 from excite.report.folder import Document, Findings
 from excite.report.html import folded, number, paragraph, section
 from excite.report.plots.forces import channel_label
@@ -55,7 +55,7 @@ class BudgetByChannel(Section):
             "those of a channel add up to one. An interval says what a share would be on other stretches of such a "
             "record: blocks of it were left out in turn. Instants at which a joint stands or turns round count for "
             "next to nothing here, so that gap and noise floor are other numbers than under Gap by channel, where each "
-            "instant counts."
+            f"instant counts. The {HELD}."
         )
         rest = folded(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small) if small else ""
         beside = _beside(found, order) + _elsewhere(found)
