@@ -23,9 +23,9 @@ from PIL import Image
 
 import excite
 from excite.atomic import atomic_path
-from excite.campaign.rehearsal import rehearse
-from excite.excitation.conditioning import conditioning, motion_factor
-from excite.excitation.greedy import TotalDeviation, greedy_choice, information
+from excite.campaign.rehearsal import rehearse_motions
+from excite.excitation.conditioning import compute_conditioning, motion_factor
+from excite.excitation.greedy import TotalDeviation, candidate_information, greedy_choice
 from excite.excitation.precision import nominal_values, row_noise
 from excite.excitation.selection import NEGLIGIBLE
 from excite.json_document import write_json
@@ -93,7 +93,7 @@ def make(name: str, recipe: Recipe) -> str:
     factors = [motion_factor(robot, motion) for motion in written]
     durations = np.array([motion.duration for motion in written])
     noise = row_noise(robot)
-    known = information([motion_factor(robot, motion, row_std=noise) for motion in written], base)
+    known = candidate_information([motion_factor(robot, motion, row_std=noise) for motion in written], base)
     criterion = TotalDeviation(known.back, np.maximum(np.abs(nominal_values(robot, base)), NEGLIGIBLE))
     fallen = np.zeros(len(written), dtype=bool)
     stood: set[int] = set()
@@ -104,7 +104,7 @@ def make(name: str, recipe: Recipe) -> str:
         new = [i for i in chosen if i not in stood]
         if not new:
             break
-        for i, refused in zip(new, rehearse(robot, [written[i] for i in new]), strict=True):
+        for i, refused in zip(new, rehearse_motions(robot, [written[i] for i in new]), strict=True):
             if refused is None:
                 stood.add(i)
             else:
@@ -113,7 +113,7 @@ def make(name: str, recipe: Recipe) -> str:
     for motion in written:
         if motion not in motions:
             (folder / "motions" / f"{motion.name}.parquet").unlink()
-    found = conditioning(robot, [factors[i] for i in chosen], base)
+    found = compute_conditioning(robot, [factors[i] for i in chosen], base)
     write_json(excite.check(robot, motions).to_json(), folder / "check.json")
     write_json(
         {
@@ -176,7 +176,7 @@ def _slower(robot: Robot, path: Path) -> Verdict | None:
     k = float((peaks / (Shares().jerk * robot.limits.jerk)).max()) ** (1.0 / 3.0)
     slower = replace(motion, time=k * motion.time, v=motion.v / k, a=motion.a / k**2)
     save_motion(slower, path, single=True)
-    return _judged(robot, path) if rehearse(robot, [load_motion(path, robot)]) == (None,) else None
+    return _judged(robot, path) if rehearse_motions(robot, [load_motion(path, robot)]) == (None,) else None
 
 
 def judge(name: str) -> str:
@@ -192,7 +192,7 @@ def judge(name: str) -> str:
     durations = [motion.duration for motion in motions]
     if durations != [entry["duration_s"] for entry in document["motions"]]:
         factors = [motion_factor(robot, motion) for motion in motions]
-        found = conditioning(robot, factors, structural_base_parameters(robot))
+        found = compute_conditioning(robot, factors, structural_base_parameters(robot))
         document["conditioning"] = dict(found.to_json())
         for entry, duration in zip(document["motions"], durations, strict=True):
             entry["duration_s"] = duration

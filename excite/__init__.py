@@ -18,7 +18,7 @@ import sys
 from types import ModuleType
 from typing import Any
 
-from excite.binary_family import watch
+from excite.binary_family import watch_imports
 from excite.namespaces import SPACES, groups
 
 __version__ = "0.1.0"
@@ -77,7 +77,7 @@ class _Package(ModuleType):
 
 sys.modules[__name__].__class__ = _Package
 globals().update(groups())
-watch()
+watch_imports()
 
 
 def __getattr__(name: str) -> Any:

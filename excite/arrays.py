@@ -43,14 +43,14 @@ def distinct_rows(flags: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[
     return flags[first], member
 
 
-def near(flags: NDArray[np.bool_], around: int) -> NDArray[np.bool_]:
+def widen_flags(flags: NDArray[np.bool_], around: int) -> NDArray[np.bool_]:
     """Rows of ``flags (n, …)`` with a flag among so many before and after, each column by itself, likewise."""
     padded = np.pad(flags, [(around + 1, around), *[(0, 0)] * (flags.ndim - 1)])
     count, width = np.cumsum(padded, axis=0), 2 * around + 1
     return np.asarray(count[width:] > count[:-width])
 
 
-def partners(costs: Array) -> NDArray[np.intp]:
+def assign_rows(costs: Array) -> NDArray[np.intp]:
     """The column of each row in the assignment of all rows to different columns that costs least in all.
 
     Where the rows' cheapest columns differ, they are it; elsewhere scipy tells, which takes .1 s to import.

@@ -44,16 +44,16 @@ def read_numbers(file: pa.parquet.ParquetFile) -> dict[str, NDArray[Any]]:
     columns = table.columns
     # A column at a time, so that a long recording is not in memory twice.
     del table
-    found = {name: _numpy(columns.pop(0)) for name in numbers}
+    found = {name: _to_numpy(columns.pop(0)) for name in numbers}
     return {name: found.get(name, np.empty(0, dtype=object)) for name in names}
 
 
 def arrow_table(columns: Mapping[str, NDArray[Any]]) -> pa.Table:
     """A table of columns by name; numbers by their bytes, as Arrow's own conversion would load pandas for them too."""
-    return pa.Table.from_arrays([_arrow(column) for column in columns.values()], names=list(columns))
+    return pa.Table.from_arrays([_to_arrow(column) for column in columns.values()], names=list(columns))
 
 
-def _arrow(column: NDArray[Any]) -> pa.Array:
+def _to_arrow(column: NDArray[Any]) -> pa.Array:
     column = np.asarray(column)
     if column.ndim != 1 or column.dtype.kind not in "fiu" or not column.dtype.isnative:
         return pa.array(column)
@@ -63,10 +63,10 @@ def _arrow(column: NDArray[Any]) -> pa.Array:
 
 def numpy_columns(table: pa.Table) -> dict[str, NDArray[Any]]:
     """Columns by name; numbers without gaps by DLPack, as Arrow's own conversion would load pandas for them too."""
-    return {name: _numpy(table[name]) for name in table.column_names}
+    return {name: _to_numpy(table[name]) for name in table.column_names}
 
 
-def _numpy(column: pa.ChunkedArray) -> NDArray[Any]:
+def _to_numpy(column: pa.ChunkedArray) -> NDArray[Any]:
     if not _is_number(column.type) or column.null_count or not column.num_chunks:
         return np.asarray(column.to_numpy())
     return np.concatenate([np.from_dlpack(chunk) for chunk in column.chunks])

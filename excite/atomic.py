@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from excite.folders import DISK_FULL, make_folder, missing_folders, remove_empty, unwritable
+from excite.folders import DISK_FULL, make_folder, missing_folders, remove_empty, unwritable_error
 
 HIDDEN = ".excite-"
 """How the names of hidden folders begin."""
@@ -63,7 +63,7 @@ class _Written:
 _WRITTEN = _Written()
 
 
-def completed() -> tuple[Path, ...]:
+def completed_files() -> tuple[Path, ...]:
     """Files and folders that this process has completed, in order."""
     return tuple(_WRITTEN.complete)
 
@@ -83,7 +83,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     path = Path(path)
     with _hidden_folder(path) as temporary:
         yield temporary
-        _sync(temporary)
+        _sync_file(temporary)
 
 
 @contextmanager
@@ -97,7 +97,7 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         yield temporary
         for file in sorted(temporary.rglob("*")):
             if file.is_file():
-                _sync(file)
+                _sync_file(file)
 
 
 @contextmanager
@@ -114,11 +114,11 @@ def all_or_nothing() -> Iterator[None]:
         yield
         _WRITTEN.waiting = None
         for item in waiting:
-            _rename(item.temporary, item.path)
+            _rename_into_place(item.temporary, item.path)
     finally:
         _WRITTEN.waiting = None
         for item in waiting:
-            _remove(item)
+            _remove_hidden(item)
 
 
 def write_text(path: Path, text: str) -> Path:
@@ -135,7 +135,7 @@ def write_bytes(path: Path, content: bytes) -> Path:
     return Path(path)
 
 
-def sweep(folder: Path) -> None:
+def sweep_hidden_folders(folder: Path) -> None:
     """Remove hidden folders whose writers were killed; once a process and place."""
     if folder in _WRITTEN.swept:
         return
@@ -154,7 +154,7 @@ def sweep(folder: Path) -> None:
 def _hidden_folder(path: Path) -> Iterator[Path]:
     """A place of the same name in a locked hidden folder beside ``path``; what is there at the end appears there."""
     if "\0" in str(path):
-        raise unwritable(path, ValueError("no name holds a zero byte"))
+        raise unwritable_error(path, ValueError("no name holds a zero byte"))
     made = missing_folders(path.parent)
     make_folder(path.parent)
     hidden = _locked_folder(path, made)
@@ -163,23 +163,23 @@ def _hidden_folder(path: Path) -> Iterator[Path]:
     try:
         yield hidden.temporary
         if _WRITTEN.waiting is None:
-            _rename(hidden.temporary, path)
+            _rename_into_place(hidden.temporary, path)
         else:
             _WRITTEN.waiting.append(hidden)
             waits = True
     except OSError as error:
         ours = error.filename is not None and str(error.filename).startswith(str(hidden.folder))
         if ours or error.errno in DISK_FULL or isinstance(error, PermissionError):
-            raise unwritable(path, error) from error
+            raise unwritable_error(path, error) from error
         raise
     finally:
         if not waits:
-            _remove(hidden)
+            _remove_hidden(hidden)
 
 
 def _locked_folder(path: Path, made: tuple[Path, ...]) -> _Hidden:
     try:
-        sweep(path.parent)
+        sweep_hidden_folders(path.parent)
         while True:
             hidden = path.parent / f"{HIDDEN}{secrets.token_hex(8)}"
             hidden.mkdir()
@@ -192,20 +192,20 @@ def _locked_folder(path: Path, made: tuple[Path, ...]) -> _Hidden:
             # Another process took it for a leftover before it was locked.
             os.close(lock)
     except (OSError, ValueError) as error:
-        raise unwritable(path, error) from error
+        raise unwritable_error(path, error) from error
 
 
-def _rename(temporary: Path, path: Path) -> None:
+def _rename_into_place(temporary: Path, path: Path) -> None:
     try:
         if temporary.is_dir() and path.exists():
             path.replace(temporary.parent / "replaced by this")
         temporary.replace(path)
     except OSError as error:
-        raise unwritable(path, error) from error
+        raise unwritable_error(path, error) from error
     _WRITTEN.complete.append(path)
 
 
-def _remove(hidden: _Hidden) -> None:
+def _remove_hidden(hidden: _Hidden) -> None:
     """Remove a hidden folder, and the folders that were made for it and in which nothing appeared."""
     shutil.rmtree(hidden.folder, ignore_errors=True)
     _WRITTEN.hidden.discard(hidden.folder)
@@ -213,6 +213,6 @@ def _remove(hidden: _Hidden) -> None:
     remove_empty(hidden.made)
 
 
-def _sync(file: Path) -> None:
+def _sync_file(file: Path) -> None:
     with file.open("rb") as stream:
         os.fsync(stream.fileno())

@@ -36,7 +36,7 @@ FAMILY = {
 _LOADED_FIRST = ("pinocchio", "placo", "coal", "eigenpy")
 
 
-def installed(folders: Sequence[Path]) -> dict[str, str]:
+def installed_versions(folders: Sequence[Path]) -> dict[str, str]:
     """Versions of the family's distributions that lie in folders of packages; of two the first folder's."""
     found: dict[str, str] = {}
     for folder in folders:
@@ -70,11 +70,11 @@ class _Watch(MetaPathFinder):
         if fullname in _LOADED_FIRST:
             sys.meta_path.remove(self)
             paths = sysconfig.get_paths()
-            check_family(installed([Path(paths[kind]) for kind in ("purelib", "platlib")]))
+            check_family(installed_versions([Path(paths[kind]) for kind in ("purelib", "platlib")]))
         return None
 
 
-def watch() -> None:
+def watch_imports() -> None:
     """Have the versions looked at once, before the first of the family is loaded."""
     if not any(isinstance(finder, _Watch) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Watch())

@@ -8,16 +8,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from excite.atomic import sweep
+from excite.atomic import sweep_hidden_folders
 from excite.errors import InputError
-from excite.folders import make_folder, missing_folders, remove_empty, unwritable
+from excite.folders import make_folder, missing_folders, remove_empty, unwritable_error
 
 # Folders that this process has claimed, by their device and number: a run may claim its own folder again.
 _CLAIMED: set[tuple[int, int]] = set()
 
 
 @contextmanager
-def claimed(folder: Path) -> Iterator[Path]:
+def claim_folder(folder: Path) -> Iterator[Path]:
     """Keep a folder of results for this process while the block runs; make it where it is not there.
 
     The folder itself is locked, so that nothing has to be tidied up: the lock goes with the process. A folder that was
@@ -34,15 +34,15 @@ def claimed(folder: Path) -> Iterator[Path]:
     try:
         lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
-        raise unwritable(folder, error) from error
+        raise unwritable_error(folder, error) from error
     found = os.fstat(lock)
     key = (found.st_dev, found.st_ino)
     mine = key in _CLAIMED
     try:
         if not mine:
-            _take(lock, folder)
+            _take_lock(lock, folder)
             _CLAIMED.add(key)
-            sweep(folder)
+            sweep_hidden_folders(folder)
         yield folder
     finally:
         if not mine:
@@ -51,7 +51,7 @@ def claimed(folder: Path) -> Iterator[Path]:
         os.close(lock)
 
 
-def _take(lock: int, folder: Path) -> None:
+def _take_lock(lock: int, folder: Path) -> None:
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:

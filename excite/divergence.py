@@ -27,7 +27,7 @@ def without_log_file() -> Iterator[None]:
         mujoco.set_mju_user_warning(before)
 
 
-def diverged(data: mujoco.MjData) -> bool:
+def has_diverged(data: mujoco.MjData) -> bool:
     """Whether a position, velocity or acceleration of the run has become absurd since its data were reset."""
     import mujoco
 

@@ -18,7 +18,7 @@ class ExciteError(Exception):
     exit_code = 4
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (type(self), self.args, dict(self.__dict__))
+        return _rebuild_error, (type(self), self.args, dict(self.__dict__))
 
 
 class InputError(ExciteError):
@@ -121,7 +121,7 @@ class NothingSafeError(NoSolutionError):
     """No candidate is safe; ``best`` says what refuses them (``to_json()``, ``table()``)."""
 
 
-def _rebuilt(kind: type[ExciteError], args: tuple[Any, ...], attributes: dict[str, Any]) -> ExciteError:
+def _rebuild_error(kind: type[ExciteError], args: tuple[Any, ...], attributes: dict[str, Any]) -> ExciteError:
     """An error as it was, without the checks and sentences of its constructor."""
     error = kind.__new__(kind)
     error.args = args

@@ -42,7 +42,7 @@ class Finding:
     @property
     def where(self) -> str:
         """Trials and places in words; ``log`` for the whole of it."""
-        return " ".join(part for part in (listed(self.trials), listed(self.places)) if part) or "log"
+        return " ".join(part for part in (list_names(self.trials), list_names(self.places)) if part) or "log"
 
     def to_json(self) -> dict[str, Any]:
         """The finding as it stands in documents."""
@@ -95,7 +95,7 @@ def worst_first(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     return tuple(sorted(findings, key=lambda item: (item.repaired, _WORST_FIRST.index(item.severity))))
 
 
-def merged(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+def merge_findings(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Findings with those of one kind that ask for the same made one, at all their places, in the first one's place.
 
     Figures that differ are told by the places that they are of, ``NAME.PLACE``; what is said is as sure as the least.
@@ -103,10 +103,10 @@ def merged(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     groups: dict[tuple[str, str, bool, str], list[Finding]] = {}
     for item in findings:
         groups.setdefault((item.kind, item.severity, item.repaired, item.remedy), []).append(item)
-    return tuple(group[0] if len(group) == 1 else _one(group) for group in groups.values())
+    return tuple(group[0] if len(group) == 1 else _merge_group(group) for group in groups.values())
 
 
-def _one(group: list[Finding]) -> Finding:
+def _merge_group(group: list[Finding]) -> Finding:
     """One finding of several of a kind."""
     names = dict.fromkeys(name for item in group for name in item.figures)
     common = {
@@ -122,22 +122,22 @@ def _one(group: list[Finding]) -> Finding:
     }
     texts = tuple(dict.fromkeys(item.text for item in group))
     # A finding that names no trial is of all of them.
-    trials = () if any(not item.trials for item in group) else _union(item.trials for item in group)
+    trials = () if any(not item.trials for item in group) else _join_unique(item.trials for item in group)
     return replace(
         group[0],
         text="; ".join(texts),
         figures=common | own,
-        places=_union(item.places for item in group),
+        places=_join_unique(item.places for item in group),
         sure=min(item.sure for item in group),
         trials=trials,
     )
 
 
-def _union(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
+def _join_unique(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for part in parts for name in part))
 
 
-def listed(names: tuple[str, ...] | list[str], most: int = 5) -> str:
+def list_names(names: tuple[str, ...] | list[str], most: int = 5) -> str:
     """Names in a sentence, the rest counted."""
     shown = ", ".join(names[:most])
     return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

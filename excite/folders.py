@@ -19,7 +19,7 @@ def make_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise unwritable(path, error) from error
+        raise unwritable_error(path, error) from error
     return path
 
 
@@ -36,7 +36,7 @@ def remove_empty(folders: Iterable[Path]) -> None:
             folder.rmdir()
 
 
-def unwritable(path: Path, error: Exception) -> InputError:
+def unwritable_error(path: Path, error: Exception) -> InputError:
     """The error for a place that the system does not let anyone write to."""
     code = error.errno if isinstance(error, OSError) else None
     said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)

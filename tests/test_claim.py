@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from excite.atomic import HIDDEN
-from excite.claim import claimed
+from excite.claim import claim_folder
 from excite.errors import InputError
 
 _CLAIM = """
@@ -42,22 +42,22 @@ def test_the_second_run_is_refused_until_the_first_has_ended_or_was_killed(tmp_p
     first = start(folder)
     assert said(first) == "claimed"
     with pytest.raises(InputError, match="out: is being written to by another run; wait until"):
-        with claimed(folder):
+        with claim_folder(folder):
             pass
     first.kill()
     first.wait()
-    with claimed(folder), claimed(folder):
+    with claim_folder(folder), claim_folder(folder):
         second = start(folder)
         assert "is being written to by another run" in said(second)
         second.communicate("")
 
 
 def test_a_folder_that_stayed_empty_goes_again_and_one_that_was_there_stays(tmp_path: Path) -> None:
-    with claimed(tmp_path / "new" / "deeper"):
+    with claim_folder(tmp_path / "new" / "deeper"):
         assert (tmp_path / "new" / "deeper").is_dir()
     assert not (tmp_path / "new").exists()
     (tmp_path / "mine").mkdir()
-    with claimed(tmp_path / "mine"):
+    with claim_folder(tmp_path / "mine"):
         pass
     assert (tmp_path / "mine").is_dir()
 
@@ -65,6 +65,6 @@ def test_a_folder_that_stayed_empty_goes_again_and_one_that_was_there_stays(tmp_
 def test_leftovers_of_a_killed_run_go_when_the_folder_is_claimed(tmp_path: Path) -> None:
     (tmp_path / "out" / f"{HIDDEN}0123456789abcdef").mkdir(parents=True)
     (tmp_path / "out" / ".mine").mkdir()
-    with claimed(tmp_path / "out"):
+    with claim_folder(tmp_path / "out"):
         pass
     assert [path.name for path in (tmp_path / "out").iterdir()] == [".mine"]

@@ -17,7 +17,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import excite
-from excite.binary_family import FAMILY, check_family, installed
+from excite.binary_family import FAMILY, check_family, installed_versions
 from excite.errors import InputError
 from tests.supply.licences import Licence
 from tests.supply.needed import needed, needed_names, stated
@@ -224,9 +224,9 @@ def test_a_version_that_does_not_go_with_the_others_is_one_line(tmp_path: Path) 
     """Looked at before the library is loaded, whoever loads it first, and only then."""
     for name, version in {**FAMILY, "coal": "3.1.0"}.items():
         (tmp_path / f"{name.replace('-', '_')}-{version}.dist-info").mkdir()
-    assert installed([tmp_path, tmp_path / "nowhere"]) == {**FAMILY, "coal": "3.1.0"}
+    assert installed_versions([tmp_path, tmp_path / "nowhere"]) == {**FAMILY, "coal": "3.1.0"}
     with pytest.raises(InputError, match=r"coal 3\.1\.0 \(needs 3\.0\.2\).*pip install coal==3\.0\.2"):
-        check_family(installed([tmp_path]))
+        check_family(installed_versions([tmp_path]))
     check_family(FAMILY)
     code = (
         "import sys, sysconfig, excite\n"

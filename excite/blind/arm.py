@@ -52,8 +52,8 @@ def arm_of(robot: Robot, fixed: bool, rng: np.random.Generator) -> Arm:
     """
     sensors = robot.description.sensors.model_copy(update={"rate_hz": RATE_HZ, "joint_torque": "motor_side"})
     robot = replace(robot, description=robot.description.model_copy(update={"sensors": sensors}))
-    motions = tuple(_motion(robot, f"trial_{k:02d}", rng) for k in range(N_TRIALS + N_VALIDATION))
-    load = np.vstack([_needed(robot, motion) for motion in motions]).std(axis=0)
+    motions = tuple(_fourier_motion(robot, f"trial_{k:02d}", rng) for k in range(N_TRIALS + N_VALIDATION))
+    load = np.vstack([_needed_torques(robot, motion) for motion in motions]).std(axis=0)
     inertia = np.array([moved_inertia(robot, name) for name in robot.joint_names])
     n = robot.n_joints
     # Small joints have small rotors and large gear ratios.
@@ -71,7 +71,7 @@ def arm_of(robot: Robot, fixed: bool, rng: np.random.Generator) -> Arm:
     return Arm(virtual, motions, load, size + drives.coulomb, inertia)
 
 
-def _motion(robot: Robot, name: str, rng: np.random.Generator) -> Motion:
+def _fourier_motion(robot: Robot, name: str, rng: np.random.Generator) -> Motion:
     """A finite Fourier series that starts and ends at rest (Swevers et al. 1997)."""
     n, limits = robot.n_joints, robot.limits
     time = np.arange(round(TRIAL_S * RATE_HZ) + 1) / RATE_HZ
@@ -93,7 +93,7 @@ def _motion(robot: Robot, name: str, rng: np.random.Generator) -> Motion:
     return Motion(name, robot.name, robot.joint_names, time, q, v, np.gradient(v, time, axis=0))
 
 
-def _needed(robot: Robot, motion: Motion) -> Array:
+def _needed_torques(robot: Robot, motion: Motion) -> Array:
     data = robot.model.createData()
     rows = range(0, motion.n_samples, 20)
     return np.array([pin.rnea(robot.model, data, motion.q[k], motion.v[k], motion.a[k]) for k in rows])

@@ -22,7 +22,7 @@ _COLUMNS = (
 )
 
 
-def board(scores: Mapping[str, BlindScore]) -> str:
+def score_board(scores: Mapping[str, BlindScore]) -> str:
     """A Markdown table of entries, a line each in the order given; figures without a case are a dash."""
     lines = [
         "| " + " | ".join(["entry", *(title for title, _, _ in _COLUMNS)]) + " |",
@@ -30,12 +30,12 @@ def board(scores: Mapping[str, BlindScore]) -> str:
     ]
     for name, score in scores.items():
         figures = score.figures()
-        cells = [_cell(figures.get(figure), share) for _, figure, share in _COLUMNS]
+        cells = [_board_cell(figures.get(figure), share) for _, figure, share in _COLUMNS]
         lines.append("| " + " | ".join([name.replace("|", "/"), *cells]) + " |")
     return "\n".join(lines)
 
 
-def _cell(value: float | None, share: bool) -> str:
+def _board_cell(value: float | None, share: bool) -> str:
     if value is None:
         return "–"
     return f"{100.0 * value:.0f} %" if share else f"{value:.2g}"

@@ -11,16 +11,16 @@ import numpy as np
 from excite.arrays import Array
 from excite.blind.arm import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, arm_of
 from excite.blind.commands import Servo
-from excite.blind.detectability import detectability
+from excite.blind.detectability import effect_detectability
 from excite.blind.draw import Draft
 from excite.blind.faults import FAULTS
-from excite.blind.forms import OWN_TERMS, background, hide, left_out, without_term
+from excite.blind.forms import OWN_TERMS, hide_background, hide_effect, left_out, without_term
 from excite.blind.hidden import Answer, HiddenEffect
 from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
 from excite.simulation.effects.friction import AsymmetryLaw, BristleLaw, WarmingLaw
-from excite.simulation.execution import execute
+from excite.simulation.execution import execute_motion
 from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
 from excite.simulation.virtual_robot import VirtualRobot
@@ -46,17 +46,17 @@ def build_case(plan: Draft, rng: np.random.Generator, servo: Servo | None = None
     if servo is not None:
         arm = servo.on(arm)
     start = deepcopy(rng)
-    made = _prepare(arm, plan, rng)
+    made = _prepare_robot(arm, plan, rng)
     virtual, modelled = made.virtual, made.modelled
     recordings = recordings_of(virtual, arm)
     sigma = noise_of(recordings, plan.noise)
-    trials, headers = session(recordings, arm, plan.noise, plan.faults, sigma, rng)
+    trials, headers = log_session(recordings, arm, plan.noise, plan.faults, sigma, rng)
     header = log_header(virtual.robot, headers).model_copy(update={"modelled": modelled})
     log = Log(header=header, trials=trials, robot_text=virtual.robot.urdf)
     known = []
     for k, item in enumerate(made.hidden):
-        twin = _prepare(arm, plan, deepcopy(start), without=k).virtual
-        clear = detectability(arm.virtual.robot, recordings, recordings_of(twin, arm), modelled, sigma)
+        twin = _prepare_robot(arm, plan, deepcopy(start), without=k).virtual
+        clear = effect_detectability(arm.virtual.robot, recordings, recordings_of(twin, arm), modelled, sigma)
         known.append(replace(item, detectability=clear))
     return log, Answer(plan.kind, plan.robot, modelled, tuple(known), plan.noise, plan.faults, made.others)
 
@@ -78,7 +78,7 @@ class _Prepared:
     others: tuple[HiddenEffect, ...]
 
 
-def _prepare(arm: Arm, plan: Draft, rng: np.random.Generator, without: int | None = None) -> _Prepared:
+def _prepare_robot(arm: Arm, plan: Draft, rng: np.random.Generator, without: int | None = None) -> _Prepared:
     """The robot of a case, and what is in it.
 
     ``without``: position of a hidden effect that is drawn but left out.
@@ -91,13 +91,13 @@ def _prepare(arm: Arm, plan: Draft, rng: np.random.Generator, without: int | Non
     for k, ((effect, form), drawn) in enumerate(zip(plan.effects, joints, strict=False)):
         if effect in modelled:
             modelled.remove(effect)
-        joint = _fit(arm, effect, int(drawn))
-        changed, what = hide(virtual, arm, effect, form, joint, size, rng)
+        joint = _fitting_joint(arm, effect, int(drawn))
+        changed, what = hide_effect(virtual, arm, effect, form, joint, size, rng)
         virtual = changed if k != without else left_out(virtual, changed, effect, joint)
         hidden.append(what)
     others: tuple[HiddenEffect, ...] = ()
     if plan.kind == "weak":
-        virtual, others = background(virtual, arm, rng)
+        virtual, others = hide_background(virtual, arm, rng)
     if plan.absent in modelled:
         modelled.remove(plan.absent)
         virtual = replace(virtual, drives=without_term(virtual.drives, plan.absent))
@@ -109,7 +109,7 @@ def _prepare(arm: Arm, plan: Draft, rng: np.random.Generator, without: int | Non
     return _Prepared(virtual, tuple(hidden), tuple(modelled), others)
 
 
-def _fit(arm: Arm, effect: str, joint: int) -> int:
+def _fitting_joint(arm: Arm, effect: str, joint: int) -> int:
     """A joint at which the effect can show: load-dependent friction needs a load, a payload an end."""
     n = len(arm.load)
     if effect == "load_dependent_friction" and arm.load[joint] < 0.1 * arm.load.max():
@@ -123,7 +123,7 @@ def recordings_of(virtual: VirtualRobot, arm: Arm) -> list[Recording]:
     memory: dict[Any, Any] = {}
     recordings: list[Recording] = []
     for k, motion in enumerate(runs):
-        recording = execute(virtual, motion, session_s=k * (TRIAL_S + PAUSE_S), memory=memory)
+        recording = execute_motion(virtual, motion, session_s=k * (TRIAL_S + PAUSE_S), memory=memory)
         for reading in virtual.readings:
             recording = reading(recording)
         recordings.append(recording)
@@ -136,7 +136,7 @@ def noise_of(recordings: list[Recording], noise: float) -> Array:
     return np.asarray(noise * (_NOISE_TAU * spread + 2e-4 * spread.max()))
 
 
-def session(
+def log_session(
     recordings: list[Recording],
     arm: Arm,
     noise: float,

@@ -61,11 +61,11 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
     verdict, effects = document["verdict"], list(document["effects"])
     if not effects and document["effect"] is not None:
         effects = list(document["candidates"][:1])
-    names = [_canonical(item.effect) for item in answer.effects]
-    said = [_canonical(item["effect"]) for item in effects]
+    names = [_canonical_name(item.effect) for item in answer.effects]
+    said = [_canonical_name(item["effect"]) for item in effects]
     options = set(said[:1])
     if verdict == "ambiguous":
-        options |= {_canonical(item["effect"]) for item in _tied(document)}
+        options |= {_canonical_name(item["effect"]) for item in _tied_candidates(document)}
     kind = answer.kind
     if not names or names == ["unknown"]:
         right = verdict == ("none" if not names else "unknown")
@@ -74,18 +74,18 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
         hits, extras, wrong = int(right), len(effects), bool(effects) and verdict != "ambiguous"
     else:
         # What is truly there, in the background, is no mistake, though not what was asked for.
-        there = {(_canonical(item.effect), item.location) for item in answer.background}
-        real = [(_canonical(item["effect"]), item["location"]) in there for item in effects]
-        hits = sum(any(_match(name, other) for other in said) for name in names)
+        there = {(_canonical_name(item.effect), item.location) for item in answer.background}
+        real = [(_canonical_name(item["effect"]), item["location"]) in there for item in effects]
+        hits = sum(any(_is_match(name, other) for other in said) for name in names)
         extras = sum(
-            not known and not any(_match(name, other) for name in names)
+            not known and not any(_is_match(name, other) for name in names)
             for other, known in zip(said, real, strict=True)
         )
         # Beside an unknown gap effects stand that are clear at their own places.
         right = bool(effects) and verdict != "none" and any(n in options for n in names)
         places = {p for item in effects for p in (item["location"], *item.get("tied_locations", []))}
         if verdict == "ambiguous":
-            tied = _tied(document)
+            tied = _tied_candidates(document)
             places |= {p for item in tied for p in (item["location"], *item.get("tied_locations", []))}
         placed = any(item.location in places for item in answer.effects)
         wrong = (
@@ -97,7 +97,9 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
     interval = document["gap"].get("share_closed_90")
     text = f"{verdict}: " + ", ".join(f"{item['effect']}@{item['location']}" for item in effects)
     if verdict == "ambiguous":
-        text += " among " + "/".join(f"{item['effect']}@{item['location']}" for item in _tied(document))
+        text += " among " + "/".join(
+            f"{item['effect']}@{item['location']}" for item in _tied_candidates(document)
+        )
     if verdict == "unknown":
         text += str(document["location"])
     truth = ", ".join(f"{item.effect}@{item.location} ({item.form})" for item in answer.effects) or "none"
@@ -115,13 +117,13 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
         answer.faults,
         all(item.detectability is None or item.detectability >= DETECTABLE for item in answer.effects),
         first.get("probability"),
-        _closed(document["gap"]),
+        _closed_share(document["gap"]),
         None if interval is None or None in interval else (float(interval[0]), float(interval[1])),
         tuple(_parameter_errors(answer, effects)),
     )
 
 
-def _closed(gap: Mapping[str, Any]) -> float | None:
+def _closed_share(gap: Mapping[str, Any]) -> float | None:
     """Share closed; of a gap whose size is stated and whose closing is not known, nothing is."""
     closed = gap["share_closed"]
     return float(closed) if closed is not None else 0.0 if "before" in gap else None
@@ -129,26 +131,26 @@ def _closed(gap: Mapping[str, Any]) -> float | None:
 
 def same_effect(hidden: str, said: str) -> bool:
     """Whether two names stand for one effect: bodies' inertia and a body more, a bias and friction's asymmetry."""
-    return _match(_canonical(hidden), _canonical(said))
+    return _is_match(_canonical_name(hidden), _canonical_name(said))
 
 
 def _parameter_errors(answer: Answer, effects: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, float]]:
     for hidden in answer.effects:
         for item in effects:
-            if _match(hidden.effect, item["effect"]) and hidden.location == item["location"]:
+            if _is_match(hidden.effect, item["effect"]) and hidden.location == item["location"]:
                 error = parameter_error(hidden, item)
                 if error is not None:
                     yield hidden.effect, error
 
 
-def _tied(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def _tied_candidates(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Candidates that an ambiguous diagnosis cannot tell apart; a document that does not count them has two."""
     return list(document["candidates"][: int(document.get("n_tied", 2))])
 
 
-def _canonical(name: str | None) -> str:
+def _canonical_name(name: str | None) -> str:
     return _SAME.get(name or "", name or "")
 
 
-def _match(hidden: str, said: str) -> bool:
+def _is_match(hidden: str, said: str) -> bool:
     return hidden == said or {hidden, said} <= _PAIR

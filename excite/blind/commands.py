@@ -106,7 +106,7 @@ class _ServoLaw:
         asked = plant.data.ctrl.copy()
         moved = np.full_like(asked, np.nan)
         integral = np.zeros_like(asked)
-        torque = _feedforward(self.servo.feedforward, plant.robot)
+        torque = _feedforward_law(self.servo.feedforward, plant.robot)
 
         def step() -> None:
             nonlocal moved, integral
@@ -124,7 +124,7 @@ class _ServoLaw:
         return step
 
 
-def _feedforward(kind: str, robot: Robot) -> Callable[[Array, Array, Array, Array], Array]:
+def _feedforward_law(kind: str, robot: Robot) -> Callable[[Array, Array, Array, Array], Array]:
     """Torque ``(n_joints,)`` from command, its velocity and acceleration, and the position."""
     model, data = robot.model, robot.model.createData()
     return {

@@ -45,7 +45,7 @@ class Band:
         return Band(sos, sigma * np.sqrt((sosfiltfilt(sos, pulse) ** 2).sum()))
 
 
-def detectability(
+def effect_detectability(
     robot: Robot,
     with_effect: Sequence[Recording],
     without: Sequence[Recording],
@@ -69,11 +69,13 @@ def detectability(
         Root mean square of the rest over that of the noise in the band.
     """
     band = Band.of(with_effect[0], sigma)
-    first, last = (_rest(robot, runs, modelled, band.noise, band.sos) for runs in (with_effect, without))
+    first, last = (
+        _unexplained_sum(robot, runs, modelled, band.noise, band.sos) for runs in (with_effect, without)
+    )
     return float(np.sqrt(max(first - last, 0.0)))
 
 
-def _rest(
+def _unexplained_sum(
     robot: Robot, runs: Sequence[Recording], modelled: Sequence[str], noise: Array, sos: Array
 ) -> float:
     """Weighted sum of squares that the modelled terms leave, over the number of rows of a channel."""

@@ -44,7 +44,7 @@ class Draft:
     absent: str = ""
 
 
-def draft(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOTS) -> Draft:
+def draft_case(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOTS) -> Draft:
     """The case of a number: of ten, five have one effect, and one each two, a weak one, none (two), unknown.
 
     Effects go round in order and forms are drawn, so that even a small battery has most of the names.

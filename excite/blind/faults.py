@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.logs.log import Trial
 
 
-def repeated(trial: Trial, rng: np.random.Generator) -> Trial:
+def repeat_rows(trial: Trial, rng: np.random.Generator) -> Trial:
     """Two to four rows a trial hold what the row before them held; stamps go on."""
     index = np.arange(len(trial.time))
     again = rng.choice(index[1:], int(rng.integers(2, 5)), replace=False)
@@ -19,20 +19,20 @@ def repeated(trial: Trial, rng: np.random.Generator) -> Trial:
     return replace(trial.rows(index), time=trial.time)
 
 
-def lost(trial: Trial, rng: np.random.Generator) -> Trial:
+def lose_rows(trial: Trial, rng: np.random.Generator) -> Trial:
     """One row in fifty is missing."""
     keep = rng.random(len(trial.time)) > 0.02
     keep[[0, -1]] = True
     return trial.rows(keep)
 
 
-def late(trial: Trial, rng: np.random.Generator) -> Trial:
+def delay_stamps(trial: Trial, rng: np.random.Generator) -> Trial:
     """Stamps are late by up to a third of a step; the values are not."""
     step = float(trial.time[1] - trial.time[0])
     return replace(trial, time=trial.time + rng.uniform(0.0, 0.33 * step, len(trial.time)))
 
 
-def jittered(trial: Trial, rng: np.random.Generator) -> Trial:
+def jitter_rows(trial: Trial, rng: np.random.Generator) -> Trial:
     """Rows are taken up to a fifth of a step early or late, and their stamps say so."""
     from scipy.interpolate import CubicSpline
 
@@ -55,7 +55,7 @@ def jittered(trial: Trial, rng: np.random.Generator) -> Trial:
     )
 
 
-def quantised(trial: Trial, rng: np.random.Generator) -> Trial:
+def quantise_channels(trial: Trial, rng: np.random.Generator) -> Trial:
     """Encoders of 16 bits a turn, torques of eight to nine bits."""
     q_step = 2.0 * np.pi / 2**16
     q = np.round(trial.q / q_step) * q_step
@@ -65,7 +65,7 @@ def quantised(trial: Trial, rng: np.random.Generator) -> Trial:
     return replace(trial, q=q, tau=np.round(trial.tau / step) * step)
 
 
-def filtered(trial: Trial, rng: np.random.Generator) -> Trial:
+def filter_channels(trial: Trial, rng: np.random.Generator) -> Trial:
     """All channels went through the same low-pass on their way to the log, and are late alike."""
     from scipy.signal import butter, lfilter, lfilter_zi
 
@@ -85,10 +85,10 @@ def filtered(trial: Trial, rng: np.random.Generator) -> Trial:
 
 
 FAULTS: dict[str, Callable[[Trial, np.random.Generator], Trial]] = {
-    "repeated_rows": repeated,
-    "missing_rows": lost,
-    "late_stamps": late,
-    "jitter": jittered,
-    "quantised": quantised,
-    "filtered": filtered,
+    "repeated_rows": repeat_rows,
+    "missing_rows": lose_rows,
+    "late_stamps": delay_stamps,
+    "jitter": jitter_rows,
+    "quantised": quantise_channels,
+    "filtered": filter_channels,
 }

@@ -41,7 +41,7 @@ NEEDS_GIVEN_INERTIA = frozenset({"payload", "link_inertia", "link_length_error",
 OWN_TERMS = tuple(DRIVE_FIELDS)
 
 
-def hide(
+def hide_effect(
     virtual: VirtualRobot, arm: Arm, effect: str, form: str, joint: int, size: float, rng: np.random.Generator
 ) -> Hidden:
     """Hide an effect at a joint, or at the link behind it.
@@ -91,7 +91,7 @@ def without_term(drives: Drives, term: str) -> Drives:
     return replace(drives, **{DRIVE_FIELDS[term]: (1e-3 if term == "armature" else 0.0) * values})
 
 
-def background(
+def hide_background(
     virtual: VirtualRobot, arm: Arm, rng: np.random.Generator, size: float = 0.06
 ) -> tuple[VirtualRobot, tuple[HiddenEffect, ...]]:
     """A little of something on every joint; the robot with it, and what it is."""
@@ -101,6 +101,6 @@ def background(
         effect = str(rng.choice(some))
         # A spring acts all the time, the others by turns.
         share = 0.3 if effect == "joint_spring" else 1.0
-        virtual, what = hide(virtual, arm, effect, "plain", joint, share * size, rng)
+        virtual, what = hide_effect(virtual, arm, effect, "plain", joint, share * size, rng)
         made.append(what)
     return virtual, tuple(made)

@@ -99,12 +99,12 @@ def _own_term(s: Site) -> Hidden:
     return replace(virtual, drives=replace(virtual.drives, **{field: rest})), s.found(value)
 
 
-def _asymmetry(s: Site) -> Hidden:
+def _hide_asymmetry(s: Site) -> Hidden:
     value = s.sign * min(s.size, 1.0) * s.rng.uniform(0.4, 0.8) * s.dry
     return s.under(AsymmetryLaw(s.joint, value), value)
 
 
-def _stribeck(s: Site) -> Hidden:
+def _hide_stribeck(s: Site) -> Hidden:
     value, speed = s.size * s.rng.uniform(0.7, 1.5) * s.dry, s.rng.uniform(0.03, 0.12)
     if s.form == "bristle":
         return s.under(
@@ -119,7 +119,7 @@ def _load_friction(s: Site) -> Hidden:
     return s.under(LoadFrictionLaw(s.joint, value), value)
 
 
-def _drift(s: Site) -> Hidden:
+def _hide_drift(s: Site) -> Hidden:
     change = s.sign * min(s.size, 1.2) * s.rng.uniform(0.35, 0.6) * (1.0 if s.sign < 0.0 else 1.5)
     change *= 2.0 if s.form == "oil" and s.sign > 0.0 else 1.0
     seconds = s.rng.uniform(20.0, 120.0)
@@ -127,7 +127,7 @@ def _drift(s: Site) -> Hidden:
     return s.under(law, change, time_constant=seconds)
 
 
-def _gear(s: Site) -> Hidden:
+def _hide_gear(s: Site) -> Hidden:
     """Soft or loose; damping is measured by the inertia that the gear itself moves."""
     link = float(s.arm.inertia[s.joint])
     rotor = float(s.virtual.drives.armature[s.joint])
@@ -147,7 +147,7 @@ def _gear(s: Site) -> Hidden:
     return loose.with_law(GearLaw(s.name, stiffness, damping, 0.5 * width)), s.found(width, hz=hertz)
 
 
-def _spring(s: Site) -> Hidden:
+def _hide_spring(s: Site) -> Hidden:
     value = s.size * s.rng.uniform(0.3, 0.6) * s.torque
     rest = float(s.arm.motions[0].q[0, s.joint] + s.rng.uniform(-0.5, 0.5))
     hard = 1.0 if s.form == "hardening" else 0.0
@@ -155,7 +155,7 @@ def _spring(s: Site) -> Hidden:
     return s.under(SpringLaw(s.joint, value, rest, hard, rub), value)
 
 
-def _ripple(s: Site) -> Hidden:
+def _hide_ripple(s: Site) -> Hidden:
     value, periods = s.size * s.rng.uniform(0.08, 0.2) * s.torque, float(s.rng.integers(8, 45))
     share = value / max(float(s.arm.load[s.joint]), 1e-6) if s.form == "load" else 0.0
     size, second = value * (s.form != "load"), 0.4 * (s.form == "harmonics")
@@ -163,7 +163,7 @@ def _ripple(s: Site) -> Hidden:
     return s.under(law, value, periods=periods)
 
 
-def _lag(s: Site) -> Hidden:
+def _hide_lag(s: Site) -> Hidden:
     """A servo with it keeps its distance from where it would ring (Routh's criterion for one joint by itself)."""
     order = 2 if s.form == "second_order" else 1
     kp, kd = s.virtual.drives.kp, s.virtual.drives.kd
@@ -173,19 +173,19 @@ def _lag(s: Site) -> Hidden:
     return s.virtual.with_change(disconnect).with_law(LagLaw(value, order)), s.found(value, "torque")
 
 
-def _tilt(s: Site) -> Hidden:
+def _hide_tilt(s: Site) -> Hidden:
     value, heading = s.size * s.rng.uniform(0.04, 0.09), s.rng.uniform(0.0, 2.0 * math.pi)
     return s.virtual.with_change(Tilt(value, heading)), s.found(value, "base", heading=heading)
 
 
-def _length(s: Site) -> Hidden:
+def _hide_length_error(s: Site) -> Hidden:
     way = s.rng.standard_normal(3)
     value = s.size * s.rng.uniform(0.02, 0.05)
     x, y, z = (float(part) for part in value * way / np.linalg.norm(way))
     return s.virtual.with_change(Shift(s.name, (x, y, z))), s.found(value)
 
 
-def _payload(s: Site) -> Hidden:
+def _hide_payload(s: Site) -> Hidden:
     value = s.size * s.rng.uniform(0.03, 0.08) * s.virtual.robot.mass
     centre = s.virtual.robot.model.inertias[s.joint + 1].lever + s.rng.uniform(-0.05, 0.05, 3)
     x, y, z = (float(part) for part in centre)
@@ -193,7 +193,7 @@ def _payload(s: Site) -> Hidden:
     return replace(s.virtual, truth=with_part(s.virtual.truth, part)), s.found(value, s.link)
 
 
-def _unknown(s: Site) -> Hidden:
+def _hide_unknown(s: Site) -> Hidden:
     if s.form == "push":
         value = s.size * 0.4 * s.torque
         return s.under(PokeLaw(s.joint, value, int(s.rng.integers(1 << 30))), value)
@@ -215,7 +215,7 @@ def _unknown(s: Site) -> Hidden:
     return s.under(StopLaw(s.joint, edge, value), value)
 
 
-def _registered(s: Site) -> Hidden:
+def _hide_registered(s: Site) -> Hidden:
     value = {
         "torque_gain": lambda: 1.0 + s.sign * s.size * s.rng.uniform(0.08, 0.22),
         "torque_bias": lambda: s.sign * s.size * s.rng.uniform(0.5, 2.5) * s.dry,
@@ -228,19 +228,19 @@ def _registered(s: Site) -> Hidden:
 
 
 MAKERS: dict[str, Callable[[Site], Hidden]] = {
-    **dict.fromkeys(WITHOUT_FORMS, _registered),
+    **dict.fromkeys(WITHOUT_FORMS, _hide_registered),
     **dict.fromkeys(DRIVE_FIELDS, _own_term),
-    "coulomb_asymmetry": _asymmetry,
-    "stribeck": _stribeck,
+    "coulomb_asymmetry": _hide_asymmetry,
+    "stribeck": _hide_stribeck,
     "load_dependent_friction": _load_friction,
-    "friction_drift": _drift,
-    "backlash": _gear,
-    "joint_elasticity": _gear,
-    "joint_spring": _spring,
-    "torque_ripple": _ripple,
-    "actuator_lag": _lag,
-    "base_tilt": _tilt,
-    "link_length_error": _length,
-    "payload": _payload,
-    "unknown": _unknown,
+    "friction_drift": _hide_drift,
+    "backlash": _hide_gear,
+    "joint_elasticity": _hide_gear,
+    "joint_spring": _hide_spring,
+    "torque_ripple": _hide_ripple,
+    "actuator_lag": _hide_lag,
+    "base_tilt": _hide_tilt,
+    "link_length_error": _hide_length_error,
+    "payload": _hide_payload,
+    "unknown": _hide_unknown,
 }

@@ -10,9 +10,9 @@ import numpy as np
 
 from excite.blind.case import build_case
 from excite.blind.commands import drawn_servo
-from excite.blind.draw import ROBOTS, draft
+from excite.blind.draw import ROBOTS, draft_case
 from excite.blind.everything.case import build_mixture
-from excite.blind.everything.draw import mixture
+from excite.blind.everything.draw import draw_mixture
 from excite.blind.floating.case import build_floating_case
 from excite.blind.floating.draw import floating_draft
 from excite.blind.floating.stand import ROBOTS as STANDING_ROBOTS
@@ -79,13 +79,13 @@ def make_cases(
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder} is not empty", remedy="name another folder")
     children = check_seed(seed).spawn(cases)
-    families = _families(base, robots)
+    families = _robot_families(base, robots)
     if kind != "ordinary" and (torque == "none" or any(standing for standing, _ in families)):
         remedy = "ask for arms with torques, or for ordinary cases"
         raise InputError("a little of everything is hidden in arms with torques only", remedy=remedy)
     setting = _Setting(folder.absolute(), families, torque, kind)
     made = in_order(
-        _case,
+        _make_case,
         enumerate(children),
         jobs=jobs,
         shared=setting,
@@ -110,7 +110,7 @@ def load_answers(folder: str | Path) -> dict[str, Answer]:
     return {name: Answer.from_json(item) for name, item in document["cases"].items()}
 
 
-def _families(base: str, robots: tuple[str, ...]) -> tuple[tuple[bool, tuple[str, ...]], ...]:
+def _robot_families(base: str, robots: tuple[str, ...]) -> tuple[tuple[bool, tuple[str, ...]], ...]:
     """Standing or not, and the robots to choose from; the cases take them by turns."""
     if robots:
         standing = {name: load_robot(name).floating for name in robots}
@@ -130,7 +130,7 @@ class _Setting:
     kind: Kind
 
 
-def _case(setting: _Setting, task: tuple[int, np.random.SeedSequence]) -> Answer:
+def _make_case(setting: _Setting, task: tuple[int, np.random.SeedSequence]) -> Answer:
     number, child = task
     folder, families = setting.folder, setting.families
     rng = np.random.default_rng(child)
@@ -145,10 +145,10 @@ def _case(setting: _Setting, task: tuple[int, np.random.SeedSequence]) -> Answer
     else:
         mixed = setting.kind == "everything"
     if mixed:
-        log, answer = build_mixture(mixture(rng, robots), rng)
+        log, answer = build_mixture(draw_mixture(rng, robots), rng)
         save_log(log, folder / f"case_{number:03d}")
         return answer
-    plan = draft(turn, rng, robots)
+    plan = draft_case(turn, rng, robots)
     servo = drawn_servo(rng) if setting.torque == "none" else None
     log, answer = build_case(plan, rng, servo)
     if servo is not None:

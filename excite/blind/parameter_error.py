@@ -53,14 +53,14 @@ def parameter_error(hidden: HiddenEffect, said: Mapping[str, Any]) -> float | No
 _Pair = tuple[float, float | None]
 
 
-def _plain(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
+def _plain_pair(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
     # A spring or a gear that hardens has another stiffness at every stretch.
     if hidden.form in {"hardening", "rubbing"}:
         return None
     return hidden.value, values.get(_ONE_NUMBER[hidden.effect])
 
 
-def _drift(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
+def _drift_pair(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
     """What has changed at the session's end; heat that the joint makes itself is not known from the answer."""
     if hidden.form != "plain" or not hidden.details.get("time_constant"):
         return None
@@ -68,26 +68,26 @@ def _drift(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
     return hidden.value * grown, values.get("relative_change")
 
 
-def _lag(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair:
+def _lag_pair(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair:
     """Two equal lags in series have twice the time constant of either."""
     return hidden.value * (2.0 if hidden.form == "second_order" else 1.0), values.get("time_constant")
 
 
-def _ripple(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
+def _ripple_pair(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
     if hidden.form != "plain" or not {"cosine", "sine"} <= set(values):
         return None
     return hidden.value, math.hypot(values["cosine"], values["sine"])
 
 
-def _length(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
+def _length_pair(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
     shift = [values[name] for name in ("shift_x", "shift_y", "shift_z") if name in values]
     return (hidden.value, math.hypot(*shift)) if len(shift) == 3 else None
 
 
 _COMPARED: dict[str, Callable[[HiddenEffect, Mapping[str, float]], _Pair | None]] = {
-    **dict.fromkeys(_ONE_NUMBER, _plain),
-    "friction_drift": _drift,
-    "actuator_lag": _lag,
-    "torque_ripple": _ripple,
-    "link_length_error": _length,
+    **dict.fromkeys(_ONE_NUMBER, _plain_pair),
+    "friction_drift": _drift_pair,
+    "actuator_lag": _lag_pair,
+    "torque_ripple": _ripple_pair,
+    "link_length_error": _length_pair,
 }

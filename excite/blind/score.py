@@ -30,7 +30,9 @@ class BlindScore:
 
     def share(self, what: str, *kinds: str) -> float | None:
         """Share of the cases of these kinds (all without any) that are ``named``, ``placed`` or ``firm_wrong``."""
-        return _share([bool(getattr(case, what)) for case in self.cases if not kinds or case.kind in kinds])
+        return _mark_share(
+            [bool(getattr(case, what)) for case in self.cases if not kinds or case.kind in kinds]
+        )
 
     @property
     def found(self) -> float | None:
@@ -110,7 +112,7 @@ class BlindScore:
             "double_found": self.found,
             "double_extras": sum(c.extras for c in self.cases if c.kind == "double"),
             "none_kept": self.share("named", "none"),
-            "none_of_faulty_records_kept": _share(
+            "none_of_faulty_records_kept": _mark_share(
                 [c.named for c in self.cases if c.kind == "none" and c.faults]
             ),
             "unknown_recognised": self.share("named", "unknown"),
@@ -129,7 +131,7 @@ class BlindScore:
         clear = self.detectable.figures()
         for name, value in self.figures().items():
             if value is not None:
-                columns = f"{_figure(name, value):>8} {_figure(name, clear[name]):>12}"
+                columns = f"{_figure_text(name, value):>8} {_figure_text(name, clear[name]):>12}"
                 lines.append(f"{name.replace('_', ' '):28} {columns}")
         for name, item in self.parameter_errors.items():
             line = f"{100 * item['median']:.1f} % ({item['count']:.0f})"
@@ -164,7 +166,7 @@ class BlindScore:
         }
 
 
-def score(
+def score_diagnoses(
     answers: Mapping[str, Answer], documents: Mapping[str, Mapping[str, Any]], seconds: Mapping[str, float]
 ) -> BlindScore:
     """Score all diagnoses (``excite.diagnosis/1``); cases without one are left out."""
@@ -187,11 +189,11 @@ def score_entry(answers: Mapping[str, Answer], said: Mapping[str, EntryAnswer]) 
 _SHARES = frozenset({"named", "placed", "found", "kept", "recognised", "wrong", "closed", "right", "inside"})
 
 
-def _share(marks: list[bool]) -> float | None:
+def _mark_share(marks: list[bool]) -> float | None:
     return sum(marks) / len(marks) if marks else None
 
 
-def _figure(name: str, value: float | None) -> str:
+def _figure_text(name: str, value: float | None) -> str:
     """A figure for people: shares in percent."""
     if value is None:
         return "-"

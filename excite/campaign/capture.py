@@ -84,7 +84,7 @@ def capture(
         robot=robot.name,
         rate_hz=robot.description.sensors.rate_hz,
         joints=robot.joint_names,
-        runs=tuple(_runs(robot, motions)),
+        runs=tuple(_list_runs(robot, motions)),
     )
     path = Path(out) if out is not None else folder / "capture.md"
     text = sheet_text(sheet, robot, named or robot.name, path.name)
@@ -92,16 +92,16 @@ def capture(
     return Sheet(path, sheet)
 
 
-def _runs(robot: Robot, motions: list[tuple[Motion, str, Role]]) -> list[Run]:
+def _list_runs(robot: Robot, motions: list[tuple[Motion, str, Role]]) -> list[Run]:
     runs = [
         Run(name="warm_up", kind="warm_up", duration_s=_WARM_UP_S, motion=motions[0][1] if motions else None)
     ]
     runs += [Run(name="zero_torque", kind="zero_torque", duration_s=_STILL_S)]
     for motion, name, role in motions:
-        runs.append(_run(robot, motion, name, role, motion.name, None))
+        runs.append(_build_run(robot, motion, name, role, motion.name, None))
     chosen = [item for item in motions if item[2] == "identification"]
     for motion, name, role in chosen[:_REPEATED]:
-        runs.append(_run(robot, motion, name, role, f"{motion.name}_again", motion.name))
+        runs.append(_build_run(robot, motion, name, role, f"{motion.name}_again", motion.name))
     for k, (motion, name, row) in enumerate(_postures(robot, chosen)):
         runs.append(
             Run(
@@ -143,7 +143,7 @@ def _postures(robot: Robot, motions: list[tuple[Motion, str, Role]]) -> list[tup
     return [rows[k] for k in chosen]
 
 
-def _run(robot: Robot, motion: Motion, file: str, role: Role, name: str, repeats: str | None) -> Run:
+def _build_run(robot: Robot, motion: Motion, file: str, role: Role, name: str, repeats: str | None) -> Run:
     return Run(
         name=name,
         kind="motion",
@@ -192,23 +192,25 @@ def sheet_text(sheet: Capture, robot: Robot, named: str, file: str = "capture.md
         "| --- | --- | --- | --- | --- |",
     ]
     for run in sheet.runs:
-        lines.append(f"| {run.name} | {_what(run, robot)} | {run.role or ''} | {run.duration_s:.0f} | ☐ |")
+        lines.append(
+            f"| {run.name} | {_describe_run(run, robot)} | {run.role or ''} | {run.duration_s:.0f} | ☐ |"
+        )
     lines += [
         "",
         "## Record",
         "",
-        *_topics(sheet, robot),
+        *_list_topics(sheet, robot),
         "",
         "## After the first motion, before going on",
         "",
-        *_checks(sheet, named, file),
+        *_list_checks(sheet, named, file),
     ]
     return "\n".join(
         [*lines, "", "## For `excite convert --capture`", "", "```yaml", sheet.text().rstrip(), "```", ""]
     )
 
 
-def _what(run: Run, robot: Robot) -> str:
+def _describe_run(run: Run, robot: Robot) -> str:
     # What stands falls without torques.
     hung = "hung up, " if robot.floating else ""
     return {
@@ -226,7 +228,7 @@ def _when(run: Run) -> str:
     return f"{run.at_s:g} s after its start (" + ", ".join(f"{j} {q:.2f}" for j, q in run.start.items()) + ")"
 
 
-def _topics(sheet: Capture, robot: Robot) -> list[str]:
+def _list_topics(sheet: Capture, robot: Robot) -> list[str]:
     joints = count(len(sheet.joints), "joint")
     lines = [
         f"- {joints}: measured position, measured torque or current, commanded position; all at "
@@ -243,7 +245,7 @@ def _topics(sheet: Capture, robot: Robot) -> list[str]:
     return lines
 
 
-def _checks(sheet: Capture, named: str, file: str) -> list[str]:
+def _list_checks(sheet: Capture, named: str, file: str) -> list[str]:
     first = next((run.name for run in sheet.logged), "the first motion")
     return [
         f"- `excite convert {first}.* --robot {shlex.quote(named)} --out first "

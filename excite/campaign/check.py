@@ -113,9 +113,9 @@ def check(
     if not motions:
         raise InputError("no motions to check", remedy="name at least one")
     named = {motion.name: motion for motion in motions}
-    tasks = ((motion, _neighbours(motion, named)) for motion in motions)
+    tasks = ((motion, _chain_neighbours(motion, named)) for motion in motions)
     verdicts = in_order(
-        _checked,
+        _check_one,
         tasks,
         jobs=jobs,
         shared=(robot, robust),
@@ -126,7 +126,7 @@ def check(
     return CheckReport(tuple(verdicts), tuple(robot.description.assumed), robot.name)
 
 
-def _checked(shared: tuple[Robot, bool], task: tuple[Motion, dict[str, Motion]]) -> Verdict:
+def _check_one(shared: tuple[Robot, bool], task: tuple[Motion, dict[str, Motion]]) -> Verdict:
     (robot, robust), (motion, neighbours) = shared, task
     parameters = stated_parameters(robot)
     verdict = check_motion(robot, motion, neighbours=neighbours, parameters=parameters, robust=robust)
@@ -142,7 +142,7 @@ def _checked(shared: tuple[Robot, bool], task: tuple[Motion, dict[str, Motion]])
     return replace(verdict, violations=(found,), rehearsal=rehearsal.to_json())
 
 
-def _neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:
+def _chain_neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:
     """The motions of the chain that a motion says it is part of, as far as they are there."""
     found: dict[str, Motion] = {}
     for end in ("previous", "following"):

@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 
 from excite.campaign.on_disk import OnDisk, write_value
 from excite.campaign.pool import Pool
-from excite.campaign.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehearse
+from excite.campaign.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehearse_motions
 from excite.errors import NoSolutionError
 from excite.excitation.conditioning import MotionFactor, motion_factor
 from excite.excitation.precision import row_noise
-from excite.excitation.selection import Candidates, Selection, select
+from excite.excitation.selection import Candidates, Selection, select_motions
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.legs.upright import too_soft_to_stand
 from excite.robot.robot import Robot
-from excite.safety.refusals import tallied
+from excite.safety.refusals import tally_refusals
 from excite.safety.repairs.draft import Rejection
 
 # Motions kept back for cross-validation.
@@ -73,7 +73,7 @@ class Rehearsed:
         return {name: refused for name, refused in known.items() if refused is not None}
 
 
-def choose(
+def choose_motions(
     robot: Robot,
     pool: Pool,
     base: BaseParameters,
@@ -95,15 +95,15 @@ def choose(
     try:
         if not interrupted:
             try:
-                return _choose(robot, pool, base, rule, load, jobs, progress, known)
+                return _choose_and_rehearse(robot, pool, base, rule, load, jobs, progress, known)
             except _AllFall:
                 load = LEAST_LOAD
-                return _choose(robot, pool, base, rule, load, jobs, progress, known)
+                return _choose_and_rehearse(robot, pool, base, rule, load, jobs, progress, known)
     except KeyboardInterrupt:
         pass
     fallen = known.fallen(pool, load)
     left = pool.without(set(fallen))
-    selection = _selected(robot, left, base, rule)
+    selection = _apply_rule(robot, left, base, rule)
     validation = _unchosen_in_turn(left, selection.indices)
     return Choice(left, selection, validation, tuple(fallen.values()), None, interrupted=True)
 
@@ -112,7 +112,7 @@ class _AllFall(NoSolutionError):
     """No motion stands its rehearsal."""
 
 
-def _choose(
+def _choose_and_rehearse(
     robot: Robot,
     pool: Pool,
     base: BaseParameters,
@@ -128,25 +128,27 @@ def _choose(
         if fallen and not left.entries:
             raise _AllFall(
                 f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
-                f"mass on its back: {tallied(robot, fallen.values())[0].sentence}",
+                f"mass on its back: {tally_refusals(robot, fallen.values())[0].sentence}",
                 best=left.motions,
                 remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
             )
-        selection = _selected(robot, left, base, rule)
+        selection = _apply_rule(robot, left, base, rule)
         validation = _unchosen_in_turn(left, selection.indices)
         names = left.names
         new = [i for i in (*selection.indices, *validation) if (names[i], load) not in known.found]
         if not new:
             carried = load if can_fall(robot) else None
             return Choice(left, selection, validation, tuple(fallen.values()), carried)
-        outcomes = rehearse(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
+        outcomes = rehearse_motions(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
         for i, refused in zip(new, outcomes, strict=True):
             known.found[names[i], load] = refused
 
 
-def _selected(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Selection:
+def _apply_rule(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Selection:
     """What a rule selects; raises NoSolutionError where that is nothing."""
-    selection = select(rule.name, candidates(robot, left, base, rule)) if left.entries else None
+    selection = (
+        select_motions(rule.name, selection_candidates(robot, left, base, rule)) if left.entries else None
+    )
     if selection is None or not selection.indices:
         raise NoSolutionError(
             f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
@@ -156,7 +158,9 @@ def _selected(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Sel
     return selection
 
 
-def candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule | None = None) -> Candidates:
+def selection_candidates(
+    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule | None = None
+) -> Candidates:
     """What a rule of selection chooses from, within its bounds."""
 
     def weighted() -> OnDisk[MotionFactor]:

@@ -23,7 +23,7 @@ from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.safety.checks.sampling import time_faults
 from excite.shown import Shown, count
-from excite.simulation.effects.registry import inject as inject_effects
+from excite.simulation.effects.registry import inject_effects as inject_effects
 from excite.simulation.replay import Replay
 from excite.simulation.simulate import run_experiment
 from excite.simulation.true_parameters import TrueParameters

@@ -19,7 +19,7 @@ from excite.identification.adaptation import with_terms_of
 from excite.identification.preparation import prepare_trial
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.result import Identification
-from excite.identification.rollout import HORIZON_S, departures
+from excite.identification.rollout import HORIZON_S, model_departures
 from excite.logs.columns import BASE_POSE
 from excite.logs.log import Log, LogHeader, Trial
 from excite.report.comparisons import NORMAL_95, ForceComparison, MassComparison, PathComparison
@@ -71,11 +71,11 @@ def findings_of(
         settings: of the problem; defaults if None.
         truth: ``truth.json`` of a virtual robot, where there may be one.
     """
-    shown = _shown(robot, identification, log, settings)
+    shown = _shown_trial(robot, identification, log, settings)
     return ReportData(
-        forces=None if shown is None else _forces(identification, shown),
+        forces=None if shown is None else _compare_forces(identification, shown),
         masses=mass_comparison(robot, identification, truth),
-        path=None if shown is None else _path(identification, shown),
+        path=None if shown is None else _compare_paths(identification, shown),
     )
 
 
@@ -87,8 +87,8 @@ def force_comparison(
     Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
     a second would draw corners.
     """
-    shown = _shown(robot, identification, log, settings)
-    return None if shown is None else _forces(identification, shown)
+    shown = _shown_trial(robot, identification, log, settings)
+    return None if shown is None else _compare_forces(identification, shown)
 
 
 class _Shown(NamedTuple):
@@ -100,7 +100,7 @@ class _Shown(NamedTuple):
     problem: IdentificationProblem
 
 
-def _shown(
+def _shown_trial(
     robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None
 ) -> _Shown | None:
     """The validation trial that moves most."""
@@ -121,7 +121,7 @@ def _shown(
     return _Shown(trial, log.header, fine, problem)
 
 
-def _forces(identification: Identification, shown: _Shown) -> ForceComparison:
+def _compare_forces(identification: Identification, shown: _Shown) -> ForceComparison:
     problem = shown.problem
     time = np.unique(problem.time)
     # A joint that stands throughout the trial, or whose torque was not believed, has no rows in it.
@@ -147,7 +147,7 @@ def _forces(identification: Identification, shown: _Shown) -> ForceComparison:
     )
 
 
-def _path(identification: Identification, shown: _Shown) -> PathComparison | None:
+def _compare_paths(identification: Identification, shown: _Shown) -> PathComparison | None:
     """The same trial as it moved, and as both models move it; None where they cannot be told to."""
     problem, robot, filters = shown.problem, shown.problem.robot, shown.problem.filters
     joints = tuple(shown.header.joints)
@@ -159,23 +159,23 @@ def _path(identification: Identification, shown: _Shown) -> PathComparison | Non
     time, record = k.time[every], Moved(k.q[every], k.v[every], k.a[every])
     moved = []
     for parameters in (problem.prior, identification.identified.all):
-        departed = departures(problem, parameters, time, record)
+        departed = model_departures(problem, parameters, time, record)
         if departed is None:
             return None
         q = np.array([pin.integrate(robot.model, *pair) for pair in zip(record.q, departed, strict=True)])
-        moved.append(_logged(robot, joints, q))
+        moved.append(_logged_columns(robot, joints, q))
     return PathComparison(
         trial=trial.name,
         joints=(*BASE_POSE, *joints) if robot.floating else joints,
         time=time,
-        measured=_logged(robot, joints, record.q),
+        measured=_logged_columns(robot, joints, record.q),
         nominal=moved[0],
         identified=moved[1],
         horizon_s=HORIZON_S,
     )
 
 
-def _logged(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
+def _logged_columns(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
     """Columns of the base's pose, if it is free, and of the logged joints."""
     columns = [robot.n_base_q + robot.joint_index(joint) for joint in joints]
     return q[:, [*range(robot.n_base_q), *columns]]

@@ -95,7 +95,7 @@ class Journal:
         for key, value in begun.items():
             if found.get(key) != value:
                 raise InputError(
-                    f"the campaign there was started with {_difference(found.get(key), value)}",
+                    f"the campaign there was started with {_describe_difference(found.get(key), value)}",
                     source=path,
                     field=key,
                     remedy="resume it with the same robot and options",
@@ -116,7 +116,7 @@ class Journal:
             InputError: its folder is not what a campaign has left there.
             MotionError: a motion in it cannot be read or is not of this robot.
         """
-        folder = _folder(self.iteration(number))
+        folder = _iteration_folder(self.iteration(number))
         path = folder / "plan.json"
         if not os.path.lexists(path):
             later = self.iteration(number + 1)
@@ -127,8 +127,8 @@ class Journal:
         chosen = [item.motion for item in plan.selected]
         _check_motions(chosen, plan.validation, number, path)
         return PlannedMotions(
-            chosen=_load(folder, chosen, robot),
-            validation=_load(folder, plan.validation, robot),
+            chosen=_load_motions_of(folder, chosen, robot),
+            validation=_load_motions_of(folder, plan.validation, robot),
             document=plan.stated(),
         )
 
@@ -143,7 +143,7 @@ class Journal:
         Raises:
             LogError: it cannot be read, does not fit the robot, or holds a trial of another motion.
         """
-        folder = _folder(self.log_folder(number))
+        folder = _iteration_folder(self.log_folder(number))
         if not os.path.lexists(folder / "log.yaml"):
             return None
         log = load_log(folder, robot)
@@ -159,7 +159,7 @@ class Journal:
         return log
 
 
-def _folder(path: Path) -> Path:
+def _iteration_folder(path: Path) -> Path:
     if os.path.lexists(path) and not path.is_dir():
         raise InputError("is a file, not a folder", source=path, remedy=_ANEW)
     return path
@@ -175,17 +175,17 @@ def _check_motions(chosen: Sequence[str], validation: Sequence[str], number: int
             name = Path(motion).stem
             if names[name] > 1:
                 raise InputError(f"{motion!r} stands twice", source=path, field=field, remedy=_ANEW)
-            if not name.startswith(prefix(number)):
+            if not name.startswith(motion_prefix(number)):
                 what = f"{motion!r} was not planned in iteration {number}"
                 raise InputError(what, source=path, field=field, remedy=_ANEW)
 
 
-def prefix(number: int) -> str:
+def motion_prefix(number: int) -> str:
     """What the names of an iteration's motions begin with."""
     return f"i{number}_"
 
 
-def _load(folder: Path, names: Sequence[str], robot: Robot) -> tuple[Motion, ...]:
+def _load_motions_of(folder: Path, names: Sequence[str], robot: Robot) -> tuple[Motion, ...]:
     return tuple(load_motion(folder / name, robot) for name in names)
 
 
@@ -198,7 +198,7 @@ def _only_longer(found: dict[str, Any], begun: dict[str, Any]) -> bool:
     return more and {**before, "max_iterations": 0} == {**asked, "max_iterations": 0}
 
 
-def _difference(found: Any, asked: Any) -> str:
+def _describe_difference(found: Any, asked: Any) -> str:
     if isinstance(found, dict) and isinstance(asked, dict):
         for name, value in asked.items():
             if found.get(name) != value:

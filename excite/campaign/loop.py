@@ -12,16 +12,16 @@ import numpy as np
 from excite.campaign.expected.forecast import Forecast
 from excite.campaign.experiment import simulate
 from excite.campaign.findings import findings_of
-from excite.campaign.journal import Journal, PlannedMotions, prefix
+from excite.campaign.journal import Journal, PlannedMotions, motion_prefix
 from excite.campaign.plan import plan
 from excite.campaign.plan_document import conditioning_comparison, merged_plan, robot_file
 from excite.campaign.result import Campaign, Iteration
 from excite.campaign.settings import CampaignSettings
-from excite.campaign.targets import Earlier, Miss, joints_to_aim_at, misses
-from excite.claim import claimed
+from excite.campaign.targets import Earlier, Miss, joints_to_aim_at, missed_targets
+from excite.claim import claim_folder
 from excite.errors import NoSolutionError
-from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
-from excite.excitation.weakness import unexcited
+from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
+from excite.excitation.weakness import unexcited_parameters
 from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.json_document import write_json
@@ -32,7 +32,7 @@ from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data
-from excite.robot.bringing import RobotLike, as_robot, kept
+from excite.robot.bringing import RobotLike, as_robot, keep_description
 from excite.robot.robot import Robot
 
 # Stream of random numbers of the plans, apart from those of the virtual robot.
@@ -75,19 +75,19 @@ def campaign(
     """
     robot = as_robot(robot)
     settings = settings or CampaignSettings()
-    with claimed(Path(folder)):
+    with claim_folder(Path(folder)):
         journal = Journal(Path(folder))
         journal.open(robot, settings, resume=resume)
-        state = _State(kept(robot, Path(folder)), settings, journal, jobs, progress)
+        state = _State(keep_description(robot, Path(folder)), settings, journal, jobs, progress)
         try:
-            return _run(state)
+            return _run_loop(state)
         except KeyboardInterrupt:
             if not state.iterations:
                 raise
             return state.finish(interrupted=True)
 
 
-def _run(state: _State) -> Campaign:
+def _run_loop(state: _State) -> Campaign:
     settings, journal = state.settings, state.journal
     targets: tuple[str, ...] = ()
     for number in range(1, settings.max_iterations + 1):
@@ -143,7 +143,7 @@ class _State:
             seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
             target_rsd=self.settings.target_rsd,
             before=self.motions,
-            prefix=prefix(number),
+            prefix=motion_prefix(number),
             jobs=self.jobs,
             progress=self.progress,
         )
@@ -181,16 +181,16 @@ class _State:
         self.motions += planned.chosen
         self.logs.append(log)
         self.documents.append(planned.document)
-        self.conditioning = conditioning(self.robot, self.factors)
+        self.conditioning = compute_conditioning(self.robot, self.factors)
         self.progress("identify", len(self.iterations), self.settings.max_iterations)
         self.identification = identify(self.robot, join_logs(self.logs), self.settings.method)
         essential = self.identification.essential
         trials = [trial for entry in self.logs for trial in entry.role("identification")]
         seconds = float(sum(trial.time[-1] - trial.time[0] for trial in trials))
-        missed = misses(
+        missed = missed_targets(
             self.robot,
             essential,
-            unexcited(self.conditioning),
+            unexcited_parameters(self.conditioning),
             self.settings.target_rsd,
             seconds=seconds,
             earlier=[Earlier(one.seconds, one.rsd_percent) for one in self.iterations],
@@ -232,7 +232,7 @@ class _State:
         return result
 
     def _report_data(self, identification: Identification, together: Conditioning) -> ReportData:
-        first = conditioning(self.robot, self.factors[:1], together.base)
+        first = compute_conditioning(self.robot, self.factors[:1], together.base)
         truth = self.journal.log_folder(1) / "truth.json"
         found = findings_of(self.robot, identification, join_logs(self.logs), truth=truth)
         return replace(

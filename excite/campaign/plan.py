@@ -15,12 +15,12 @@ from excite.campaign.candidates.registry import SEARCHES
 from excite.campaign.candidates.search import Asked
 from excite.campaign.candidates.series import SeriesSettings
 from excite.campaign.candidates.source import check_generator
-from excite.campaign.choice import Choice, Rehearsed, Rule, choose
+from excite.campaign.choice import Choice, Rehearsed, Rule, choose_motions
 from excite.campaign.expected.forecast import TARGET_RSD, check_target
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool, ranked_segments
 from excite.errors import InputError, NoSolutionError
-from excite.excitation.conditioning import conditioning
+from excite.excitation.conditioning import compute_conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
@@ -109,14 +109,14 @@ def plan(
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     seconds_of = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
-    report, base, choice = _chosen(judged, Rule(selection, budget_s), folder, seconds_of)
+    report, base, choice = _judge_and_choose(judged, Rule(selection, budget_s), folder, seconds_of)
     refusals = judged.refusals(report, choice.fallen)
     started = time.perf_counter()
     pool = choice.pool
     indices = choice.selection.indices
-    chosen = conditioning(robot, pool.factors.only(indices), base)
+    chosen = compute_conditioning(robot, pool.factors.only(indices), base)
     seconds = float(pool.durations[list(indices)].sum())
-    unchosen = conditioning(robot, pool.factors.only(pool.first_seconds(seconds)), base)
+    unchosen = compute_conditioning(robot, pool.factors.only(pool.first_seconds(seconds)), base)
     robust_margins = _robustness(asked, pool.motions.only(indices)) if not choice.interrupted else ()
     rejected = {**report.rejected, **Counter(refused.reason for refused in choice.fallen)}
     seconds_of["choose"] += time.perf_counter() - started
@@ -160,7 +160,9 @@ class _Chosen(NamedTuple):
     choice: Choice
 
 
-def _chosen(judged: Judged, rule: Rule, folder: TemporaryFolder, seconds: dict[str, float]) -> _Chosen:
+def _judge_and_choose(
+    judged: Judged, rule: Rule, folder: TemporaryFolder, seconds: dict[str, float]
+) -> _Chosen:
     """Candidates judged, and motions chosen of the safe ones: of more while there are too few, as far as that goes.
 
     ``seconds`` of the stages ``rank`` and ``choose`` are added up in passing.
@@ -178,7 +180,7 @@ def _chosen(judged: Judged, rule: Rule, folder: TemporaryFolder, seconds: dict[s
         ranked = time.perf_counter()
         seconds["rank"] += ranked - filtered
         try:
-            choice = choose(
+            choice = choose_motions(
                 robot,
                 pool,
                 base,

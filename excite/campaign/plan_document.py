@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.excitation.conditioning import Conditioning
 from excite.report.comparisons import ConditioningComparison
-from excite.robot.bringing import kept
+from excite.robot.bringing import keep_description
 from excite.robot.catalogue import data_folder
 from excite.robot.robot import Robot
 
@@ -23,7 +23,11 @@ def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
     """
     if robot.source.resolve().is_relative_to(data_folder("robots").resolve()):
         return {}
-    return {"robot_file": os.path.relpath(kept(robot, folder).source.resolve(), Path(folder).resolve())}
+    return {
+        "robot_file": os.path.relpath(
+            keep_description(robot, folder).source.resolve(), Path(folder).resolve()
+        )
+    }
 
 
 def conditioning_comparison(

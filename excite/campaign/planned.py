@@ -13,7 +13,7 @@ import numpy as np
 from excite.atomic import all_or_nothing
 from excite.campaign.candidates.refusal import REFUSALS_FILE, Refusals
 from excite.campaign.expected.forecast import TARGET_RSD, Forecast
-from excite.campaign.expected.outlook import Outlook, outlook, predictable
+from excite.campaign.expected.outlook import Outlook, is_predictable, outlook
 from excite.campaign.on_disk import OnDisk
 from excite.campaign.plan_document import conditioning_comparison, robot_file
 from excite.campaign.pool import Pool
@@ -119,7 +119,7 @@ class Plan(Tabled):
     @cached_property
     def outlook(self) -> Outlook | None:
         """What all motions promise for each base parameter; None where the sensors' noise is not stated."""
-        return outlook(self.robot, (*self.before, *self.motions)) if predictable(self.robot) else None
+        return outlook(self.robot, (*self.before, *self.motions)) if is_predictable(self.robot) else None
 
     @property
     def forecast(self) -> Forecast | None:

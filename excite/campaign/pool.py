@@ -57,7 +57,7 @@ class Keeper:
     def __call__(self, robot: Robot, motion: Motion) -> Accepted:
         """Write a motion and its R factor; raises InputError where that cannot be done."""
         motion = motion.renamed(self.prefix + motion.name)
-        factor = motion_factor(robot, motion, base=_base(robot))
+        factor = motion_factor(robot, motion, base=_pool_base_parameters(robot))
         write_value(motion, _motion_file(self.folder, motion.name))
         write_value(factor, _factor_file(self.folder, motion.name))
         return Accepted(
@@ -65,7 +65,10 @@ class Keeper:
             generator=motion.metadata.generator,
             duration_s=motion.duration,
             conditions=np.array(
-                [(c.condition, c.smallest) for c in segment_conditions(factor.matrix, _columns(robot))]
+                [
+                    (c.condition, c.smallest)
+                    for c in segment_conditions(factor.matrix, _segment_columns(robot))
+                ]
             ),
         )
 
@@ -143,14 +146,14 @@ def _factor_file(folder: Path, name: str) -> Path:
 
 def ranked_segments(robot: Robot) -> tuple[str, ...]:
     """Names of the segments that motions of a robot are ranked by."""
-    return tuple(_columns(robot))
+    return tuple(_segment_columns(robot))
 
 
 @lru_cache(maxsize=4)
-def _base(robot: Robot) -> BaseParameters:
+def _pool_base_parameters(robot: Robot) -> BaseParameters:
     return structural_base_parameters(robot)
 
 
 @lru_cache(maxsize=4)
-def _columns(robot: Robot) -> dict[str, NDArray[np.int64]]:
-    return segment_columns(robot, measured_columns(robot), _base(robot))
+def _segment_columns(robot: Robot) -> dict[str, NDArray[np.int64]]:
+    return segment_columns(robot, measured_columns(robot), _pool_base_parameters(robot))

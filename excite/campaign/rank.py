@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from excite.errors import InputError
-from excite.excitation.conditioning import Conditioning, conditioning, motion_factor
+from excite.excitation.conditioning import Conditioning, compute_conditioning, motion_factor
 from excite.motion.collection import MotionsLike, as_motions
 from excite.progress import Progress, silent
 from excite.regressor.base_parameters import structural_base_parameters
@@ -112,13 +112,15 @@ def rank(robot: RobotLike, motions: MotionsLike, *, progress: Progress = silent)
     factors, ranked = [], []
     for done, motion in enumerate(motions, start=1):
         factors.append(motion_factor(robot, motion))
-        ranked.append(RankedMotion(motion.name, motion.duration, conditioning(robot, factors[-1:], base)))
+        ranked.append(
+            RankedMotion(motion.name, motion.duration, compute_conditioning(robot, factors[-1:], base))
+        )
         progress("rank", done, len(motions))
-    ranked.sort(key=_quality)
-    return RankReport(robot.name, tuple(ranked), conditioning(robot, factors, base))
+    ranked.sort(key=_ranking_key)
+    return RankReport(robot.name, tuple(ranked), compute_conditioning(robot, factors, base))
 
 
-def _quality(item: RankedMotion) -> tuple[float, float, float, str]:
+def _ranking_key(item: RankedMotion) -> tuple[float, float, float, str]:
     found = item.conditioning
     segments = np.array([segment.condition for segment in found.segments])
     return -found.rank, found.full, float(np.median(segments)), item.motion

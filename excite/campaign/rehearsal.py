@@ -55,7 +55,7 @@ AT_LIMIT = "drive_at_limit_in_rehearsal"
 """Reasons for which a motion is refused that does not stand its rehearsal."""
 
 
-def rehearse(
+def rehearse_motions(
     robot: Robot,
     motions: Sequence[Motion],
     *,
@@ -86,7 +86,9 @@ def rehearse(
     # Motions that are on disk are read where they are run.
     tasks: Sequence[Motion | Path] = motions.files if isinstance(motions, OnDisk) else motions
     shared = (robot, load)
-    return tuple(in_order(_rehearsed, tasks, jobs=jobs, shared=shared, stage="rehearse", progress=progress))
+    return tuple(
+        in_order(_rehearse_one, tasks, jobs=jobs, shared=shared, stage="rehearse", progress=progress)
+    )
 
 
 def can_fall(robot: Robot) -> bool:
@@ -99,12 +101,12 @@ def may_slip_m(robot: Robot) -> float:
     return MAX_SLIP_SHARE * support_reach(robot, robot.feet)
 
 
-def _rehearsed(shared: tuple[Robot, float], task: Motion | Path) -> Rejection | None:
+def _rehearse_one(shared: tuple[Robot, float], task: Motion | Path) -> Rejection | None:
     robot, load = shared
     motion = read_value(task) if isinstance(task, Path) else task
     may_slip = _slip_under_load(robot)
-    run = _run(robot, load, motion, may_slip)
-    refused = _refused(robot, motion, run, may_slip)
+    run = _run_rehearsal(robot, load, motion, may_slip)
+    refused = _refuse_run(robot, motion, run, may_slip)
     if refused is not None or run is None:
         return refused
     replay = run.replay
@@ -152,8 +154,8 @@ class Rehearsal:
 def rehearse_alone(robot: Robot, motion: Motion) -> Rehearsal:
     """Run a motion of a standing robot without a load, until something goes wrong."""
     may_slip = min(MOST_SLIP_M, _slip_under_load(robot))
-    run = _run(robot, 0.0, motion, may_slip)
-    refused = _refused(robot, motion, run, may_slip)
+    run = _run_rehearsal(robot, 0.0, motion, may_slip)
+    refused = _refuse_run(robot, motion, run, may_slip)
     if run is None:
         return Rehearsal(False, 0.0, False, 0.0, refused)
     replay, recording = run.replay, run.recording
@@ -168,13 +170,13 @@ def rehearse_alone(robot: Robot, motion: Motion) -> Rehearsal:
     )
 
 
-def _refused(robot: Robot, motion: Motion, run: WatchedRun | None, may_slip: float) -> Rejection | None:
+def _refuse_run(robot: Robot, motion: Motion, run: WatchedRun | None, may_slip: float) -> Rejection | None:
     """What went wrong in a run, first of all a fall; a run that diverges counts as one."""
     if run is None:
         return Rejection(motion.name, FELL, "base")
     replay, recording = run.replay, run.recording
     if replay.fell:
-        return Rejection(motion.name, FELL, _fallen(robot, run), replay.fell_at_s)
+        return Rejection(motion.name, FELL, _explain_fall(robot, run), replay.fell_at_s)
     if replay.self_collided:
         row = int(np.argmax(recording.touches > 0))
         near = CollisionProbe(robot).closest(recording.q[row : row + 1])
@@ -188,7 +190,7 @@ def _refused(robot: Robot, motion: Motion, run: WatchedRun | None, may_slip: flo
     return None
 
 
-def _fallen(robot: Robot, run: WatchedRun) -> str:
+def _explain_fall(robot: Robot, run: WatchedRun) -> str:
     """Where a fall began: the drive that was longest at its torque limit by then, if any was."""
     longest = int(np.argmax(run.recording.clipped.sum(axis=0)))
     if not run.recording.clipped[:, longest].any():
@@ -196,10 +198,10 @@ def _fallen(robot: Robot, run: WatchedRun) -> str:
     return f"base, {robot.joint_names[longest]} at its torque limit"
 
 
-def _run(robot: Robot, load: float, motion: Motion, may_slip: float) -> WatchedRun | None:
+def _run_rehearsal(robot: Robot, load: float, motion: Motion, may_slip: float) -> WatchedRun | None:
     """A run in the longest steps of the physics in which it does not diverge; None if it does in all."""
     for step in _STEPS:
-        machine = _machine(robot, load, step)
+        machine = _loaded_machine(robot, load, step)
         try:
             return watched_run(machine.virtual, motion, may_slip_m=may_slip, forces=False, machine=machine)
         except DivergedError:
@@ -208,7 +210,7 @@ def _run(robot: Robot, load: float, motion: Motion, may_slip: float) -> WatchedR
 
 
 @lru_cache(maxsize=4)
-def _machine(robot: Robot, load: float, step: float) -> Machine:
+def _loaded_machine(robot: Robot, load: float, step: float) -> Machine:
     """The robot with a load and steps of the physics [s], compiled."""
     loaded = loaded_robot(robot, load=load) if load else nominal_robot(robot)
     return Machine(replace(loaded, world=replace(loaded.world, timestep=step)), watch=True)

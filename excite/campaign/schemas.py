@@ -26,7 +26,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def schema_names() -> list[str]:
     """Names that :func:`file_schema` knows: of files written by hand, of each result, and ``results``."""
-    return sorted([*_MODELS, "bounds", "results", *(_short(name) for name in DOCUMENTS)])
+    return sorted([*_MODELS, "bounds", "results", *(_short_name(name) for name in DOCUMENTS)])
 
 
 def file_schema(name: str) -> dict[str, Any]:
@@ -44,26 +44,26 @@ def file_schema(name: str) -> dict[str, Any]:
     if name in _MODELS:
         found = _MODELS[name].model_json_schema(by_alias=True)
     elif name == "bounds":
-        found = _bounds()
+        found = _bounds_schema()
     elif name == "results":
         found = {
             "title": "results",
             "oneOf": [kind.model_json_schema(by_alias=True) for kind in DOCUMENTS.values()],
         }
     else:
-        kinds = {_short(full): kind for full, kind in DOCUMENTS.items()}
+        kinds = {_short_name(full): kind for full, kind in DOCUMENTS.items()}
         if name not in kinds:
             raise UnknownNameError("schema", name, schema_names())
         found = kinds[name].model_json_schema(by_alias=True)
     return {"$schema": _DIALECT, **found}
 
 
-def _short(schema: str) -> str:
+def _short_name(schema: str) -> str:
     """``plan`` of ``excite.plan/1``."""
     return schema.removeprefix("excite.").partition("/")[0]
 
 
-def _bounds() -> dict[str, Any]:
+def _bounds_schema() -> dict[str, Any]:
     """Of ``bounds.yaml``, whose reader names links and drives of the robot at hand."""
     pair = {"type": "array", "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
     positive = {"type": ["number", "string", "null"]}

@@ -64,7 +64,7 @@ class Miss:
         return f"{self.parameter}{rsd}: {self.reason.value}"
 
 
-def misses(
+def missed_targets(
     robot: Robot,
     essential: Sequence[BaseParameter],
     unexcited: Sequence[UnexcitedParameter],
@@ -99,16 +99,20 @@ def misses(
         short = estimate.rsd_percent / target_rsd
         if short > PATIENCE**_SQUARE_ROOT:
             reason = Reason.NOISE
-        elif short > PATIENCE ** _falls(estimate.name, estimate.rsd_percent, seconds, earlier):
+        elif short > PATIENCE ** _deviation_exponent(estimate.name, estimate.rsd_percent, seconds, earlier):
             reason = Reason.STALLED
         else:
             reason = Reason.MORE_MOTION
-        found.append(Miss(estimate.name, estimate.rsd_percent, reason, _joints(robot, estimate.name)))
-    found += [Miss(item.label, None, Reason.NOT_EXCITED, _joints(robot, item.label)) for item in unexcited]
+        found.append(Miss(estimate.name, estimate.rsd_percent, reason, _joints_moving(robot, estimate.name)))
+    found += [
+        Miss(item.label, None, Reason.NOT_EXCITED, _joints_moving(robot, item.label)) for item in unexcited
+    ]
     return tuple(found)
 
 
-def _falls(parameter: str, rsd_percent: float, seconds: float, earlier: Sequence[Earlier]) -> float:
+def _deviation_exponent(
+    parameter: str, rsd_percent: float, seconds: float, earlier: Sequence[Earlier]
+) -> float:
     """The power of motion with which a parameter's deviation fell since it was first seen; at most ½, at least 0."""
     first = next((one for one in earlier if one.rsd_percent.get(parameter, 0.0) > 0.0), None)
     if first is None or not seconds > first.seconds > 0.0:
@@ -123,7 +127,7 @@ def joints_to_aim_at(robot: Robot, missed: Sequence[Miss]) -> tuple[str, ...]:
     return tuple(joint for joint in robot.joint_names if joint in wanted)
 
 
-def _joints(robot: Robot, parameter: str) -> tuple[str, ...]:
+def _joints_moving(robot: Robot, parameter: str) -> tuple[str, ...]:
     """Joints that move the body of a parameter ``Izz(SEGMENT)``: its own and the one before; or a drive's."""
     inside = parameter.partition("(")[2].rstrip(")")
     if inside in robot.joint_names:

@@ -12,11 +12,11 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from excite.claim import claimed
+from excite.claim import claim_folder
 from excite.cli.session.command_help import HelpfulCommand
 from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import command_line, emit, progress_bars
-from excite.cli.session.workers import workers
+from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.cli.session.workers import requested_workers
 from excite.errors import ExciteError, InputError
 from excite.json_document import write_json
 from excite.parallel.engine import in_order
@@ -72,8 +72,8 @@ def make(
     from excite.blind.make import make_cases  # lazy: pinocchio
 
     with (
-        claimed(out or Path("blind")) as folder,
-        workers(jobs, cluster) as crew,
+        claim_folder(out or Path("blind")) as folder,
+        requested_workers(jobs, cluster) as crew,
         progress_bars() as progress,
     ):
         answers = make_cases(
@@ -89,7 +89,9 @@ def make(
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
     then = command_line("blind", "score", folder)
-    emit(f"{count(cases, 'case')} in {folder}, answers in {answers}", document, as_json=as_json, then=then)
+    emit_result(
+        f"{count(cases, 'case')} in {folder}, answers in {answers}", document, as_json=as_json, then=then
+    )
 
 
 @app.command("enter", cls=HelpfulCommand)
@@ -110,17 +112,19 @@ def enter(
     ] = "diagnose",
 ) -> None:
     """Let a program answer every case, one file a case; it sees nothing but the log."""
-    cases = _cases(folder)
+    cases = _case_folders(folder)
     with (
-        claimed(out or Path(f"{folder.name}-{method}")) as entry,
-        workers(jobs, cluster) as crew,
+        claim_folder(out or Path(f"{folder.name}-{method}")) as entry,
+        requested_workers(jobs, cluster) as crew,
         progress_bars() as progress,
     ):
-        for case, (document, _) in zip(cases, _answered(cases, method, seed, crew, progress), strict=True):
+        for case, (document, _) in zip(
+            cases, _answer_cases(cases, method, seed, crew, progress), strict=True
+        ):
             write_json(document, entry / f"{case.name}.json")
     document = {"schema": "excite.blind_entry/1", "cases": len(cases), "method": method, "folder": str(entry)}
     then = command_line("blind", "score", folder, "--entry", entry)
-    emit(f"{len(cases)} answers in {entry}", document, as_json=as_json, then=then)
+    emit_result(f"{len(cases)} answers in {entry}", document, as_json=as_json, then=then)
 
 
 @app.command("score", cls=HelpfulCommand)
@@ -142,12 +146,12 @@ def score(
     ] = None,
 ) -> None:
     """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
-    from excite.blind.board import board  # lazy: pinocchio
+    from excite.blind.board import score_board  # lazy: pinocchio
     from excite.blind.entry.answers import from_diagnosis, read_entry  # lazy: pinocchio
     from excite.blind.make import answers_file, load_answers  # lazy: pinocchio
     from excite.blind.score import score_entry  # lazy: pinocchio
 
-    cases = _cases(folder)
+    cases = _case_folders(folder)
     answers = load_answers(folder)
     for case in cases:
         if case.name not in answers:
@@ -159,8 +163,8 @@ def score(
     if entries:
         scores = {str(entry): score_entry(answers, read_entry(entry, answers)) for entry in entries}
     else:
-        with workers(jobs, cluster) as crew, progress_bars() as progress:
-            found = _answered(cases, "diagnose", seed, crew, progress)
+        with requested_workers(jobs, cluster) as crew, progress_bars() as progress:
+            found = _answer_cases(cases, "diagnose", seed, crew, progress)
         said = {case.name: from_diagnosis(*item) for case, item in zip(cases, found, strict=True)}
         scores = {"excite diagnose": score_entry(answers, said)}
     documents = {name: result.to_json() for name, result in scores.items()}
@@ -169,27 +173,27 @@ def score(
         document = {"schema": "excite.blind_board/1", "entries": documents}
     if out is not None:
         write_json(document, out / "blind_score.json")
-    text = next(iter(scores.values())).summary() if not others else board(scores)
-    emit(text, document, as_json=as_json)
+    text = next(iter(scores.values())).summary() if not others else score_board(scores)
+    emit_result(text, document, as_json=as_json)
 
 
-def _cases(folder: Path) -> list[Path]:
+def _case_folders(folder: Path) -> list[Path]:
     cases = sorted(path for path in folder.glob("case_*") if path.is_dir())
     if not cases:
         raise InputError(f"{folder} holds no cases", remedy="make some with `excite blind make`")
     return cases
 
 
-def _answered(
+def _answer_cases(
     cases: list[Path], method: str, seed: int, crew: Jobs, progress: Progress
 ) -> list[tuple[dict[str, Any], float]]:
     """What a program says of every case, and its seconds of processor time."""
     tasks = [case.absolute() for case in cases]
-    work, shared = (_diagnosed, seed) if method == "diagnose" else (_entered, method)
+    work, shared = (_run_diagnosis, seed) if method == "diagnose" else (_run_entry, method)
     return list(in_order(work, tasks, jobs=at_once(crew), shared=shared, stage=method, progress=progress))
 
 
-def _entered(method: str, case: Path) -> tuple[dict[str, Any], float]:
+def _run_entry(method: str, case: Path) -> tuple[dict[str, Any], float]:
     """The answer of one of the plain programs."""
     from excite.blind.entry.registry import PROGRAMS  # lazy: pinocchio
 
@@ -215,10 +219,10 @@ def _children_s() -> float:
     return times.children_user + times.children_system
 
 
-def _diagnosed(seed: int, case: Path) -> tuple[dict[str, Any], float]:
+def _run_diagnosis(seed: int, case: Path) -> tuple[dict[str, Any], float]:
     """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
     from excite.documents.diagnosis import Diagnosis  # lazy: pydantic
-    from excite.reading.json_document import checked, parse_json  # lazy: pydantic
+    from excite.reading.json_document import check_content, parse_json  # lazy: pydantic
 
     folder = TemporaryFolder()
     copy = Path(shutil.copytree(case, folder.path / "private" / "log"))
@@ -241,4 +245,4 @@ def _diagnosed(seed: int, case: Path) -> tuple[dict[str, Any], float]:
         raise ExciteError(
             f"the diagnosis of {case.name} is no JSON ({' '.join(str(error).split())})"
         ) from error
-    return checked(Diagnosis, document, case, remedy="diagnose it alone").content(), taken
+    return check_content(Diagnosis, document, case, remedy="diagnose it alone").content(), taken

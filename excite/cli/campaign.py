@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 import excite
-from excite.claim import claimed
+from excite.claim import claim_folder
 from excite.cli.session.command_help import METHOD_HELP
 from excite.cli.session.completion import one_of
 from excite.cli.session.interruption import exit_code_of_interruption, keeping_best, say_interrupted
@@ -21,9 +21,9 @@ from excite.cli.session.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
+from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
 from excite.cli.session.refused import refusals_shown
-from excite.cli.session.workers import workers
+from excite.cli.session.workers import requested_workers
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
 from excite.made import made_by
 
@@ -80,15 +80,17 @@ def command(
         from excite.campaign.journal import Journal  # lazy: pinocchio
 
         begun = Journal(out or Path("campaign")).settings()
-        settings = replace(begun, **{name: value for name, value in asked.items() if _given(context, name)})
+        settings = replace(
+            begun, **{name: value for name, value in asked.items() if _is_given(context, name)}
+        )
     else:
         settings = excite.CampaignSettings(**asked)
     with (
-        claimed(out or Path("campaign")) as folder,
-        workers(jobs, cluster) as crew,
+        claim_folder(out or Path("campaign")) as folder,
+        requested_workers(jobs, cluster) as crew,
         progress_bars() as progress,
         keeping_best(),
-        made_by(_begun(robot, settings), excite.__version__, settings.seed),
+        made_by(_begun_command(robot, settings), excite.__version__, settings.seed),
     ):
         loaded = excite.load_robot(robot)
         with refusals_shown(loaded, folder):
@@ -106,7 +108,7 @@ def command(
             if result.awaits is not None:
                 excite.report(result.awaits.parent)
             then = _next_of_page(folder)
-    emit(
+    emit_result(
         f"{result.summary()}\nwritten to {folder}",
         result.to_json(),
         as_json=as_json,
@@ -119,7 +121,7 @@ def command(
         raise typer.Exit(EXIT_NEGATIVE)
 
 
-def _begun(robot: str, settings: excite.CampaignSettings) -> str:
+def _begun_command(robot: str, settings: excite.CampaignSettings) -> str:
     """The command that the campaign was begun with, whatever it is resumed with."""
     plain = excite.CampaignSettings()
     words: list[object] = []
@@ -132,7 +134,7 @@ def _begun(robot: str, settings: excite.CampaignSettings) -> str:
     return command_line("campaign", robot, *words)
 
 
-def _given(context: typer.Context, setting: str) -> bool:
+def _is_given(context: typer.Context, setting: str) -> bool:
     """Whether a setting was asked for, and is not its option's default."""
     option = setting.removeprefix("n_")
     source = context.get_parameter_source(option)
@@ -141,8 +143,8 @@ def _given(context: typer.Context, setting: str) -> bool:
 
 def _next_of_page(folder: Path) -> str:
     """What the page says comes next."""
-    from excite.report.conclusions.conclusion import conclusion  # lazy: numpy
+    from excite.report.conclusions.conclusion import draw_conclusion  # lazy: numpy
     from excite.report.folder import read_folder  # lazy: numpy
 
-    found = conclusion(read_folder(folder))
+    found = draw_conclusion(read_folder(folder))
     return command_line(*found.command) if found is not None and found.command else ""

@@ -9,8 +9,8 @@ import typer
 import excite
 from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.origin import relative_to, stated_origin
-from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
-from excite.cli.session.workers import workers
+from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
+from excite.cli.session.workers import requested_workers
 from excite.json_document import write_json
 
 NAME = "check"
@@ -51,7 +51,7 @@ def command(
     from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     loaded = excite.load_robot(robot)
-    with workers(jobs, cluster) as crew, progress_bars() as progress:
+    with requested_workers(jobs, cluster) as crew, progress_bars() as progress:
         result = excite.check(
             loaded, excite.load_motions(motions, loaded), robust=robust, jobs=crew, progress=progress
         )
@@ -64,6 +64,6 @@ def command(
         write_json(document, out / "check.json")
     then = command_line("rank", robot, *motions) if result.safe else ""
     said = "\n".join(filter(None, (chart.worst_in_words(), result.summary())))
-    emit(said, document, as_json=as_json, then=then)
+    emit_result(said, document, as_json=as_json, then=then)
     if not result.safe:
         raise typer.Exit(EXIT_NEGATIVE)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import excite
-from excite.claim import claimed
+from excite.claim import claim_folder
 from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import command_line, emit, progress_bars
-from excite.cli.session.workers import workers
+from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.cli.session.workers import requested_workers
 
 NAME = "demo"
 
@@ -21,9 +21,13 @@ def command(
     cluster: ClusterOption = None,
 ) -> None:
     """Plan, check, run and identify on a virtual Unitree G1 with 5 kg added; ends in a report."""
-    with claimed(out or Path("demo")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
+    with (
+        claim_folder(out or Path("demo")) as folder,
+        requested_workers(jobs, cluster) as crew,
+        progress_bars() as progress,
+    ):
         result = excite.demo(folder, seed=seed, jobs=crew, progress=progress)
-    emit(
+    emit_result(
         result.summary(),
         result.to_json(),
         as_json=as_json,

@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.origin import stated_origin
-from excite.cli.session.output import command_line, emit, progress_bars
+from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.errors import RobotError
 from excite.json_document import write_json
 
@@ -43,7 +43,7 @@ def command(
 ) -> None:
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
     nominal = None if robot is None else excite.robot_for_log(robot, log)
-    model = None if apply is None else _checked(nominal, log)
+    model = None if apply is None else _check_nominal(nominal, log)
     with progress_bars() as progress:
         result = excite.diagnose(log, nominal, seed=seed, out=out or apply, budget=budget, progress=progress)
     summary, document = result.summary(), result.to_json()
@@ -55,17 +55,17 @@ def command(
         except RobotError:
             if out is not None:
                 # What was found is not lost with the robot that it does not make.
-                _save(result, document | stated_origin(robot or "", log, out), out)
+                _save_diagnosis(result, document | stated_origin(robot or "", log, out), out)
             raise
         summary += f"\n{applied.summary()}"
         document |= {"applied": applied.to_json(out or Path.cwd())}
     if out is not None:
         document |= stated_origin(robot or "", log, out)
-        summary += f"\nreport: {_save(result, document, out)}"
-    emit(summary, document, as_json=as_json, then=_then(robot, log, apply, document))
+        summary += f"\nreport: {_save_diagnosis(result, document, out)}"
+    emit_result(summary, document, as_json=as_json, then=_next_command(robot, log, apply, document))
 
 
-def _then(robot: str | None, log: Path, apply: Path | None, document: dict[str, Any]) -> str:
+def _next_command(robot: str | None, log: Path, apply: Path | None, document: dict[str, Any]) -> str:
     """What to go on with: the effects written into the robot, the gap that is left with them, or nothing."""
     applied = document.get("applied")
     if applied is not None and applied["left_out"] and len(applied["left_out"]) >= len(document["effects"]):
@@ -82,7 +82,7 @@ def _then(robot: str | None, log: Path, apply: Path | None, document: dict[str, 
     return command_line(*words) if words else ""
 
 
-def _checked(nominal: Robot | None, log: Path) -> Robot:
+def _check_nominal(nominal: Robot | None, log: Path) -> Robot:
     """The robot that effects are to be written into, refused before any work where it takes none."""
     from excite.campaign.applied.apply import check_applicable  # lazy: pinocchio
     from excite.logs.files import load_log  # lazy: pinocchio
@@ -93,7 +93,7 @@ def _checked(nominal: Robot | None, log: Path) -> Robot:
     return robot
 
 
-def _save(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:
+def _save_diagnosis(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:
     """Write the curves, the document, and the page that shows both; returns the page."""
     from excite.report.comparisons import ForceComparison, PathComparison  # lazy: numpy
     from excite.report.data import ReportData, save_report_data  # lazy: pydantic

@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.origin import stated_origin
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit_result
 from excite.json_document import write_json
 from excite.robot.catalogue import is_robot, robot_of_log
 
@@ -66,13 +66,13 @@ def command(
     document = chart.to_json(repaired=repair)
     if out is not None:
         document |= stated_origin(robot or "", log, out)
-        _save(nominal, loaded, chart, document, out)
+        _save_findings(nominal, loaded, chart, document, out)
     if chart.usable:
         own = robot_of_log(chart.robot, chart.log.header.robot, log)
         then = command_line("identify", robot or own, repair or log, "--out", "result")
         if not chart.log.header.measures_forces:
             then = command_line("diagnose", repair or log, "--out", "diagnosis")
-        emit(chart.summary(repaired=repair), document, as_json=as_json, then=then)
+        emit_result(chart.summary(repaired=repair), document, as_json=as_json, then=then)
     chart.check_usable()
 
 
@@ -84,10 +84,10 @@ def _examine_robot(robot: Path, out: Path | None, *, as_json: bool) -> None:
     if out is not None:
         write_json(document | stated_origin(str(robot), None, out), out / "doctor.json")
     then = command_line("plan", robot) if chart.healthy else ""
-    emit(chart.summary(), document, as_json=as_json, then=then)
+    emit_result(chart.summary(), document, as_json=as_json, then=then)
 
 
-def _save(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
+def _save_findings(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
     """Write what was found, and the torques that a page of it shows."""
     from excite.doctor.beside_model import beside_model  # lazy: pinocchio
     from excite.report.comparisons import ForceComparison  # lazy: numpy

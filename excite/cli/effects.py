@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import command_line, emitted
+from excite.cli.session.output import command_line, write_and_emit
 
 NAME = "effects"
 
@@ -18,7 +18,7 @@ def command(
     """List the effects that a diagnosis can name: law, what looks like it, what tells them apart."""
     summaries = excite.effect_summaries()
     document = {"schema": "excite.effects/1", "effects": [summary.to_json() for summary in summaries]}
-    if emitted(document, "effects.json", as_json=as_json, out=out):
+    if write_and_emit(document, "effects.json", as_json=as_json, out=out):
         return
     from rich.console import Console
     from rich.padding import Padding

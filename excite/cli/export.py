@@ -11,7 +11,7 @@ import typer
 import excite
 from excite.cli.session.completion import one_of
 from excite.cli.session.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit_result
 from excite.export.registry import EXPORTERS
 from excite.json_document import write_json
 
@@ -83,7 +83,7 @@ def command(
             robot=robot,
             unsafe_anyway=unsafe_anyway,
             approach=approach,
-            settings=_settings(settings or []),
+            settings=_parse_settings(settings or []),
         )
     except excite.UnsafeMotionError as error:
         # One line each; the last one, which says what to do, is the error's own.
@@ -102,7 +102,7 @@ def command(
     }
     if out is not None:
         write_json(document, out / "export.json")
-    emit(
+    emit_result(
         "\n".join(f"wrote {item.path}" for item in written),
         document,
         as_json=as_json,
@@ -118,7 +118,7 @@ def command(
     )
 
 
-def _settings(texts: list[str]) -> dict[str, str]:
+def _parse_settings(texts: list[str]) -> dict[str, str]:
     """Settings from texts ``NAME=VALUE``, each once."""
     found: dict[str, str] = {}
     for text in texts:

@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.atomic import atomic_folder
 from excite.cli.session.options import JobsOption, JsonOption, SeedOption
-from excite.cli.session.output import command_line, emit, progress_bars
+from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.cli.session.segment_options import (
     AsymmetricOption,
     MassRangeOption,
@@ -109,7 +109,7 @@ def command(
     )
     subject = excite.Subject(mass, height, sex)
     _check_whole(trials, loaded, identify, out)
-    written_before = _written(out)
+    written_before = _written_files(out)
     with progress_bars() as progress:
         person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)
     from excite.logs.files import keep_others  # lazy: pinocchio
@@ -117,14 +117,14 @@ def command(
     # All of it or nothing: a folder without what was asked for would be taken for the whole.
     with atomic_folder(out) as folder:
         excite.write_person(person, folder)
-        document, summary = _evaluated(person, folder, loaded, identify, estimator)
+        document, summary = _evaluate_person(person, folder, loaded, identify, estimator)
         document["files"] = sorted([_DOCUMENT, *(item.name for item in folder.iterdir())])
         write_json(document, folder / _DOCUMENT)
         keep_others(out, folder, written_before)
     # Of a log with trials that were done with a weight, the body is not to be identified as if there were none.
     plain = identify is None and not loaded
     then = command_line("identify", out / "robot.yaml", out, "--out", "segments") if plain else ""
-    emit(
+    emit_result(
         f"{person.summary()}\nwrote {out}{summary}",
         document,
         as_json=as_json,
@@ -135,10 +135,10 @@ def command(
 def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Path) -> None:
     """Say before the work is done that it could not be finished."""
     if loaded >= len(trials):
-        from excite.reading.number import shown  # lazy: numpy
+        from excite.reading.number import shorten_value  # lazy: numpy
 
         raise InputError(
-            f"is {shown(loaded)} of {len(trials)} recordings",
+            f"is {shorten_value(loaded)} of {len(trials)} recordings",
             field="--loaded",
             remedy="give a recording without the weight too, before those with it",
         )
@@ -149,7 +149,7 @@ def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Pat
     check_replaceable(out)
 
 
-def _written(out: Path) -> list[str]:
+def _written_files(out: Path) -> list[str]:
     """Names of the files that an earlier run wrote into the folder, which this one replaces."""
     if not (out / _DOCUMENT).is_file():
         return []
@@ -162,7 +162,7 @@ def _written(out: Path) -> list[str]:
         return []
 
 
-def _evaluated(
+def _evaluate_person(
     person: excite.MeasuredPerson,
     folder: Path,
     loaded: int,

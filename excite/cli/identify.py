@@ -15,7 +15,7 @@ from excite.cli.session.completion import one_of
 from excite.cli.session.failure import of_error
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.session.origin import stated_origin
-from excite.cli.session.output import command_line, emit, progress_bars
+from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.cli.session.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
@@ -102,7 +102,7 @@ def command(
     if bounds_template is not None:
         path = excite.write_bounds_template(loaded, bounds_template)
         then = command_line("identify", robot, *logs, "--method", "physical", "--bounds", path)
-        emit(f"wrote {path}", {"bounds_template": str(path)}, as_json=as_json, then=then)
+        emit_result(f"wrote {path}", {"bounds_template": str(path)}, as_json=as_json, then=then)
         return
     _check_template(loaded, template, out)
     stated = None if bounds is None else excite.load_bounds(bounds, loaded)
@@ -127,7 +127,7 @@ def command(
     if lag is not None:
         document["torque_delay"] = {"value_s": lag.lag_s, "std_s": lag.std_s}
         summary += f"\naligned: {lag.summary()}"
-    pooled = _pooled(loaded, read, settings) if sessions else None
+    pooled = _pool_sessions(loaded, read, settings) if sessions else None
     if pooled is not None:
         document["sessions"] = pooled.to_json()
         summary += f"\n\n{pooled.summary()}"
@@ -149,10 +149,10 @@ def command(
         if out is None
         else command_line("report", out)
     )
-    emit(summary, document, as_json=as_json, then=then)
+    emit_result(summary, document, as_json=as_json, then=then)
 
 
-def _pooled(robot: excite.Robot, logs: list[excite.Log], settings: excite.ProblemSettings) -> Sessions:
+def _pool_sessions(robot: excite.Robot, logs: list[excite.Log], settings: excite.ProblemSettings) -> Sessions:
     return excite.identify_sessions(robot, excite.split_sessions(logs), problem_settings=settings)
 
 
@@ -185,5 +185,5 @@ def _show_best(
     document = {**best.to_json(), "error": of_error(error).to_json()}
     if out is not None:
         write_json(document, out / "identification.json")
-    emit(best.summary(), document, as_json=as_json)
+    emit_result(best.summary(), document, as_json=as_json)
     error.shown = True

@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit_result
 from excite.errors import InputError
 from excite.json_document import write_json
 
@@ -58,7 +58,7 @@ def command(
     document = found.to_json()
     if out is not None:
         write_json(document, out / "load.json")
-    emit(
+    emit_result(
         found.summary(),
         document,
         as_json=as_json,

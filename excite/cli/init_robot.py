@@ -19,7 +19,7 @@ from excite.cli.session.options import (
     SeedOption,
     XacroArgOption,
 )
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit_result
 
 NAME = "init-robot"
 
@@ -67,4 +67,4 @@ def command(
     lines += [f"  assumed: {one}" for one in written.assumed]
     if chart.findings:
         lines += ["the model itself:", *(f"  {line}" for line in chart.summary().splitlines())]
-    emit("\n".join(lines), document, as_json=as_json, then=command_line("plan", written.description))
+    emit_result("\n".join(lines), document, as_json=as_json, then=command_line("plan", written.description))

@@ -57,7 +57,7 @@ from excite.cli.session.interruption import (  # noqa: E402
     handle_signals,
 )
 from excite.cli.session.model_options import with_model_options  # noqa: E402
-from excite.cli.session.typed import typed, typed_seed  # noqa: E402
+from excite.cli.session.typed import typed_command, typed_seed  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
 from excite.made import made_by  # noqa: E402
 
@@ -108,7 +108,7 @@ for _module in (
 app.add_typer(blind.app, name=blind.NAME)
 
 
-def _version(value: bool) -> None:
+def _print_version(value: bool) -> None:
     if value:
         print(f"excite {excite.__version__}")
         raise typer.Exit
@@ -117,7 +117,8 @@ def _version(value: bool) -> None:
 @app.callback()
 def _main(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop."),
     ] = False,
 ) -> None:
     """Design, check, run and evaluate the experiments that identify a robot's dynamics."""
@@ -177,7 +178,7 @@ def _run(arguments: list[str]) -> int:
     try:
         # Not by calling the app, which ends the process by itself for some errors, with exit codes of its own.
         command = _command()
-        made = made_by(typed(arguments), excite.__version__, typed_seed(arguments))
+        made = made_by(typed_command(arguments), excite.__version__, typed_seed(arguments))
         with made, command.make_context("excite", arguments) as context:
             command.invoke(context)
         return 0

@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.cli.session.completion import one_of
 from excite.cli.session.options import JobsOption, JsonOption, ModelOutOption, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import emit_result
 from excite.export.simulators.registry import MODEL_FORMATS
 from excite.shown import count
 
@@ -68,21 +68,21 @@ def command(
     """Write the identified robot for a simulator, with proof that each parameter arrives, and what is lost."""
     written = excite.write_simulator_model(result, format_name, out, robot=robot, template=template)
     main = written.folder / written.files[0]
-    emit(
-        "" if as_json else _text(written),
+    emit_result(
+        "" if as_json else _describe_written(written),
         written.to_json(),
         as_json=as_json,
         then=f"open {main} in your simulator; {written.folder / 'changes.csv'} has all that changed",
     )
 
 
-def _text(written: SimulatorModel) -> str:
+def _describe_written(written: SimulatorModel) -> str:
     from rich.console import Console
     from rich.table import Table
 
     # Names of joints are not cut: a line that is too long for a terminal is wrapped by it.
     console = Console(highlight=False, width=max(Console().width, _WIDTH))
-    shown = _shown(written.changes)
+    shown = _shown_changes(written.changes)
     table = Table(
         "where", "parameter", *(f"{name}" for name in ("before", "after", "change", "unit")), box=None
     )
@@ -92,7 +92,7 @@ def _text(written: SimulatorModel) -> str:
             row.parameter,
             f"{row.before:.4g}",
             f"{row.after:.4g}",
-            f"{row.change:+.3g}{_share(row)}",
+            f"{row.change:+.3g}{_relative_change(row)}",
             row.unit,
         )
     with console.capture() as capture:
@@ -107,33 +107,33 @@ def _text(written: SimulatorModel) -> str:
         f"read again: {proof.felt} parameters were changed one by one and the torques followed each"
         + (f"; on {len(proof.unseen)} no torque depends" if proof.unseen else "")
     )
-    lines += _lost(written.lost)
+    lines += _describe_lost(written.lost)
     lines += [f"note: {text}" for text in written.notes]
     return "\n".join(lines)
 
 
-def _shown(changes: tuple[Change, ...]) -> list[Change]:
+def _shown_changes(changes: tuple[Change, ...]) -> list[Change]:
     """The rows that a person looks for first, in the model's order: masses and joints, then centres of mass."""
-    news = [row for row in changes if 100.0 * abs(row.change) > _NEWS * _size(row, changes)]
+    news = [row for row in changes if 100.0 * abs(row.change) > _NEWS * _change_scale(row, changes)]
     kept = sorted(range(len(news)), key=lambda index: (_RANK.get(news[index].parameter[:3], 0), index))[
         :_ROWS
     ]
     return [news[index] for index in sorted(kept)]
 
 
-def _share(row: Change) -> str:
+def _relative_change(row: Change) -> str:
     """The change in per cent; one that is larger than what was there is told by what was and is."""
     return "" if row.percent is None or abs(row.percent) > 100.0 else f" ({row.percent:+.1f} %)"
 
 
-def _size(row: Change, changes: tuple[Change, ...]) -> float:
+def _change_scale(row: Change, changes: tuple[Change, ...]) -> float:
     """What a change is seen beside: what was before, or where that was zero the body's other centres or inertias."""
     kind = next((kind for kind in ("com_", "I") if row.parameter.startswith(kind)), row.parameter)
     alike = (other for other in changes if other.place == row.place and other.parameter.startswith(kind))
     return abs(row.before) or max((abs(other.before) for other in alike), default=0.0)
 
 
-def _lost(lost: tuple[Lost, ...]) -> list[str]:
+def _describe_lost(lost: tuple[Lost, ...]) -> list[str]:
     """What is lost, a line for all places of a parameter together."""
     places: dict[tuple[str, str], list[str]] = {}
     for item in lost:

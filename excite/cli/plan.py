@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.campaign.candidates.registry import SEARCHES
-from excite.claim import claimed
+from excite.claim import claim_folder
 from excite.cli.session.completion import one_of
 from excite.cli.session.interruption import exit_code_of_interruption, keeping_best, say_interrupted
 from excite.cli.session.options import (
@@ -20,9 +20,9 @@ from excite.cli.session.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.session.output import command_line, emit, progress_bars
+from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.cli.session.refused import refusals_shown
-from excite.cli.session.workers import workers
+from excite.cli.session.workers import requested_workers
 from excite.motion.generators.registry import GENERATORS
 
 if TYPE_CHECKING:
@@ -103,8 +103,8 @@ def command(
     from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     with (
-        claimed(out or Path("plan")) as folder,
-        workers(jobs, cluster) as crew,
+        claim_folder(out or Path("plan")) as folder,
+        requested_workers(jobs, cluster) as crew,
         progress_bars() as progress,
         keeping_best(),
     ):
@@ -116,7 +116,7 @@ def command(
                 n_candidates=candidates,
                 targets=tuple(target or ()),
                 generator=generator,
-                series=_series(criterion, period),
+                series=_series_settings(criterion, period),
                 selection=select,
                 budget_s=budget,
                 target_rsd=target_rsd,
@@ -128,7 +128,7 @@ def command(
         plan.save(folder)
         if not plan.interrupted:
             excite.report(folder)
-    emit(
+    emit_result(
         "\n".join(filter(None, (chart.worst_in_words(), plan.summary(), f"written to {folder}"))),
         plan.to_json() | {"findings": [finding.to_json() for finding in chart.spoiling]},
         as_json=as_json,
@@ -139,7 +139,7 @@ def command(
         raise typer.Exit(exit_code_of_interruption())
 
 
-def _series(criterion: str | None, period: float | None) -> SeriesSettings | None:
+def _series_settings(criterion: str | None, period: float | None) -> SeriesSettings | None:
     if criterion is None and period is None:
         return None
     default = excite.SeriesSettings()

@@ -11,7 +11,7 @@ from excite.cli.session.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.session.output import command_line, emit, progress_bars
+from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.json_document import write_json
 
 NAME = "rank"
@@ -31,7 +31,7 @@ def command(
         ranking = excite.rank(loaded, excite.load_motions(motions, loaded), progress=progress)
     if out is not None:
         write_json(ranking.to_json(), out / "rank.json")
-    emit(
+    emit_result(
         ranking.summary(),
         ranking.to_json(),
         as_json=as_json,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import command_line, emitted
+from excite.cli.session.output import command_line, write_and_emit
 
 NAME = "robots"
 
@@ -18,7 +18,7 @@ def command(
     """List the bundled robots: degrees of freedom, mass, sensors, base type."""
     summaries = excite.robot_summaries()
     document = {"schema": "excite.robots/1", "robots": [summary.to_json() for summary in summaries]}
-    if emitted(document, "robots.json", as_json=as_json, out=out):
+    if write_and_emit(document, "robots.json", as_json=as_json, out=out):
         return
     from rich.console import Console
     from rich.table import Table

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.claim import claimed
+from excite.claim import claim_folder
 from excite.cli.session.completion import one_of
 from excite.cli.session.options import (
     ClusterOption,
@@ -19,8 +19,8 @@ from excite.cli.session.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
-from excite.cli.session.workers import workers
+from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
+from excite.cli.session.workers import requested_workers
 from excite.logs.vocabulary import EFFECTS
 
 NAME = "simulate"
@@ -53,7 +53,11 @@ def command(
 
     check_replaceable(out or Path("log"))
     loaded = excite.load_robot(robot)
-    with claimed(out or Path("log")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
+    with (
+        claim_folder(out or Path("log")) as folder,
+        requested_workers(jobs, cluster) as crew,
+        progress_bars() as progress,
+    ):
         moves, planned = excite.load_motions(motions, loaded), planned_roles(motions)
         experiment = excite.simulate(
             loaded,
@@ -71,7 +75,7 @@ def command(
     # What stands on feet that measure nothing is identified, and not diagnosed.
     told = not loaded.floating or loaded.description.sensors.wrench
     then = command_line("diagnose", folder, "--out", "diagnosis") if inject and told else identify
-    emit(
+    emit_result(
         f"{experiment.summary()}\nwritten to {folder}",
         experiment.to_json(),
         as_json=as_json,

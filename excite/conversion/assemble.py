@@ -30,7 +30,7 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
-def assemble(recording: Recording, found: Guesses, rate_hz: float | None) -> Table:
+def assemble_streams(recording: Recording, found: Guesses, rate_hz: float | None) -> Table:
     """Join a recording's streams.
 
     Args:
@@ -48,7 +48,7 @@ def assemble(recording: Recording, found: Guesses, rate_hz: float | None) -> Tab
     for stream in recording.streams:
         items = [wanted[c.name] for c in stream.columns if c.name in wanted]
         if items:
-            parts.append((stream, _times(stream, clocks, rate_hz), items))
+            parts.append((stream, _stream_times(stream, clocks, rate_hz), items))
             seen |= {item.source for item in items}
     missing = [name for name in wanted if name not in seen]
     if missing:
@@ -59,11 +59,11 @@ def assemble(recording: Recording, found: Guesses, rate_hz: float | None) -> Tab
         )
     if len(parts) == 1:
         stream, time, items = parts[0]
-        return Table(recording.name, {"time": time} | _channels(stream, items))
-    return _joined(recording, parts)
+        return Table(recording.name, {"time": time} | _stream_channels(stream, items))
+    return _join_tables(recording, parts)
 
 
-def _times(stream: Stream, clocks: dict[str, Mapped], rate_hz: float | None) -> Array:
+def _stream_times(stream: Stream, clocks: dict[str, Mapped], rate_hz: float | None) -> Array:
     for column in stream.columns:
         if column.name in clocks:
             return np.asarray(column.values * clocks[column.name].factor)
@@ -72,7 +72,7 @@ def _times(stream: Stream, clocks: dict[str, Mapped], rate_hz: float | None) -> 
     return np.arange(stream.n_rows) / (rate_hz or 1.0)
 
 
-def _channels(stream: Stream, items: list[Mapped]) -> dict[str, Array]:
+def _stream_channels(stream: Stream, items: list[Mapped]) -> dict[str, Array]:
     columns = {column.name: column.values for column in stream.columns}
     return {item.target: _in_si(columns[item.source], item) for item in items}
 
@@ -84,7 +84,7 @@ def _in_si(values: Array, item: Mapped) -> Array:
     return values + item.offset if item.offset else values
 
 
-def _joined(recording: Recording, parts: list[tuple[Stream, Array, list[Mapped]]]) -> Table:
+def _join_tables(recording: Recording, parts: list[tuple[Stream, Array, list[Mapped]]]) -> Table:
     def rank(part: tuple[Stream, Array, list[Mapped]]) -> tuple[int, float]:
         channels = {item.channel for item in part[2]}
         leading = next((k for k, name in enumerate(_LEADING) if name in channels), len(_LEADING))
@@ -102,10 +102,10 @@ def _joined(recording: Recording, parts: list[tuple[Stream, Array, list[Mapped]]
         )
     kept = slice(None) if inside.all() else inside
     columns = {"time": time[kept]}
-    columns |= {name: values[kept] for name, values in _channels(base, items).items()}
+    columns |= {name: values[kept] for name, values in _stream_channels(base, items).items()}
     for stream, own, others in parts[1:]:
         order = np.argsort(own, kind="stable")
-        for name, values in _channels(stream, others).items():
+        for name, values in _stream_channels(stream, others).items():
             whole = order[np.isfinite(values[order])]
             if name not in columns and len(whole):
                 columns[name] = np.interp(time[inside], own[whole], values[whole])

@@ -21,9 +21,9 @@ def add_base(
 ) -> None:
     """Channels of the base and of contact wrenches, where the format itself says them and the log can use them."""
     columns = [c for stream in recording.streams for c in stream.columns if c.name in clues]
-    _add(found, [(f"base.{c.label}", c) for c in columns if c.channel == "base"])
-    if "imu" in mapping.log or _imu(machine) is not None:
-        _add(found, [(f"imu.{c.label}", c) for c in columns if c.channel == "imu"])
+    _add_channels(found, [(f"base.{c.label}", c) for c in columns if c.channel == "base"])
+    if "imu" in mapping.log or _imu_block(machine) is not None:
+        _add_channels(found, [(f"imu.{c.label}", c) for c in columns if c.channel == "imu"])
     _add_wrenches(found, [c for c in columns if c.channel == "wrench"], machine, mapping)
 
 
@@ -31,7 +31,7 @@ def base_fields(
     present: set[str], found: Guesses, machine: Machine, stated: dict[str, Any]
 ) -> dict[str, Any]:
     """Fields of ``log.yaml`` for a base whose pose or inertial readings were logged; empty for none."""
-    imu = _imu(machine) if "imu.gx" in present else None
+    imu = _imu_block(machine) if "imu.gx" in present else None
     fields: dict[str, Any] = {} if imu is None or "imu" in stated else {"imu": imu}
     feet = [] if machine.robot is None else foot_headers(machine.robot)
     feet = [foot for foot in feet if f"contact.{foot.name}" in present]
@@ -70,7 +70,7 @@ def feet_of(found: Guesses, machine: Machine, mapping: Map) -> list[tuple[str, s
     return feet
 
 
-def _add(found: Guesses, pairs: Sequence[tuple[str, Column]]) -> None:
+def _add_channels(found: Guesses, pairs: Sequence[tuple[str, Column]]) -> None:
     known = {item.target for item in found.mapped}
     for target, column in pairs:
         if target not in known:
@@ -90,7 +90,7 @@ def _add_wrenches(found: Guesses, columns: Sequence[Column], machine: Machine, m
     same |= {} if like is None else {name: sensor for sensor, name in like.placed.items()}
     for name, sensor in same.items():
         axes = [(f"wrench.{sensor}.{c.label.rpartition('.')[2]}", c) for c in groups[name]]
-        _add(found, axes)
+        _add_channels(found, axes)
     strange = [name for name in groups if name not in same]
     if not strange:
         return
@@ -115,7 +115,7 @@ def _known_sensors(machine: Machine, stated: dict[str, Any]) -> list[dict[str, A
     return [sensor.model_dump() for sensor in sensor_headers(machine.robot)]
 
 
-def _imu(machine: Machine) -> dict[str, Any] | None:
+def _imu_block(machine: Machine) -> dict[str, Any] | None:
     if machine.robot is None or not machine.floating:
         return None
     block = machine.robot.description.sensors.imu

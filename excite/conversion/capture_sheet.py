@@ -123,11 +123,11 @@ def by_sheet(tables: Sequence[Table], rules: TrialRules, sheet: Capture) -> tupl
     if len(out) == len(tables):
         raise LogError(f"nothing belongs into a log ({'; '.join(said)})", remedy="record the sheet's motions")
     cuts = cut_trials([table for table in tables if table not in out], rules, sheet.roles())
-    found, differs = _matched(cuts, sheet)
+    found, differs = _match_runs(cuts, sheet)
     return found, [*said, *differs]
 
 
-def _matched(cuts: Sequence[Cut], sheet: Capture) -> tuple[tuple[Cut, ...], list[str]]:
+def _match_runs(cuts: Sequence[Cut], sheet: Capture) -> tuple[tuple[Cut, ...], list[str]]:
     """Trials as the runs that they are, and what differs."""
     names = _named_runs([cut.name for cut in cuts], sheet)
     runs, trials = {run.name: run for run in sheet.runs}, {run: trial for trial, run in names.items()}
@@ -143,7 +143,7 @@ def _matched(cuts: Sequence[Cut], sheet: Capture) -> tuple[tuple[Cut, ...], list
         if run not in sheet.logged:
             said.append(_left_out(cut, run))
             continue
-        said += _differs(cut, run, sheet.rate_hz)
+        said += _list_differences(cut, run, sheet.rate_hz)
         again = trials.get(repeats.get(run.name, ""))
         because = f"run {run.name} of the capture sheet"
         found.append(replace(cut, role=roles.get(run.name, cut.role), repeats=again, because=because))
@@ -182,7 +182,7 @@ def _left_out(recorded: Table | Cut, run: Run) -> str:
     return f"{words}, and the largest that a channel reads is {read[most]:+.3g} {unit}, {most.partition('.')[2]}'s"
 
 
-def _differs(cut: Cut, run: Run, rate_hz: float) -> list[str]:
+def _list_differences(cut: Cut, run: Run, rate_hz: float) -> list[str]:
     """What differs between a trial and its run, a sentence each."""
     said = []
     time = cut.columns["time"]

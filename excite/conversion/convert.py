@@ -9,9 +9,9 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from excite.atomic import write_text
-from excite.conversion.assemble import Table, assemble
+from excite.conversion.assemble import Table, assemble_streams
 from excite.conversion.capture_sheet import by_sheet, read_capture
-from excite.conversion.guess import guess
+from excite.conversion.guess import guess_columns
 from excite.conversion.guesses import Guesses, UnclearError
 from excite.conversion.header import log_header
 from excite.conversion.machine import Machine, at_joints, load_machine
@@ -71,10 +71,10 @@ def convert(
         LogError: a source is of no known format, damaged, or does not fit the robot.
     """
     stated = mapping if isinstance(mapping, Map) else (Map() if mapping is None else read_map(Path(mapping)))
-    return _converted(as_paths(sources), robot, Path(out), stated, capture)
+    return _convert_recordings(as_paths(sources), robot, Path(out), stated, capture)
 
 
-def _converted(
+def _convert_recordings(
     sources: Sequence[str | Path],
     robot: str | Path,
     out: Path,
@@ -93,16 +93,16 @@ def _converted(
     recordings = joined_by_joint(read_recordings(sources), stated.joints or machine.joints)
     if recordings[0].said.get("linkages") == "joints":
         machine = at_joints(machine)
-    found = guess(recordings[0], machine, stated, because)
+    found = guess_columns(recordings[0], machine, stated, because)
     if found.questions:
         folder = TemporaryFolder()
 
         def tried(mapping: Map) -> Conversion:
-            return _converted(sources, robot, folder.path / "log", mapping, None, weighs=True)
+            return _convert_recordings(sources, robot, folder.path / "log", mapping, None, weighs=True)
 
         settled = None if weighs else settled_by_torques(found.questions, tried, stated)
         if settled is not None:
-            return _converted(sources, robot, out, settled.mapping, capture, because=settled.because)
+            return _convert_recordings(sources, robot, out, settled.mapping, capture, because=settled.because)
         raise UnclearError(weighed(found.questions, tried, stated), recordings[0].source)
     said = {
         name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
@@ -111,7 +111,7 @@ def _converted(
     # A long recording is not held as read, as joined and as written at once.
     tables: list[Table] = []
     for k in range(len(recordings)):
-        tables += _tables(recordings[k], found, machine, stated)
+        tables += _build_tables(recordings[k], found, machine, stated)
         recordings[k] = replace(recordings[k], streams=())
     compared: list[str] = []
     if sheet is None:
@@ -125,10 +125,10 @@ def _converted(
     if not weighs:
         ask_for_scale(cuts, header, machine, found, stated, recordings[0])
     text = map_text(found, header, cuts, stated)
-    _write(cuts, header, machine, out)
+    _write_log(cuts, header, machine, out)
     (out / "map.yaml").write_text(text, encoding="utf-8")
     read = load_log(out)
-    chart, note = _examined(read, machine)
+    chart, note = _examine_log(read, machine)
     read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
     notes += _held_though_recorded(found.unused, machine) + _without_torque(read) + _not_taken(found)
@@ -180,7 +180,7 @@ def _without_torque(log: Log) -> list[str]:
     ]
 
 
-def _write(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> None:
+def _write_log(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> None:
     """The log folder; the cuts are emptied meanwhile."""
     trials = []
     for entry in header.trials:
@@ -188,11 +188,11 @@ def _write(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> N
     save_log(Log(header=header, trials=tuple(trials), robot_text=machine.text), out)
 
 
-def _tables(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> list[Table]:
+def _build_tables(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> list[Table]:
     """The recording's rows, a table for each run of its clock."""
     rate = stated.rate_hz or stated_rate(recording.said)
     joints = stated.joints or machine.joints
-    runs = in_runs(assemble(recording, found, rate))
+    runs = in_runs(assemble_streams(recording, found, rate))
     rows = (whole_rows(joint_sided(run, stated, joints, recording.source), recording.source) for run in runs)
     return [within_ranges(table, machine, stated.offset) for table in rows]
 
@@ -220,7 +220,7 @@ def _with_findings(log: Log, chart: Chart | None, notes: Sequence[str], folder: 
     return replace(log, header=header)
 
 
-def _examined(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
+def _examine_log(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
     """What the doctor says; a log that it cannot look at is written all the same."""
     try:
         robot = nominal_robot(log)

@@ -7,17 +7,17 @@ from collections.abc import Container, Sequence
 import numpy as np
 
 from excite.conversion.base import add_base, feet_of
-from excite.conversion.columns.anonymous import Understood, understand
+from excite.conversion.columns.anonymous import Understood, understand_columns
 from excite.conversion.columns.axes import axes_as_positions
 from excite.conversion.columns.base_signals import add_base_signals
-from excite.conversion.columns.choice import choose, settle_unmeasured
-from excite.conversion.columns.clock import TICKS, clock_column, goes_evenly, pace, rate_by_velocities
+from excite.conversion.columns.choice import choose_families, settle_unmeasured
+from excite.conversion.columns.clock import TICKS, clock_column, clock_pace, goes_evenly, rate_by_velocities
 from excite.conversion.columns.commands import is_followed, settle_commands
 from excite.conversion.columns.contact_forces import without_contact_forces
 from excite.conversion.columns.families import (
     Family,
     clues_of,
-    families,
+    find_families,
     is_anonymous,
     with_numbers_for_letters,
 )
@@ -58,7 +58,7 @@ _THERE, _FEWEST = 0.5, 20
 _ANY_RATE = 100.0
 
 
-def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "") -> Guesses:
+def guess_columns(recording: Recording, machine: Machine, mapping: Map, because: str = "") -> Guesses:
     """Understand a recording's columns.
 
     Args:
@@ -81,7 +81,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     clues = clues_of(recording, joints, ignored)
     add_stated(found, recording, mapping, joints)
     clues = with_stated_labels(found, clues)
-    clocks = _clocks(found, recording, clues, mapping)
+    clocks = _find_clocks(found, recording, clues, mapping)
     taken = {item.source for item in found.mapped} | set(clocks)
     if machine.floating:
         unknown = [name for name in clues if name not in taken]
@@ -91,14 +91,14 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     single = of_single_joints(found, clues, mapping, joints)
     left |= single
     known = {item.channel for item in found.mapped if item.source not in single}
-    groups = [family for family in families(recording, left, joints) if family.target not in known]
+    groups = [family for family in find_families(recording, left, joints) if family.target not in known]
     groups = [family for family in groups if not is_anonymous(family, joints)]
     groups = without_stated(found, groups, clues)
     groups = axes_as_positions(found, groups, left, known)
     groups = without_contact_forces(found, without_unfilled(found, groups, recording), machine)
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
-    chosen = choose(groups, found, recording, joints)
+    chosen = choose_families(groups, found, recording, joints)
     nameless: dict[str, Family] = {}
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
@@ -123,7 +123,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     note_other_names(found, {target: family for target, family in chosen.items() if target not in nameless})
     note_order_of_legs(found, chosen, joints, mapping)
     note_controllers_constants(found, chosen, groups, recording)
-    _add(found, chosen, nameless)
+    _add_channels(found, chosen, nameless)
     _propose_rate(found, recording)
     ask_for_nameless_torques(found, nameless, recording, mapping)
     add_base(found, recording, left, machine, mapping)
@@ -145,7 +145,9 @@ def guess(recording: Recording, machine: Machine, mapping: Map, because: str = "
     return found
 
 
-def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mapping: Map) -> dict[str, Stream]:
+def _find_clocks(
+    found: Guesses, recording: Recording, clues: dict[str, Clue], mapping: Map
+) -> dict[str, Stream]:
     """A time for every stream; streams that have a time of their own need none."""
     clocks: dict[str, Stream] = {}
     stated = {item.source for item in found.mapped if item.target == "time"}
@@ -165,7 +167,7 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
         values = next(c.values for c in stream.columns if c.name == name)
         unit = mapping.units.get("time", "") or (clues[name].unit if name in clues else "")
         by_map = mapping.units.get("time")
-        paced = pace(values, unit, stated_rate(recording.said))
+        paced = clock_pace(values, unit, stated_rate(recording.said))
         seconds, why = (TICKS[unit], "stated in the map") if by_map else paced
         scale = mapping.scale.get("time", 1.0)
         if seconds is None and scale == 1.0:
@@ -218,7 +220,7 @@ def _propose_rate(found: Guesses, recording: Recording) -> None:
         found.questions[at] = found.questions[at].with_rate(float(f"{rate:.3g}"), ", as the velocities say")
 
 
-def _add(found: Guesses, chosen: dict[str, Family], nameless: Container[str]) -> None:
+def _add_channels(found: Guesses, chosen: dict[str, Family], nameless: Container[str]) -> None:
     joints = set(chosen["q"].placed.columns) if "q" in chosen else {i.target[2:] for i in found.of("q")}
     known = {item.target for item in found.mapped}
     for target, family in chosen.items():
@@ -253,7 +255,7 @@ def _without_names(
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     if whole.sum() < _FEWEST:
         return {}
-    understood: Understood | None = understand(
+    understood: Understood | None = understand_columns(
         values[whole], time[whole], machine, tuple(joints), [column.name for column in columns]
     )
     # How smooth columns are says little where nobody knows for how long.

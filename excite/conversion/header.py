@@ -37,7 +37,7 @@ def log_header(
     """
     present = {name for cut in cuts for name in cut.columns}
     joints = [joint for joint in machine.joints if f"q.{joint}" in present]
-    torque = str(stated.log.get("torque") or _torque(present, found))
+    torque = str(stated.log.get("torque") or _torque_word(present, found))
     channel = "i" if torque == "current" else "tau"
     without = [joint for joint in joints if f"{channel}.{joint}" not in present] if torque != "none" else []
     steps = np.concatenate([np.diff(cut.columns["time"]) for cut in cuts])
@@ -55,7 +55,7 @@ def log_header(
         + (["armature"] if torque != "link_side" else []),
     }
     content |= base_fields(present, found, machine, stated.log)
-    gains = _gains(recordings, joints, found)
+    gains = _stated_gains(recordings, joints, found)
     if gains:
         content["controller"] = gains
         found.facts.append(
@@ -86,7 +86,7 @@ def log_header(
     return header
 
 
-def _torque(present: set[str], found: Guesses) -> str:
+def _torque_word(present: set[str], found: Guesses) -> str:
     if any(name.startswith("tau.") for name in present):
         found.facts.append(
             (
@@ -103,7 +103,7 @@ def _torque(present: set[str], found: Guesses) -> str:
     return "none"
 
 
-def _gains(recordings: Sequence[Recording], joints: Sequence[str], found: Guesses) -> dict[str, Any]:
+def _stated_gains(recordings: Sequence[Recording], joints: Sequence[str], found: Guesses) -> dict[str, Any]:
     """Gains that the recording states for every joint, in a list or by the names that it gives them."""
     said = recordings[0].said
     gains: dict[str, Any] = {}

@@ -64,12 +64,12 @@ def write_header(folder: str | Path, *, overwrite: bool = False) -> WrittenHeade
     steps = np.diff(np.asarray(columns["time"], dtype=float))
     rate = 1.0 / float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 100.0
     models = sorted(folder.glob("*.urdf"))
-    text, fill_in = _text(files, list(columns), joints, rate, models)
+    text, fill_in = _header_text(files, list(columns), joints, rate, models)
     write_text(path, text)
     return WrittenHeader(path, tuple(fill_in))
 
 
-def _text(
+def _header_text(
     files: Sequence[Path], columns: list[str], joints: list[str], rate: float, models: Sequence[Path]
 ) -> tuple[str, list[str]]:
     fill_in = []

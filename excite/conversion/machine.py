@@ -15,7 +15,7 @@ from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.bringing import load_robot
 from excite.robot.loading import portable_description
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import parse_urdf
 
@@ -103,7 +103,7 @@ def _of_robot(robot: Robot, joints: tuple[str, ...]) -> Machine:
         upper=np.asarray(robot.limits.position_upper, dtype=float)[places],
         speed=_stated(np.asarray(robot.limits.velocity, dtype=float)[places]),
         torque=np.asarray(robot.limits.torque, dtype=float)[places],
-        slides=np.array([slides(robot.model, robot.n_base_v + place) for place in places]),
+        slides=np.array([is_prismatic(robot.model, robot.n_base_v + place) for place in places]),
         floating=robot.floating,
         base_link=robot.base_link,
         gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
@@ -139,7 +139,7 @@ def _of_urdf(path: Path) -> Machine:
     # A joint that is logged moves: a range without width is one that nobody has filled in.
     ends &= lower < upper
     effort = limits(model.effortLimit, np.inf)
-    standing = _standing(path, model)
+    standing = _standing_robot(path, model)
     return Machine(
         name=model.name or path.stem,
         joints=names,
@@ -147,7 +147,7 @@ def _of_urdf(path: Path) -> Machine:
         upper=np.where(ends, upper, np.inf),
         speed=_stated(limits(model.velocityLimit, np.nan)),
         torque=np.where(effort > 0.0, effort, np.inf),
-        slides=np.array([slides(model, place) for place in order]),
+        slides=np.array([is_prismatic(model, place) for place in order]),
         floating=standing is not None,
         base_link=next((link for link in links if link not in children), ""),
         gravity=(0.0, 0.0, -9.81),
@@ -156,7 +156,7 @@ def _of_urdf(path: Path) -> Machine:
     )
 
 
-def _standing(path: Path, model: pin.Model) -> Robot | None:
+def _standing_robot(path: Path, model: pin.Model) -> Robot | None:
     """The robot of a bare URDF whose base is free, as the first description has it of a model that has limbs."""
     limbs = ((len(model.subtrees[child]) >= _LEG for child in children) for children in model.children)
     if all(sum(several) < 2 for several in limbs):

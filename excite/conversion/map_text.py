@@ -37,28 +37,28 @@ def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map
     ]
     lines = [
         f"schema: {SCHEMA}",
-        f"joints: {_flow(list(joints))}",
-        f"columns: {_flow(columns)}",
-        f"units: {_flow(_si(found))}",
+        f"joints: {_flow_style(list(joints))}",
+        f"columns: {_flow_style(columns)}",
+        f"units: {_flow_style(_si_units(found))}",
     ]
     if scale:
-        lines.append(f"scale: {_flow(scale)}")
+        lines.append(f"scale: {_flow_style(scale)}")
     if offset:
-        lines.append(f"offset: {_flow(offset)}")
+        lines.append(f"offset: {_flow_style(offset)}")
     if stated.motors:
-        lines.append(f"motors: {_flow([list(row) for row in stated.motors])}")
+        lines.append(f"motors: {_flow_style([list(row) for row in stated.motors])}")
     if stated.ignore:
-        lines.append(f"ignore: {_flow(list(stated.ignore))}")
+        lines.append(f"ignore: {_flow_style(list(stated.ignore))}")
     rules = {"validation": validation} if validation else {}
     rules |= stated.trials.model_dump(mode="json", exclude_defaults=True)
     if rules:
-        lines.append(f"trials: {_flow(rules)}")
+        lines.append(f"trials: {_flow_style(rules)}")
     kept = {"torque": header.torque, "modelled": list(header.modelled)} | stated.log
-    lines.append(f"log: {_flow(kept)}")
+    lines.append(f"log: {_flow_style(kept)}")
     return "\n".join(lines) + "\n"
 
 
-def _si(found: Guesses) -> dict[str, str]:
+def _si_units(found: Guesses) -> dict[str, str]:
     """Units of which ``scale`` is one: the factors are all written there."""
     units = {
         "q": "rad",
@@ -73,7 +73,7 @@ def _si(found: Guesses) -> dict[str, str]:
     return {name: unit for name, unit in units.items() if found.of(name)}
 
 
-def _flow(value: object) -> str:
+def _flow_style(value: object) -> str:
     return yaml.safe_dump(
         value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000
     ).strip()

@@ -21,7 +21,7 @@ CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wren
 Factor = Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
-def _known(text: str) -> str:
+def _known_unit(text: str) -> str:
     """The unit in this package's spelling."""
     unit = text if text in TO_SI or text == "±100" else unit_named(text)
     if unit not in TO_SI and unit != "±100":
@@ -32,7 +32,7 @@ def _known(text: str) -> str:
     return unit
 
 
-Unit = Annotated[str, AfterValidator(_known)]
+Unit = Annotated[str, AfterValidator(_known_unit)]
 
 
 class TrialRules(BaseModel):
@@ -127,7 +127,9 @@ def read_map(path: Path) -> Map:
     try:
         found = Map.model_validate(content)
     except ValidationError as error:
-        faults = [f"{'.'.join(str(part) for part in e['loc'])} ({_advice(e)})" for e in error.errors()]
+        faults = [
+            f"{'.'.join(str(part) for part in e['loc'])} ({_mapping_advice(e)})" for e in error.errors()
+        ]
         raise LogError(
             "has mistakes: " + "; ".join(faults[:20]), source=path, remedy="see `excite schema map`"
         ) from error
@@ -142,7 +144,7 @@ def read_map(path: Path) -> Map:
     return found
 
 
-def _advice(mistake: ErrorDetails) -> str:
+def _mapping_advice(mistake: ErrorDetails) -> str:
     """What is wrong with a field; where it belongs if it is one of ``log.yaml``."""
     name = str(mistake["loc"][0])
     if mistake["type"] == "extra_forbidden" and len(mistake["loc"]) == 1 and name in LogHeader.model_fields:

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.columns.clock import clock_column, tick
-from excite.conversion.columns.words import Clue, clue
+from excite.conversion.columns.clock import clock_column, clock_tick
+from excite.conversion.columns.words import Clue, read_clue
 from excite.conversion.recording import Recording, Stream, merged_names
 from excite.errors import LogError
 
@@ -28,11 +28,11 @@ def joined_parts(recordings: Sequence[Recording]) -> list[Recording]:
     if len(recordings) < 2 or any(len(recording.streams) != 1 for recording in recordings):
         return list(recordings)
     named = [_called_after_file(recording) for recording in recordings]
-    signatures = {frozenset(_words(recording)) for recording in named}
+    signatures = {frozenset(_name_words(recording)) for recording in named}
     rows = np.array([recording.streams[0].n_rows for recording in named], dtype=float)
     if len(signatures) < len(named):
         return list(recordings)
-    columns = [set(_words(recording)) for recording in named]
+    columns = [set(_name_words(recording)) for recording in named]
     shared = set.intersection(*columns)
     # What all have in common may be a clock, and nothing else.
     if len(shared) > 1:
@@ -52,7 +52,7 @@ def _in_step(streams: tuple[Stream, ...]) -> tuple[Stream, ...]:
 
     A few rows that some have more, as differences are one less, are cut off at the end.
     """
-    timed = [stream for stream in streams if stream.time is not None or _clock(stream) is not None]
+    timed = [stream for stream in streams if stream.time is not None or _clock_column(stream) is not None]
     rows = [stream.n_rows for stream in streams]
     if len(timed) > 1 or max(rows) - min(rows) > _SAME_ROWS * max(rows):
         return streams
@@ -63,17 +63,17 @@ def _in_step(streams: tuple[Stream, ...]) -> tuple[Stream, ...]:
     return (replace(first.rows(slice(min(rows))), columns=columns),)
 
 
-def _clock(stream: Stream) -> tuple[str, str] | None:
+def _clock_column(stream: Stream) -> tuple[str, str] | None:
     """The column of a stream that is its clock."""
-    return clock_column(stream, {c.name: clue(c.name, (), c.unit) for c in stream.columns})
+    return clock_column(stream, {c.name: read_clue(c.name, (), c.unit) for c in stream.columns})
 
 
 def joined_by_joint(recordings: Sequence[Recording], joints: Sequence[str]) -> list[Recording]:
     """Recordings as they are or, where each file is called after a joint and holds what one joint did, all as one."""
     if len(recordings) < 2 or any(len(recording.streams) != 1 for recording in recordings):
         return list(recordings)
-    named = [clue(recording.name, joints).exact for recording in recordings]
-    inside = [clue(word, joints) for recording in recordings for word in _words(recording)]
+    named = [read_clue(recording.name, joints).exact for recording in recordings]
+    inside = [read_clue(word, joints) for recording in recordings for word in _name_words(recording)]
     # A trial of the whole machine may be called after the joint that it is aimed at.
     of_several = any(said.exact or said.number is not None for said in inside)
     if not all(named) or len(set(named)) < len(named) or of_several:
@@ -92,11 +92,11 @@ def _of_one_time(recordings: Sequence[Recording]) -> bool:
     Raises:
         LogError: their clocks have nothing in common.
     """
-    clues = [{c.name: clue(c.name, (), c.unit) for c in r.streams[0].columns} for r in recordings]
+    clues = [{c.name: read_clue(c.name, (), c.unit) for c in r.streams[0].columns} for r in recordings]
     clocks = [
         clock_column(recording.streams[0], said) for recording, said in zip(recordings, clues, strict=True)
     ]
-    quantities = [_quantities(said) for said in clues]
+    quantities = [_recorded_quantities(said) for said in clues]
     disjoint = all(a and b and not a & b for a, b in itertools.combinations(quantities, 2))
     if not disjoint or any(clock is None for clock in clocks):
         return False
@@ -104,7 +104,7 @@ def _of_one_time(recordings: Sequence[Recording]) -> bool:
     for recording, clock, said in zip(recordings, clocks, clues, strict=True):
         name = clock[0] if clock else ""
         values = next(c.values for c in recording.streams[0].columns if c.name == name)
-        factor, _ = tick(values, said[name].unit)
+        factor, _ = clock_tick(values, said[name].unit)
         spans.append((np.nanmin(values) * (factor or 1.0), np.nanmax(values) * (factor or 1.0)))
     common = min(end for _, end in spans) - max(start for start, _ in spans)
     if common <= _OVERLAP * min(end - start for start, end in spans):
@@ -119,14 +119,14 @@ def _of_one_time(recordings: Sequence[Recording]) -> bool:
     return True
 
 
-def _quantities(said: Mapping[str, Clue]) -> set[tuple[str, bool]]:
+def _recorded_quantities(said: Mapping[str, Clue]) -> set[tuple[str, bool]]:
     """What is recorded in a file beside its time."""
     return {(c.quantity, c.commanded) for c in said.values()} - {
         (quantity, commanded) for quantity in ("", "time", "skip") for commanded in (False, True)
     }
 
 
-def _words(recording: Recording) -> list[str]:
+def _name_words(recording: Recording) -> list[str]:
     return [column.name for column in recording.streams[0].columns]
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.repairs.drive_state import with_drives_on
-from excite.conversion.repairs.wraps import signed
-from excite.conversion.shapes.reshape import reshaped
+from excite.conversion.repairs.wraps import restore_signs
+from excite.conversion.shapes.reshape import reshape_recording
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.conversion.trial_files import joined_by_trial
 from excite.errors import LogError, NothingThereError
-from excite.finding import listed
+from excite.finding import list_names
 
 # How far below a folder that is named recordings may have folders of their own: a session's, a trial's.
 _DEPTH = 2
@@ -28,7 +28,7 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
     wrong: list[LogError] = []
     for source in map(Path, sources):
         try:
-            ours = _read(source, _files(source))
+            ours = _read_source(source, _source_files(source))
             found += ours
             apart += [] if ours else _of_folders(source)
         except LogError as error:
@@ -37,11 +37,11 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
         raise wrong[0]
     if wrong:
         raise _all_of(wrong)
-    whole = [*_joined(found), *apart]
-    return [with_drives_on(signed(merged_names(recording))) for recording in whole]
+    whole = [*_join_recordings(found), *apart]
+    return [with_drives_on(restore_signs(merged_names(recording))) for recording in whole]
 
 
-def _read(source: Path, files: Sequence[Path]) -> list[Recording]:
+def _read_source(source: Path, files: Sequence[Path]) -> list[Recording]:
     """Recordings of the files that a source stands for; of several, those that hold nothing are named in a note.
 
     Raises:
@@ -55,11 +55,9 @@ def _read(source: Path, files: Sequence[Path]) -> list[Recording]:
         except NothingThereError as error:
             empty.append(error)
     if found and empty:
-        note = (
-            f"nothing was read from {listed([Path(str(e.source)).name for e in empty])}: they hold no numbers"
-        )
+        note = f"nothing was read from {list_names([Path(str(e.source)).name for e in empty])}: they hold no numbers"
         found[0] = replace(found[0], notes=(*found[0].notes, note))
-    if not found and empty and not (source.is_dir() and _below(source, _DEPTH)):
+    if not found and empty and not (source.is_dir() and _nested_folders(source, _DEPTH)):
         raise empty[0]
     return found
 
@@ -71,24 +69,25 @@ def _all_of(wrong: Sequence[LogError]) -> LogError:
         alike.setdefault((error.what, error.field, error.remedy), []).append(str(error.source))
     if len(alike) == 1:
         ((what, field, remedy), sources) = next(iter(alike.items()))
-        return LogError(what, source=_few(sources), field=field, remedy=remedy)
+        return LogError(what, source=_check_few(sources), field=field, remedy=remedy)
     said = [
-        LogError(what, source=_few(of), field=field, remedy=do) for (what, field, do), of in alike.items()
+        LogError(what, source=_check_few(of), field=field, remedy=do)
+        for (what, field, do), of in alike.items()
     ]
     return LogError("; ".join(map(str, said)))
 
 
-def _few(sources: Sequence[str]) -> str:
+def _check_few(sources: Sequence[str]) -> str:
     if len(sources) > _NAMED:
         return f"{sources[0]} and {len(sources) - 1} more"
     return ", ".join(sources)
 
 
-def _joined(recordings: Sequence[Recording]) -> list[Recording]:
-    return joined_by_trial([part for recording in recordings for part in reshaped(recording)])
+def _join_recordings(recordings: Sequence[Recording]) -> list[Recording]:
+    return joined_by_trial([part for recording in recordings for part in reshape_recording(recording)])
 
 
-def _files(source: Path) -> list[Path]:
+def _source_files(source: Path) -> list[Path]:
     """What a source stands for: itself, or the files in it of a folder that is no recording; none of those below it."""
     if not source.is_dir() or recognised(source) is not None:
         return [source]
@@ -100,8 +99,8 @@ def _files(source: Path) -> list[Path]:
 def _of_folders(source: Path) -> list[Recording]:
     """Recordings that have a folder each below one that holds none, called after it; parts in a folder are one."""
     found: list[Recording] = []
-    for folder, name in _below(source, _DEPTH):
-        ours = _joined(_read(folder, _files(folder)))
+    for folder, name in _nested_folders(source, _DEPTH):
+        ours = _join_recordings(_read_source(folder, _source_files(folder)))
         alone = len(ours) == 1
         found += [replace(one, name=name if alone else f"{name}_{one.name}") for one in ours]
     if not found:
@@ -109,12 +108,14 @@ def _of_folders(source: Path) -> list[Recording]:
     return found
 
 
-def _below(source: Path, depth: int) -> list[tuple[Path, str]]:
+def _nested_folders(source: Path, depth: int) -> list[tuple[Path, str]]:
     """The nearest folders below one that hold recordings, and what to call them."""
     found: list[tuple[Path, str]] = []
     for folder in sorted(path for path in source.iterdir() if path.is_dir()) if depth else []:
-        if _files(folder):
+        if _source_files(folder):
             found.append((folder, folder.name))
         else:
-            found += [(deeper, f"{folder.name}_{name}") for deeper, name in _below(folder, depth - 1)]
+            found += [
+                (deeper, f"{folder.name}_{name}") for deeper, name in _nested_folders(folder, depth - 1)
+            ]
     return found

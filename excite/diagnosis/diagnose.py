@@ -16,7 +16,7 @@ from excite.diagnosis.servo.currents.diagnose import diagnose_currents
 from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
-from excite.finding import listed
+from excite.finding import list_names
 from excite.logs.brought import robot_and_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import robot_in_log
@@ -87,7 +87,7 @@ def _examined(robot: Robot, log: Log, rng: np.random.Generator, folder: Path | N
     chart = replace(chart, log=replace(chart.log, trials=trials))
     found = _diagnosed(robot, chart, rng, folder)
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
-    left_out = (f"left out, as their motion is over too soon: {listed(short)}",) if short else ()
+    left_out = (f"left out, as their motion is over too soon: {list_names(short)}",) if short else ()
     doubts = (said(chart.doubts),) if chart.doubts else ()
     warnings = (*limits, *left_out, *doubts, *found.warnings)
     faults = (*chart.findings, *found.faults)

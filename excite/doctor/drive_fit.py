@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from excite.arrays import Array
-from excite.doctor.share_loops import shares
+from excite.doctor.share_loops import unexplained_shares
 from excite.rows.drive_terms import smooth_sign
 
 # Nominal masses are believed within these factors.
@@ -74,7 +74,7 @@ def shares_left(torque: Array, models: Array, drive: Drive, mixtures: Array | No
     out = np.empty((len(weights), torque.shape[1]))
     # Of one layout in memory, for which alone the loops are then compiled.
     moved = (np.ascontiguousarray(values) for values in (torque, parts, weights, *drive))
-    shares(*moved, *_GAIN, _DEAD, _TRACE, out)
+    unexplained_shares(*moved, *_GAIN, _DEAD, _TRACE, out)
     return out[0] if mixtures is None else out
 
 

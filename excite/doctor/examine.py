@@ -9,7 +9,7 @@ from typing import Any
 from excite.doctor.doubt import Doubt
 from excite.doctor.registry import CHECKS
 from excite.errors import IllLogError
-from excite.finding import Finding, FindingList, merged, worst_first
+from excite.finding import Finding, FindingList, merge_findings, worst_first
 from excite.logs.log import Log
 from excite.progress import step
 from excite.robot.robot import Robot
@@ -96,7 +96,7 @@ def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> 
         log = outcome.log
         findings += outcome.findings
         doubts |= outcome.doubts
-    return Chart(robot.name, log, worst_first(merged(tuple(findings))), frozenset(doubts))
+    return Chart(robot.name, log, worst_first(merge_findings(tuple(findings))), frozenset(doubts))
 
 
 def _as_set(log: Log, settings: ProblemSettings) -> Log:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.logs.log import Log, Trial
-from excite.rows.beyond import flags_at, reached
+from excite.rows.beyond import flags_at, reached_samples
 from excite.rows.kinematics import TrialKinematics
 
 # Share of a log's rows in which all torques are within their ranges, from which the others need not be looked at.
@@ -40,7 +40,7 @@ def looked_at(log: Log, trial: Trial, k: TrialKinematics, cutoff_hz: float) -> N
     if trial.beyond is None or not _enough(log):
         return np.ones(len(k.time), dtype=np.bool_)
     lost = np.asarray(flags_at(trial.time, trial.beyond, k.time).any(axis=1))
-    return ~reached(lost, k.rate_hz, cutoff_hz)
+    return ~reached_samples(lost, k.rate_hz, cutoff_hz)
 
 
 def _enough(log: Log) -> bool:

@@ -23,7 +23,7 @@ def product(x, y):
 
 
 @LazyKernel
-def centre(x):
+def remove_mean(x):
     """Take the mean of an array ``(n,)`` off."""
     total = 0.0
     for k in range(len(x)):
@@ -33,7 +33,7 @@ def centre(x):
 
 
 @LazyKernel
-def factored(gram, places, n, root):
+def factor_chosen(gram, places, n, root):
     """Cholesky factor of a matrix's first ``n`` chosen rows and columns, into ``root``."""
     for i in range(n):
         for j in range(i + 1):
@@ -44,7 +44,7 @@ def factored(gram, places, n, root):
 
 
 @LazyKernel
-def solved(root, n, x):
+def solve_factored(root, n, x):
     """Solution of a factored system in place of its right side; what it takes off the squares, and its least value."""
     gain = 0.0
     for i in range(n):
@@ -77,8 +77,8 @@ def solve_nonnegative(gram, right, first, x):
             if mask >> (i - first) & 1:
                 places[n], some[n] = i, right[i]
                 n += 1
-        factored(gram, places, n, root)
-        gain, least = solved(root, n, some)
+        factor_chosen(gram, places, n, root)
+        gain, least = solve_factored(root, n, some)
         if least >= 0.0 and gain > best:
             best = gain
             for i in range(first, p):
@@ -90,7 +90,7 @@ def solve_nonnegative(gram, right, first, x):
 
 
 @LazyKernel
-def mixed(products, mixture, sums):
+def mix_products(products, mixture, sums):
     """Sums of products of the mixed model and the four columns behind its parts, into ``sums (5, 5)``."""
     k = len(mixture)
     # Loops, not slices: numba takes seconds to compile the assignment of one slice to another.
@@ -136,7 +136,7 @@ def share_of(sums, low, high, trace):
 
 
 @LazyKernel
-def shares(torque, models, mixtures, v, sign, a, low, high, least, trace, out):
+def unexplained_shares(torque, models, mixtures, v, sign, a, low, high, least, trace, out):
     """Share of each torque's power that its model and drive leave, into ``out (r, m)``.
 
     The model of each mixture is the sum of ``models (k, n, m)`` weighted by a row of ``mixtures (r, k)``. ``torque``,
@@ -154,11 +154,11 @@ def shares(torque, models, mixtures, v, sign, a, low, high, least, trace, out):
             columns[k + 3, t] = torque[t, j]
         whole = product(columns[k + 3], columns[k + 3])
         for i in range(k + 4):
-            centre(columns[i])
+            remove_mean(columns[i])
             for c in range(i + 1):
                 products[i, c] = products[c, i] = product(columns[i], columns[c])
         # A torque that never changes, filters' rounding aside, is explained by nothing.
         dead = products[k + 3, k + 3] <= least * whole
         for r in range(len(mixtures)):
-            mixed(products, mixtures[r], sums)
+            mix_products(products, mixtures[r], sums)
             out[r, j] = 1.0 if dead else share_of(sums, low, high, trace)

@@ -37,7 +37,7 @@ def at_rails(log: Log) -> Log:
     """
     kind, rails = kind_of_torque(log), set[tuple[int, float]]()
     for trial in log.trials:
-        values = _torques(trial)
+        values = _trial_torques(trial)
         for j, joint in enumerate(log.header.joints):
             count = trial.cleaning.clipped.get(f"{kind}.{joint}", 0)
             if values is None or not count:
@@ -48,11 +48,11 @@ def at_rails(log: Log) -> Log:
                 for end in (values[:, j].min(), values[:, j].max())
             }
             rails |= {(j, end) for end, often in ends.items() if 4 * often >= count}
-    return replace(log, trials=tuple(_marked(trial, rails) for trial in log.trials)) if rails else log
+    return replace(log, trials=tuple(_mark_rails(trial, rails) for trial in log.trials)) if rails else log
 
 
-def _marked(trial: Trial, rails: set[tuple[int, float]]) -> Trial:
-    values = _torques(trial)
+def _mark_rails(trial: Trial, rails: set[tuple[int, float]]) -> Trial:
+    values = _trial_torques(trial)
     if values is None:
         return trial
     flags = np.zeros(values.shape, dtype=np.bool_)
@@ -61,11 +61,11 @@ def _marked(trial: Trial, rails: set[tuple[int, float]]) -> Trial:
     return replace(trial, beyond=flags) if flags.any() else trial
 
 
-def _torques(trial: Trial) -> Array | None:
+def _trial_torques(trial: Trial) -> Array | None:
     return trial.tau if trial.tau is not None else trial.current
 
 
-def overshoot(robot: Robot, log: Log, joint: str) -> float | None:
+def torque_overshoot(robot: Robot, log: Log, joint: str) -> float | None:
     """How far beyond its rail a joint's torque should be by the motion, in deviations of what is left elsewhere.
 
     A drive at its limit gives no more than it says, and the motion is what that torque makes of it; a sensor or an
@@ -85,7 +85,7 @@ def overshoot(robot: Robot, log: Log, joint: str) -> float | None:
     column, place = log.header.joints.index(joint), robot.n_base_v + robot.joint_index(joint)
     rows, rests, marked, torques = [], [], [], []
     for trial in log.trials:
-        values = _torques(trial)
+        values = _trial_torques(trial)
         try:
             k = trial_kinematics(robot, log.header, trial, settings, filters)
         except LogError:

@@ -22,7 +22,7 @@ from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 from excite.rows.joint_rows import JointRows
 from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.settings import ProblemSettings
@@ -85,7 +85,7 @@ class TorqueSamples:
 
     def slides(self, joint: int) -> bool:
         """Whether a joint slides; it has no quarter turns."""
-        return slides(self.robot.model, int(self.places[joint]))
+        return is_prismatic(self.robot.model, int(self.places[joint]))
 
     def motion(self, reading: Reading) -> Moved:
         """``q``, ``v``, ``a`` of the joints as the reading has them."""

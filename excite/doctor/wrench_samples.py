@@ -22,7 +22,7 @@ from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import base_link_regressor, inverse_dynamics
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.rows.settings import ProblemSettings
 
@@ -79,7 +79,7 @@ class WrenchSamples:
 
     def slides(self, joint: int) -> bool:
         """Whether a joint slides."""
-        return slides(self.robot.model, int(self.places[joint]))
+        return is_prismatic(self.robot.model, int(self.places[joint]))
 
     def tells(self, reading: Reading) -> NDArray[np.bool_]:
         """All channels are made by bodies, ``(6,)``."""
@@ -199,7 +199,9 @@ class WrenchSamples:
 def wrench_samples(robot: Robot, log: Log) -> WrenchSamples | None:
     """Samples of the trials to learn from, thinned out; None where no trial can be used."""
     robot = robot_in_log(robot, log.header, log.folder)
-    parts = [part for trial in log.role("identification") if (part := _part(robot, log, trial)) is not None]
+    parts = [
+        part for trial in log.role("identification") if (part := _build_part(robot, log, trial)) is not None
+    ]
     if not parts or not sum(len(part.rows) for part in parts):
         return None
     starts = np.cumsum([0, *(len(part.wrenches) for part in parts)])
@@ -238,7 +240,7 @@ class _Part:
     rate_hz: float
 
 
-def _part(robot: Robot, log: Log, trial: Trial) -> _Part | None:
+def _build_part(robot: Robot, log: Log, trial: Trial) -> _Part | None:
     """A trial; None where it lacks something or is too short."""
     names = [sensor.name for sensor in robot.sensors]
     if trial.base is None or any(name not in trial.wrenches for name in names):

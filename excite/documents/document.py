@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from excite.errors import InputError
-from excite.reading.json_document import checked, read_json
+from excite.reading.json_document import check_content, read_json
 
 # Products of three such numbers are still finite in double precision, so that no sum of squares, ratio or axis of a
 # figure overflows; nothing in SI units comes near it.
@@ -25,7 +25,7 @@ MOST_ENTRIES = 20_000
 MOST_CHANNELS = 250
 
 
-def _inside(path: str) -> str:
+def _check_inside(path: str) -> str:
     parts = PurePosixPath(path)
     if parts.is_absolute() or ".." in parts.parts or not parts.parts:
         raise ValueError("Path should stay inside the folder: relative, without '..'")
@@ -44,7 +44,7 @@ Name = Annotated[str, Field(strict=True, max_length=_NAME_LENGTH, pattern=r"^[^\
 Text = Annotated[str, Field(strict=True, max_length=_TEXT_LENGTH, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f]*$")]
 # Longest path that Linux takes.
 FilePath = Annotated[str, Field(strict=True, max_length=4095, pattern=r"^[^\x00-\x1f\x7f]+$")]
-InnerPath = Annotated[FilePath, AfterValidator(_inside)]
+InnerPath = Annotated[FilePath, AfterValidator(_check_inside)]
 """Path of a file inside the document's folder."""
 Interval = Annotated[list[Maybe], Field(min_length=2, max_length=2)]
 Vector3 = Annotated[list[Maybe], Field(min_length=3, max_length=3)]
@@ -126,7 +126,7 @@ def read_document(
             field in it is missing or is not what it has to be.
     """
     content = read_json(path, schema=schema_of(kind), remedy=remedy, error=error)
-    return checked(kind, content, Path(path), remedy=remedy, error=error)
+    return check_content(kind, content, Path(path), remedy=remedy, error=error)
 
 
 def schema_of(kind: type[Document]) -> str:

@@ -77,13 +77,15 @@ class Conditioning:
     base: BaseParameters
 
     def to_json(self) -> Mapping[str, Any]:
-        """The ``conditioning`` object of ``excite.plan/1``; infinite numbers become null."""
+        """The ``compute_conditioning`` object of ``excite.plan/1``; infinite numbers become null."""
         return {
-            "full": _finite(self.full),
-            "log_det": _finite(self.log_det),
+            "full": _finite_or_none(self.full),
+            "log_det": _finite_or_none(self.log_det),
             "n_base_parameters": self.n_base_parameters,
             "rank": self.rank,
-            "segments": [{"segment": s.segment, "condition": _finite(s.condition)} for s in self.segments],
+            "segments": [
+                {"segment": s.segment, "condition": _finite_or_none(s.condition)} for s in self.segments
+            ],
         }
 
     def summary(self) -> str:
@@ -132,7 +134,7 @@ def motion_factor(
     columns = measured_columns(robot)
     sampled = motion.resampled(robot, rate_hz)
     closed = closed_contacts(robot, sampled)
-    reduced = base if base is not None and _within(base, columns, closed) else None
+    reduced = base if base is not None and _holds_along_motion(base, columns, closed) else None
     used = columns if reduced is None else columns.only(reduced.independent)
     std = None if row_std is None else _checked_std(row_std, robot.n_equations)
     block = max(1, int(_BLOCK_BYTES / (8 * robot.n_equations * len(used.names))))
@@ -149,7 +151,7 @@ def motion_factor(
     return MotionFactor((motion.name,), columns, matrix, n_rows, rate_hz, std)
 
 
-def _within(base: BaseParameters, columns: Columns, closed: NDArray[np.bool_]) -> bool:
+def _holds_along_motion(base: BaseParameters, columns: Columns, closed: NDArray[np.bool_]) -> bool:
     """Whether base parameters hold along a motion: they were found with one foot in the air at most."""
     return base.names == columns.names and bool((closed.sum(axis=1) >= closed.shape[1] - 1).all())
 
@@ -175,7 +177,7 @@ def stack_factors(factors: Sequence[MotionFactor]) -> MotionFactor:
     parts: list[Array] = []
     for factor in factors:
         same = factor.columns.names == first.columns.names and factor.rate_hz == first.rate_hz
-        if not same or not np.array_equal(_weights(factor), _weights(first)):
+        if not same or not np.array_equal(_row_weights(factor), _row_weights(first)):
             raise InputError(
                 "factors of different robots, rates or weights", source=", ".join(factor.motions)
             )
@@ -188,7 +190,7 @@ def stack_factors(factors: Sequence[MotionFactor]) -> MotionFactor:
     return MotionFactor(tuple(names), first.columns, matrix, n_rows, first.rate_hz, first.row_std)
 
 
-def conditioning(
+def compute_conditioning(
     robot: Robot, factors: Sequence[MotionFactor], base: BaseParameters | None = None
 ) -> Conditioning:
     """Condition numbers of a set of motions, whole and by segment (Jovic et al. 2015, II.B, Table I).
@@ -235,9 +237,9 @@ def base_singular_values(factor: MotionFactor, base: BaseParameters) -> Array:
     return np.concatenate([found, np.zeros(base.rank - len(found))])
 
 
-def _weights(factor: MotionFactor) -> Array:
+def _row_weights(factor: MotionFactor) -> Array:
     return np.ones(1) if factor.row_std is None else factor.row_std
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if np.isfinite(value) else None

@@ -10,7 +10,7 @@ from excite.arrays import Array, Moved
 from excite.errors import InputError
 from excite.regressor.base_parameters import BaseParameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
-from excite.regressor.contact_forces import stances
+from excite.regressor.contact_forces import stance_flags
 from excite.regressor.factor import r_factor
 from excite.robot.robot import Foot, Robot
 
@@ -20,7 +20,7 @@ _SILENT = 1e-8
 _SHARE = 0.25
 
 
-def excitable(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.bool_]:
+def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.bool_]:
     """Whether some motion within joint limits, with a foot flat on the ground, shows each base parameter.
 
     Base parameters are those of free motion. Here the regressor is evaluated at random states that a robot on
@@ -51,19 +51,19 @@ def excitable(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.b
     feet: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
     parts = []
     if robot.floating and not robot.measures_contacts:
-        states = [_state(robot, None, random) for _ in range(n * (1 + len(robot.feet)))]
+        states = [_random_state(robot, None, random) for _ in range(n * (1 + len(robot.feet)))]
         q, v, a = (np.array([state[i] for state in states]) for i in range(3))
-        rows = regressor_rows(robot, columns, q, v, a, stances(robot, len(q)))
-        return determined(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]), _SILENT)
+        rows = regressor_rows(robot, columns, q, v, a, stance_flags(robot, len(q)))
+        return determined_columns(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]), _SILENT)
     for foot in feet:
-        states = [_state(robot, foot, random) for _ in range(n)]
+        states = [_random_state(robot, foot, random) for _ in range(n)]
         q, v, a = (np.array([state[i] for state in states]) for i in range(3))
         rows = regressor_rows(robot, columns, q, v, a)
         parts.append(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]))
-    return determined(np.vstack(parts), _SILENT)
+    return determined_columns(np.vstack(parts), _SILENT)
 
 
-def determined(factor: Array, tol: float) -> NDArray[np.bool_]:
+def determined_columns(factor: Array, tol: float) -> NDArray[np.bool_]:
     """Which columns of a factor ``(m, n)`` its rows determine, ``(n,)``.
 
     Args:
@@ -80,7 +80,7 @@ def determined(factor: Array, tol: float) -> NDArray[np.bool_]:
     return np.asarray(present & (share <= _SHARE))
 
 
-def _state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> Moved:
+def _random_state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> Moved:
     """Random q, v, a, with ``foot`` still and its sole level."""
     limits, nq, nv = robot.limits, robot.n_base_q, robot.n_base_v
     q, v, a = robot.rest.copy(), np.zeros(robot.model.nv), np.zeros(robot.model.nv)

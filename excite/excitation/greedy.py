@@ -99,7 +99,7 @@ class TotalDeviation:
 
 
 @one_blas_thread
-def information(factors: Sequence[MotionFactor], base: BaseParameters) -> Information:
+def candidate_information(factors: Sequence[MotionFactor], base: BaseParameters) -> Information:
     """Information of candidates on the base parameters, whitened by that of all of them.
 
     Args:
@@ -152,10 +152,10 @@ def greedy_choice(
     """
     found: list[list[int]] = []
     for price in (durations, np.ones_like(durations)):
-        chosen = _forward(information, criterion, durations, budget_s, price, [])
+        chosen = _select_forward(information, criterion, durations, budget_s, price, [])
         for _ in range(_ROUNDS):
-            better = _exchanged(information, criterion, durations, budget_s, chosen)
-            better = _forward(information, criterion, durations, budget_s, price, better)
+            better = _exchange_motions(information, criterion, durations, budget_s, chosen)
+            better = _select_forward(information, criterion, durations, budget_s, price, better)
             if better == chosen:
                 break
             chosen = better
@@ -164,7 +164,7 @@ def greedy_choice(
     return tuple(sorted(best))
 
 
-def _forward(
+def _select_forward(
     information: Information,
     criterion: Criterion,
     durations: Array,
@@ -195,7 +195,7 @@ def _forward(
     return chosen
 
 
-def _exchanged(
+def _exchange_motions(
     information: Information, criterion: Criterion, durations: Array, budget_s: float, chosen: list[int]
 ) -> list[int]:
     chosen = list(chosen)
@@ -205,14 +205,14 @@ def _exchanged(
         room = budget_s * (1.0 + _ROUNDING) - float(durations[rest].sum())
         matrix = information.of(rest)
         able = np.array([i for i in range(len(durations)) if i not in chosen and durations[i] <= room], int)
-        for index in _promising(information, criterion.gradient(information.of(chosen)), able):
+        for index in _most_promising(information, criterion.gradient(information.of(chosen)), able):
             value = criterion.value(matrix + information.single[index])
             if value > now + _LEAST_GAIN * abs(now):
                 chosen[place], now = int(index), value
     return chosen
 
 
-def _promising(information: Information, gradient: Array, able: NDArray[np.int64]) -> NDArray[np.int64]:
+def _most_promising(information: Information, gradient: Array, able: NDArray[np.int64]) -> NDArray[np.int64]:
     """Those of ``able`` with the largest first-order gain, the earlier first of equals."""
     if not len(able):
         return able

@@ -46,7 +46,12 @@ class Ranking:
         able = [m for m in range(len(self.motions)) if np.isfinite(self.condition[m, s])]
 
         def key(m: int) -> tuple[float, float, str, int]:
-            return _digits(self.condition[m, s]), -_digits(self.smallest[m, s]), self.motions[m], m
+            return (
+                _round_to_nine_digits(self.condition[m, s]),
+                -_round_to_nine_digits(self.smallest[m, s]),
+                self.motions[m],
+                m,
+            )
 
         return tuple(sorted(able, key=key))
 
@@ -77,6 +82,6 @@ def rank(robot: Robot, factors: Sequence[MotionFactor], base: BaseParameters | N
     )
 
 
-def _digits(value: float) -> float:
+def _round_to_nine_digits(value: float) -> float:
     """The number to nine digits, so that rounding does not decide between equals."""
     return float(f"{value:.8e}")

@@ -15,8 +15,8 @@ from excite.excitation.greedy import (
     Information,
     LogDeterminant,
     TotalDeviation,
+    candidate_information,
     greedy_choice,
-    information,
 )
 from excite.excitation.precision import nominal_values
 from excite.excitation.ranking import Ranking
@@ -130,7 +130,9 @@ def by_best_three(candidates: Candidates) -> Selection:
 
 def by_log_det(candidates: Candidates) -> Selection:
     """Greedy by the log-determinant of the information matrix, within the budget."""
-    return _greedy(candidates, information(candidates.factors, candidates.base), LogDeterminant())
+    return _select_greedily(
+        candidates, candidate_information(candidates.factors, candidates.base), LogDeterminant()
+    )
 
 
 def by_rsd(candidates: Candidates) -> Selection:
@@ -139,17 +141,17 @@ def by_rsd(candidates: Candidates) -> Selection:
     A parameter's deviation is taken relative to its value in the model, or to 0.01 where that is smaller.
     """
     base = candidates.base
-    known = information(candidates.weighted(), base)
+    known = candidate_information(candidates.weighted(), base)
     scale = np.maximum(np.abs(nominal_values(candidates.robot, base)), NEGLIGIBLE)
-    return _greedy(candidates, known, TotalDeviation(known.back, scale))
+    return _select_greedily(candidates, known, TotalDeviation(known.back, scale))
 
 
 def by_segments(candidates: Candidates) -> Selection:
     """Few motions that together give every segment a low condition number, within the budget."""
     columns = segment_columns(candidates.robot, candidates.factors[0].columns, candidates.base)
     known = segment_information(candidates.factors, columns)
-    chosen = choose_by_segments(known, candidates.durations, _budget(candidates), candidates.limits)
-    return _selection(candidates, chosen)
+    chosen = choose_by_segments(known, candidates.durations, _duration_budget(candidates), candidates.limits)
+    return _build_selection(candidates, chosen)
 
 
 SELECTIONS: dict[str, Callable[[Candidates], Selection]] = {
@@ -160,7 +162,7 @@ SELECTIONS: dict[str, Callable[[Candidates], Selection]] = {
 }
 
 
-def select(name: str, candidates: Candidates) -> Selection:
+def select_motions(name: str, candidates: Candidates) -> Selection:
     """Choose motions by a rule of ``SELECTIONS``.
 
     Raises:
@@ -176,12 +178,12 @@ def check_selection(name: str) -> None:
         raise UnknownNameError("selection", name, list(SELECTIONS))
 
 
-def _greedy(candidates: Candidates, known: Information, criterion: Criterion) -> Selection:
-    chosen = greedy_choice(known, criterion, candidates.durations, _budget(candidates))
-    return _selection(candidates, chosen)
+def _select_greedily(candidates: Candidates, known: Information, criterion: Criterion) -> Selection:
+    chosen = greedy_choice(known, criterion, candidates.durations, _duration_budget(candidates))
+    return _build_selection(candidates, chosen)
 
 
-def _budget(candidates: Candidates) -> float:
+def _duration_budget(candidates: Candidates) -> float:
     """Total duration that a choice stays within [s]."""
     if candidates.budget_s is not None:
         return candidates.budget_s
@@ -189,7 +191,7 @@ def _budget(candidates: Candidates) -> float:
     return float(candidates.durations[list(best.indices)].sum())
 
 
-def _selection(candidates: Candidates, chosen: Sequence[int]) -> Selection:
+def _build_selection(candidates: Candidates, chosen: Sequence[int]) -> Selection:
     """A choice, each motion with the segments that it is among the best three of the chosen for."""
     robot, ranking = candidates.robot, candidates.ranking
     best = best_three_per_dof(robot, ranking)

@@ -15,7 +15,7 @@ from excite.excitation.conditioning import (
     stack_factors,
 )
 from excite.excitation.sub_regressors import RANK_TOLERANCE
-from excite.regressor.base_parameters import BaseParameters, combination
+from excite.regressor.base_parameters import BaseParameters, describe_combination
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,17 +81,19 @@ def weak_directions(
     Raises:
         InputError: base parameters of other columns.
     """
-    values, vectors = _decomposition(factor, base)
+    values, vectors = _decompose_factor(factor, base)
     directions = []
     for value, vector in list(zip(values, vectors, strict=True))[::-1][:k]:
         # A singular vector's sign is arbitrary: make its largest weight positive.
         vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
-        text = combination(np.where(np.abs(vector) < least_weight, 0.0, vector), base.labels, digits=2)
+        text = describe_combination(
+            np.where(np.abs(vector) < least_weight, 0.0, vector), base.labels, digits=2
+        )
         directions.append(WeakDirection(float(value), vector, text))
     return tuple(directions)
 
 
-def unexcited(
+def unexcited_parameters(
     conditioning: Conditioning, tol: float = 1e-6, share: float = 0.25
 ) -> tuple[UnexcitedParameter, ...]:
     """Base parameters that the motions do not determine.
@@ -104,7 +106,7 @@ def unexcited(
         share: a parameter is reported when more than this share of its unit vector's square lies in them.
     """
     base = conditioning.base
-    values, vectors = _decomposition(conditioning.factor, base)
+    values, vectors = _decompose_factor(conditioning.factor, base)
     shares = (vectors[values < tol * values[0]] ** 2).sum(axis=0)
     return tuple(
         UnexcitedParameter(int(i), base.labels[i], base.expressions[i], float(shares[i]))
@@ -112,7 +114,7 @@ def unexcited(
     )
 
 
-def gains(current: Conditioning, factors: Sequence[MotionFactor]) -> tuple[Gain, ...]:
+def motion_gains(current: Conditioning, factors: Sequence[MotionFactor]) -> tuple[Gain, ...]:
     """What each of several motions would add to those at hand, in the order handed over.
 
     Args:
@@ -138,7 +140,7 @@ def gains(current: Conditioning, factors: Sequence[MotionFactor]) -> tuple[Gain,
     return tuple(found)
 
 
-def _decomposition(factor: MotionFactor, base: BaseParameters) -> tuple[Array, Array]:
+def _decompose_factor(factor: MotionFactor, base: BaseParameters) -> tuple[Array, Array]:
     """Singular values ``(n_base,)``, falling, and right singular vectors as rows ``(n_base, n_base)``."""
     values = base_singular_values(factor, base)
     vectors = np.linalg.svd(factor.matrix[:, base.independent], full_matrices=True)[2]

@@ -12,8 +12,8 @@ from excite.errors import InputError
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.repairs.route import route
-from excite.safety.repairs.transfers import transfer
+from excite.safety.repairs.route import find_route
+from excite.safety.repairs.transfers import plan_transfer
 
 # Nearer to rest than single precision keeps a turn apart [rad or m], a motion needs no way there.
 _NEAR = 1e-6
@@ -47,14 +47,14 @@ def with_approach(robot: Robot, motion: Motion) -> Motion:
     Raises:
         InputError: it starts or ends elsewhere than at rest, and the robot stands on feet or its base moves too.
     """
-    if not _whole(robot, motion):
+    if not _is_whole(robot, motion):
         return motion
-    start = None if motion.metadata.previous else _way(robot, motion, 0)
-    end = None if motion.metadata.following else _way(robot, motion, -1)
+    start = None if motion.metadata.previous else _approach_way(robot, motion, 0)
+    end = None if motion.metadata.following else _approach_way(robot, motion, -1)
     parts = [part for part in (start, end) if part is not None]
     if not parts:
         return motion
-    before, after = start or _nothing(robot), end or _nothing(robot)
+    before, after = start or _empty_way(robot), end or _empty_way(robot)
     time = motion.time - motion.time[0] + before.time[-1]
     base, v_base = robot.n_base_q, robot.n_base_v
     rows = len(before.time) - 1, len(after.time) - 1
@@ -62,19 +62,23 @@ def with_approach(robot: Robot, motion: Motion) -> Motion:
         motion,
         time=np.concatenate([before.time[:-1], time, time[-1] + after.time[1:]]),
         q=np.vstack(
-            [_based(before.q[:-1], motion.q[0, :base]), motion.q, _based(after.q[1:], motion.q[-1, :base])]
+            [
+                _with_base(before.q[:-1], motion.q[0, :base]),
+                motion.q,
+                _with_base(after.q[1:], motion.q[-1, :base]),
+            ]
         ),
         v=np.vstack(
-            [_based(before.v[:-1], np.zeros(v_base)), motion.v, _based(after.v[1:], np.zeros(v_base))]
+            [_with_base(before.v[:-1], np.zeros(v_base)), motion.v, _with_base(after.v[1:], np.zeros(v_base))]
         ),
         a=np.vstack(
-            [_based(before.a[:-1], np.zeros(v_base)), motion.a, _based(after.a[1:], np.zeros(v_base))]
+            [_with_base(before.a[:-1], np.zeros(v_base)), motion.a, _with_base(after.a[1:], np.zeros(v_base))]
         ),
         contacts={name: np.pad(flags, rows, mode="edge") for name, flags in motion.contacts.items()},
     )
 
 
-def _whole(robot: Robot, motion: Motion) -> bool:
+def _is_whole(robot: Robot, motion: Motion) -> bool:
     """Whether there is anything to lead to and from: what is broken, the check says."""
     shapes = motion.q.shape == (motion.n_samples, robot.model.nq) and motion.n_samples > 2
     return (
@@ -84,7 +88,7 @@ def _whole(robot: Robot, motion: Motion) -> bool:
     )
 
 
-def _way(robot: Robot, motion: Motion, row: int) -> _Way | None:
+def _approach_way(robot: Robot, motion: Motion, row: int) -> _Way | None:
     """From rest to the first sample (row 0), or from the last one to rest; None where it is at rest already."""
     rest, there = robot.rest[robot.n_base_q :], motion.q[row, robot.n_base_q :]
     base = motion.q[row, : robot.n_base_q] - robot.rest[: robot.n_base_q]
@@ -99,17 +103,17 @@ def _way(robot: Robot, motion: Motion, row: int) -> _Way | None:
         )
     start, end = (rest, there) if row == 0 else (there, rest)
     rate = (motion.n_samples - 1) / motion.duration
-    postures = route(robot, start, end, np.random.default_rng(_SEED)) or [start, end]
-    ways = [_along(robot, postures, rate, speed) for speed in _SPEEDS]
-    return next((way for way in ways if _safe(robot, motion, way)), ways[0])
+    postures = find_route(robot, start, end, np.random.default_rng(_SEED)) or [start, end]
+    ways = [_way_along(robot, postures, rate, speed) for speed in _SPEEDS]
+    return next((way for way in ways if _is_safe_way(robot, motion, way)), ways[0])
 
 
-def _along(robot: Robot, postures: list[Array], rate_hz: float, speed: float) -> _Way:
+def _way_along(robot: Robot, postures: list[Array], rate_hz: float, speed: float) -> _Way:
     """Straight from posture to posture, at rest in each, at a share of what a transfer does."""
     way = _Way(np.zeros(1), postures[0][None], *(np.zeros((1, robot.n_joints)) for _ in range(2)))
     for start, end in pairwise(postures):
         # Sampled more finely by as much as it is stretched afterwards.
-        part = transfer(robot, start, end, rate_hz / speed)
+        part = plan_transfer(robot, start, end, rate_hz / speed)
         way = _Way(
             np.concatenate([way.time, way.time[-1] + part.time[1:] / speed]),
             np.vstack([way.q, part.q[1:]]),
@@ -119,14 +123,14 @@ def _along(robot: Robot, postures: list[Array], rate_hz: float, speed: float) ->
     return way
 
 
-def _safe(robot: Robot, motion: Motion, way: _Way) -> bool:
+def _is_safe_way(robot: Robot, motion: Motion, way: _Way) -> bool:
     zero = np.zeros(robot.n_base_v)
     alone = replace(
         motion,
         time=way.time,
-        q=_based(way.q, robot.rest[: robot.n_base_q]),
-        v=_based(way.v, zero),
-        a=_based(way.a, zero),
+        q=_with_base(way.q, robot.rest[: robot.n_base_q]),
+        v=_with_base(way.v, zero),
+        a=_with_base(way.a, zero),
         contacts={},
         metadata=replace(motion.metadata, previous="", following="", stated_hash="", robot_hash=""),
         robot=robot.name,
@@ -134,10 +138,10 @@ def _safe(robot: Robot, motion: Motion, way: _Way) -> bool:
     return check_motion(robot, alone).safe
 
 
-def _nothing(robot: Robot) -> _Way:
+def _empty_way(robot: Robot) -> _Way:
     return _Way(np.zeros(1), *(np.zeros((1, robot.n_joints)) for _ in range(3)))
 
 
-def _based(joints: Array, base: Array) -> Array:
+def _with_base(joints: Array, base: Array) -> Array:
     """Rows of joints behind the same base."""
     return np.hstack([np.tile(base, (len(joints), 1)), joints])

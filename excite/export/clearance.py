@@ -12,7 +12,7 @@ from excite.export.approach import with_approach
 from excite.export.exporter import Exporter
 from excite.export.grid import on_grid
 from excite.motion.content import with_verdict
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.motion.setpoints import SLOWEST_SAMPLES_HZ
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
@@ -84,11 +84,11 @@ def clear_motions(
         ]
     named = {motion.name: motion for motion in motions}
     cleared = [
-        _cleared(exporter, motion, named, rate_hz, unsafe_anyway)
+        _clear_motion(exporter, motion, named, rate_hz, unsafe_anyway)
         for exporter, motion in zip(exporters, motions, strict=True)
     ]
     failed = [item.verdict for item in cleared if not item.verdict.safe]
-    broken = next((verdict for verdict in failed if _unwritable(verdict)), None)
+    broken = next((verdict for verdict in failed if _is_unwritable(verdict)), None)
     if broken is not None and unsafe_anyway is not None:
         raise UnsafeMotionError(
             broken.summary(),
@@ -105,7 +105,7 @@ def clear_motions(
     return cleared
 
 
-def _cleared(
+def _clear_motion(
     exporter: Exporter,
     motion: Motion,
     named: Mapping[str, Motion],
@@ -120,7 +120,7 @@ def _cleared(
             remedy="export it with its robot",
         )
     verdict = check_motion(robot, motion, neighbours=named)
-    if _unwritable(verdict):
+    if _is_unwritable(verdict):
         return Cleared(motion, verdict, reason)
     rate_hz = exporter.rate(motion, asked_hz)
     written = motion
@@ -151,7 +151,7 @@ def _check_rate(motion: Motion, rate_hz: float) -> None:
         )
 
 
-def _unwritable(verdict: Verdict) -> bool:
+def _is_unwritable(verdict: Verdict) -> bool:
     return any(violation.kind in _UNWRITABLE for violation in verdict.violations)
 
 
@@ -186,8 +186,8 @@ def rate_loss(robot: Robot, motion: Motion, written: Motion) -> dict[str, np.nda
     limits = robot.limits
     n = _COMPARED * max(motion.n_samples, written.n_samples)
     time = np.linspace(0.0, min(motion.duration, written.duration), n)
-    there = interpolate(written, robot, written.time[0] + time)
-    here = interpolate(motion, robot, motion.time[0] + time)
+    there = interpolate_motion(written, robot, written.time[0] + time)
+    here = interpolate_motion(motion, robot, motion.time[0] + time)
     return {
         "position": np.abs(there.joint_positions() - here.joint_positions()).max(axis=0)
         / (limits.position_upper - limits.position_lower),

@@ -10,7 +10,7 @@ import pyarrow.csv
 from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
 from excite.export.exporter import Exporter
-from excite.export.statement import commented, warnings
+from excite.export.statement import as_comments, motion_warnings
 from excite.motion.content import motion_columns
 from excite.motion.motion import Motion
 
@@ -29,5 +29,5 @@ class CsvExporter(Exporter):
         """See :class:`Exporter`; numbers are written with all their digits."""
         options = pa.csv.WriteOptions(quoting_style="none")
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
-            stream.write(commented(warnings(motion)).encode())
+            stream.write(as_comments(motion_warnings(motion)).encode())
             pa.csv.write_csv(arrow_table(motion_columns(motion)), stream, options)

@@ -89,7 +89,7 @@ def export_motion(
     exporter = EXPORTERS.find(format)(robot, settings)
     (cleared,) = clear_motions([exporter], [motion], rate_hz, unsafe_anyway, approach=approach)
     with all_or_nothing():
-        return _write(exporter, cleared, Path(path))
+        return _write_motion(exporter, cleared, Path(path))
 
 
 def export_motions(
@@ -171,18 +171,18 @@ def export_with_verdicts(
         raise InputError(
             f"two motions are called {repeated[0]!r}", source="export", remedy="export them apart"
         )
-    robots = _robots(files, robot)
-    motions = [_read(file, its) for file, its in zip(files, robots, strict=True)]
+    robots = _load_robots(files, robot)
+    motions = [_read_motion(file, its) for file, its in zip(files, robots, strict=True)]
     exporters = [kind(its, settings) for its in robots]
     cleared = clear_motions(exporters, motions, rate_hz, unsafe_anyway, approach=approach)
     with all_or_nothing():
         return [
-            Exported(_write(exporter, item, Path(out) / file.stem), item)
+            Exported(_write_motion(exporter, item, Path(out) / file.stem), item)
             for exporter, file, item in zip(exporters, files, cleared, strict=True)
         ]
 
 
-def _robots(files: Sequence[Path], robot: RobotLike | None) -> list[Robot]:
+def _load_robots(files: Sequence[Path], robot: RobotLike | None) -> list[Robot]:
     """The robot of each file; each is loaded once."""
     if robot is not None:
         return [as_robot(robot)] * len(files)
@@ -198,7 +198,7 @@ def _robots(files: Sequence[Path], robot: RobotLike | None) -> list[Robot]:
     return found
 
 
-def _read(file: Path, robot: Robot) -> Motion:
+def _read_motion(file: Path, robot: Robot) -> Motion:
     try:
         return load_motion(file, robot)
     except OtherRobotError as error:
@@ -211,7 +211,7 @@ def _read(file: Path, robot: Robot) -> Motion:
         ) from error
 
 
-def _commanded(robot: Robot, motion: Motion) -> Motion:
+def _commanded_motion(robot: Robot, motion: Motion) -> Motion:
     """The motion of the joints that have a motor; others follow."""
     if robot.mechanism is None:
         return motion
@@ -223,9 +223,11 @@ def _commanded(robot: Robot, motion: Motion) -> Motion:
     )
 
 
-def _write(exporter: Exporter, cleared: Cleared, path: Path) -> Path:
+def _write_motion(exporter: Exporter, cleared: Cleared, path: Path) -> Path:
     path = exporter.destination(path)
-    exporter.write(cleared.motion if exporter.whole else _commanded(exporter.robot, cleared.motion), path)
+    exporter.write(
+        cleared.motion if exporter.whole else _commanded_motion(exporter.robot, cleared.motion), path
+    )
     if cleared.reason is not None:
         beside = path.with_name(path.name + ".unsafe.json")
         write_json({"schema": SCHEMA, "motions": [Exported(path, cleared).to_json(path.parent)]}, beside)

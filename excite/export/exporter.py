@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from excite.errors import InputError
-from excite.export.setting import Setting, settled
+from excite.export.setting import Setting, settle_settings
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.verdict import Violation
@@ -50,7 +50,7 @@ class Exporter(ABC):
 
     def __init__(self, robot: Robot, given: Mapping[str, object] | None = None) -> None:
         self.robot = robot
-        self.values = settled(self.settings, given or {}, self.name)
+        self.values = settle_settings(self.settings, given or {}, self.name)
 
     def number(self, name: str) -> float:
         """Value of a setting that is a number."""

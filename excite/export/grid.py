@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.errors import InputError
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.reading.number import check_number
 from excite.robot.robot import Robot
 
@@ -55,7 +55,7 @@ def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
             field="rate_hz",
             remedy=f"give at least {1.0 / motion.duration:.3f} Hz",
         )
-    sampled = interpolate(motion, robot, np.minimum(motion.time[0] + inside, motion.time[-1]))
+    sampled = interpolate_motion(motion, robot, np.minimum(motion.time[0] + inside, motion.time[-1]))
     if periods - whole > 1e-6 and np.abs(motion.v[-1]).max() < _AT_REST:
         return replace(
             sampled,

@@ -15,7 +15,7 @@ from excite.atomic import atomic_folder
 from excite.errors import InputError
 from excite.export.exporter import Exporter
 from excite.export.setting import Setting
-from excite.export.statement import remarks, statement
+from excite.export.statement import motion_remarks, motion_statement
 from excite.motion.motion import Motion
 from excite.motion.readers.lerobot import STATEMENT
 
@@ -74,7 +74,7 @@ class LeRobotExporter(Exporter):
         """See :class:`Exporter`; ``path`` is the data set's folder."""
         version, n = self.word("version"), motion.n_samples
         fps = round((n - 1) / motion.duration)
-        columns = _columns(motion, fps)
+        columns = _dataset_columns(motion, fps)
         info = {
             "codebase_version": version,
             "robot_type": motion.robot,
@@ -86,23 +86,23 @@ class LeRobotExporter(Exporter):
             "splits": {"train": "0:1"},
             "data_path": _FILES[version],
             "video_path": None,
-            "features": _features(motion, columns),
+            "features": _dataset_features(motion, columns),
         }
         if version == "v2.1":
             info |= {"total_videos": 0, "total_chunks": 1}
         place = _FILES[version].format(chunk_index=0, file_index=0, episode_chunk=0, episode_index=0)
-        stats = {name: _stats(values) for name, values in columns.items()}
+        stats = {name: _feature_stats(values) for name, values in columns.items()}
         with atomic_folder(path) as folder:
-            _write_table(_table(columns), folder / place)
+            _write_table(_episode_table(columns), folder / place)
             _write_text(folder / "meta" / "info.json", info)
-            _write_text(folder / STATEMENT, statement(motion) | {"remarks": remarks(motion)})
+            _write_text(folder / STATEMENT, motion_statement(motion) | {"remarks": motion_remarks(motion)})
             if version == "v2.1":
                 _write_lists(folder / "meta", self.word("task"), n, stats)
             else:
                 _write_tables(folder / "meta", self.word("task"), n, stats)
 
 
-def _columns(motion: Motion, fps: int) -> dict[str, NDArray[Any]]:
+def _dataset_columns(motion: Motion, fps: int) -> dict[str, NDArray[Any]]:
     n = motion.n_samples
     q, v = (x.astype(np.float32) for x in (motion.joint_positions(), motion.joint_velocities()))
     columns: dict[str, NDArray[Any]] = {"action": q, "observation.state": q, "observation.velocity": v}
@@ -115,30 +115,30 @@ def _columns(motion: Motion, fps: int) -> dict[str, NDArray[Any]]:
     )
 
 
-def _features(motion: Motion, columns: dict[str, NDArray[Any]]) -> dict[str, Any]:
+def _dataset_features(motion: Motion, columns: dict[str, NDArray[Any]]) -> dict[str, Any]:
     return {
         name: {
             "dtype": str(values.dtype),
             "shape": [values.shape[1] if values.ndim > 1 else 1],
-            "names": _names(motion, name) if values.ndim > 1 else None,
+            "names": _feature_names(motion, name) if values.ndim > 1 else None,
         }
         for name, values in columns.items()
     }
 
 
-def _names(motion: Motion, feature: str) -> list[str]:
+def _feature_names(motion: Motion, feature: str) -> list[str]:
     ending = "vel" if feature.endswith("velocity") else "pos"
     return [f"{joint}.{ending}" for joint in motion.joint_names]
 
 
-def _stats(values: NDArray[Any]) -> dict[str, list[float]]:
+def _feature_stats(values: NDArray[Any]) -> dict[str, list[float]]:
     """Statistics by which a policy's inputs are scaled; the deviation is the population's."""
     rows = values.reshape(len(values), -1).astype(float)
     found = {"min": rows.min(0), "max": rows.max(0), "mean": rows.mean(0), "std": rows.std(0)}
     return {name: value.tolist() for name, value in found.items()} | {"count": [len(values)]}
 
 
-def _table(columns: dict[str, NDArray[Any]]) -> pa.Table:
+def _episode_table(columns: dict[str, NDArray[Any]]) -> pa.Table:
     arrays = [
         pa.array(values)
         if values.ndim == 1

@@ -11,7 +11,7 @@ from excite.export.exporter import Exporter
 from excite.export.ros2 import write_bag
 from excite.export.setting import Setting
 from excite.motion.motion import Motion
-from excite.reading.number import shown
+from excite.reading.number import shorten_value
 
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
@@ -34,7 +34,7 @@ class McapExporter(Exporter):
         topic = self.word("topic")
         if not _TOPIC.fullmatch(topic):
             raise InputError(
-                f"is {shown(topic)}",
+                f"is {shorten_value(topic)}",
                 source=self.name,
                 field="topic",
                 remedy="give letters, digits and _ behind a /",

@@ -13,7 +13,7 @@ from excite.export.exporter import Exporter
 from excite.export.goals import goal_velocities
 from excite.motion.motion import Motion
 from excite.motion.readers.ros2 import BASE_TRAJECTORY, CONTACTS, JOINT_TRAJECTORY, ROBOT, ROBOT_HASH
-from excite.motion.timing import nanoseconds
+from excite.motion.timing import to_nanoseconds
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 BASE_TOPIC = "/excite/base"
@@ -53,19 +53,19 @@ def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    messages = [(TOPIC, JOINT_TRAJECTORY, [_joints(store, motion)])]
+    messages = [(TOPIC, JOINT_TRAJECTORY, [_joint_trajectory(store, motion)])]
     if motion.floating:
-        messages.append((BASE_TOPIC, BASE_TRAJECTORY, [_base(store, motion)]))
+        messages.append((BASE_TOPIC, BASE_TRAJECTORY, [_base_trajectory(store, motion)]))
     if motion.contacts:
-        messages.append((CONTACTS, JOINT_TRAJECTORY, [_contacts(store, motion)]))
+        messages.append((CONTACTS, JOINT_TRAJECTORY, [_contact_flags(store, motion)]))
     if command:
-        messages.append((command, JOINT_STATE, _states(store, motion)))
+        messages.append((command, JOINT_STATE, _joint_states(store, motion)))
     bag = Writer(folder, version=_BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
     bag.set_custom_data(ROBOT, motion.robot)
     bag.set_custom_data(ROBOT_HASH, motion.metadata.robot_hash)
     if motion.metadata.verdict is not None:
         bag.set_custom_data("excite.verdict", json.dumps(motion.metadata.verdict))
-    times = nanoseconds(motion.time).tolist()
+    times = to_nanoseconds(motion.time).tolist()
     with bag:
         for topic, kind, contents in messages:
             connection = bag.add_connection(topic, kind, typestore=store)
@@ -73,35 +73,35 @@ def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
                 bag.write(connection, time, store.serialize_cdr(content, kind))
 
 
-def _times(store: Any, motion: Motion) -> list[Any]:
+def _message_times(store: Any, motion: Motion) -> list[Any]:
     duration = store.types["builtin_interfaces/msg/Duration"]
-    return [duration(*divmod(t, 1_000_000_000)) for t in nanoseconds(motion.time).tolist()]
+    return [duration(*divmod(t, 1_000_000_000)) for t in to_nanoseconds(motion.time).tolist()]
 
 
-def _header(store: Any, frame: str = "") -> Any:
+def _message_header(store: Any, frame: str = "") -> Any:
     return store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](0, 0), frame)
 
 
-def _joints(store: Any, motion: Motion) -> Any:
+def _joint_trajectory(store: Any, motion: Motion) -> Any:
     point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
     rows = zip(
         np.ascontiguousarray(motion.joint_positions()),
         np.ascontiguousarray(goal_velocities(motion)),
         np.ascontiguousarray(motion.joint_accelerations()),
-        _times(store, motion),
+        _message_times(store, motion),
         strict=True,
     )
     points = [point(q, v, a, nothing, t) for q, v, a, t in rows]
-    return store.types[JOINT_TRAJECTORY](_header(store), list(motion.joint_names), points)
+    return store.types[JOINT_TRAJECTORY](_message_header(store), list(motion.joint_names), points)
 
 
-def _states(store: Any, motion: Motion) -> list[Any]:
+def _joint_states(store: Any, motion: Motion) -> list[Any]:
     state, stamp = store.types[JOINT_STATE], store.types["builtin_interfaces/msg/Time"]
     header, names = store.types["std_msgs/msg/Header"], list(motion.joint_names)
     return [
         state(header(stamp(*divmod(t, 1_000_000_000)), ""), names, q, v, np.empty(0))
         for t, q, v in zip(
-            nanoseconds(motion.time).tolist(),
+            to_nanoseconds(motion.time).tolist(),
             np.ascontiguousarray(motion.joint_positions()),
             np.ascontiguousarray(motion.joint_velocities()),
             strict=True,
@@ -109,7 +109,7 @@ def _states(store: Any, motion: Motion) -> list[Any]:
     ]
 
 
-def _base(store: Any, motion: Motion) -> Any:
+def _base_trajectory(store: Any, motion: Motion) -> Any:
     """Pose in the world; twist and acceleration in the base frame, as everywhere in a motion."""
     vector, quaternion = store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"]
     pose, twist = store.types["geometry_msgs/msg/Transform"], store.types["geometry_msgs/msg/Twist"]
@@ -125,18 +125,18 @@ def _base(store: Any, motion: Motion) -> Any:
             motion.q[:, :7].tolist(),
             motion.v[:, :6].tolist(),
             motion.a[:, :6].tolist(),
-            _times(store, motion),
+            _message_times(store, motion),
             strict=True,
         )
     ]
-    return store.types[BASE_TRAJECTORY](_header(store, "world"), ["base"], points)
+    return store.types[BASE_TRAJECTORY](_message_header(store, "world"), ["base"], points)
 
 
-def _contacts(store: Any, motion: Motion) -> Any:
+def _contact_flags(store: Any, motion: Motion) -> Any:
     point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
     flags = np.column_stack(list(motion.contacts.values())).astype(float)
     points = [
         point(np.ascontiguousarray(row), nothing, nothing, nothing, t)
-        for row, t in zip(flags, _times(store, motion), strict=True)
+        for row, t in zip(flags, _message_times(store, motion), strict=True)
     ]
-    return store.types[JOINT_TRAJECTORY](_header(store), list(motion.contacts), points)
+    return store.types[JOINT_TRAJECTORY](_message_header(store), list(motion.contacts), points)

@@ -12,11 +12,11 @@ from excite.errors import InputError
 from excite.export.exporter import Exporter
 from excite.export.goals import between_rests, goal_velocities
 from excite.export.setting import Setting
-from excite.export.statement import commented, remarks, statement
+from excite.export.statement import as_comments, motion_remarks, motion_statement
 from excite.motion.motion import Motion
 from excite.motion.readers.ros2_yaml import GOAL_FILE
-from excite.motion.timing import nanoseconds
-from excite.reading.number import shown
+from excite.motion.timing import to_nanoseconds
+from excite.reading.number import shorten_value
 
 ACTION = "control_msgs/action/FollowJointTrajectory"
 # Linux hands a program at most 32 pages in one argument, MAX_ARG_STRLEN in execve(2), its final zero included.
@@ -43,7 +43,7 @@ class Ros2YamlExporter(Exporter):
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError where the controller's name is none."""
-        action(self.word("controller"))
+        action_name(self.word("controller"))
 
     def destination(self, path: Path) -> Path:
         """A file, or the folder of several goals."""
@@ -71,21 +71,23 @@ class Ros2YamlExporter(Exporter):
 
     def _text(self, motion: Motion, name: str, more: Mapping[str, float] | None = None) -> str:
         """Command, comments and goal."""
-        lines = commented([*remarks(motion), json.dumps(statement(motion) | dict(more or {}))])
-        text, file = _goal(motion), quote(name)
-        command = f"# ros2 action send_goal {action(self.word('controller'))} {ACTION} "
+        lines = as_comments(
+            [*motion_remarks(motion), json.dumps(motion_statement(motion) | dict(more or {}))]
+        )
+        text, file = _goal_text(motion), quote(name)
+        command = f"# ros2 action send_goal {action_name(self.word('controller'))} {ACTION} "
         goal = f'"$(cat {file})"'
         if len((command + goal + lines + text).encode()) > _LONGEST_ARGUMENT:
             goal = f"--stdin < {file}   # as an argument it is too long; --stdin is there from Jazzy on"
         return f"{command}{goal}\n{lines}{text}"
 
 
-def action(controller: str) -> str:
+def action_name(controller: str) -> str:
     """Name of a controller's action; raises InputError for what is no name in ROS."""
     words = controller.strip("/").split("/")
     if not all(word and word.replace("_", "a").isalnum() and word.isascii() for word in words):
         raise InputError(
-            f"is {shown(controller)}",
+            f"is {shorten_value(controller)}",
             source="ros2-yaml",
             field="controller",
             remedy="give letters, digits and _, parts joined by /",
@@ -94,30 +96,30 @@ def action(controller: str) -> str:
     return name if words[-1] == "follow_joint_trajectory" else f"{name}/follow_joint_trajectory"
 
 
-def _goal(motion: Motion) -> str:
+def _goal_text(motion: Motion) -> str:
     names = ", ".join(json.dumps(joint) for joint in motion.joint_names)
     lines = ["trajectory:", f"  joint_names: [{names}]", "  points:"]
     rows = zip(
         motion.joint_positions().tolist(),
         goal_velocities(motion).tolist(),
         motion.joint_accelerations().tolist(),
-        nanoseconds(motion.time).tolist(),
+        to_nanoseconds(motion.time).tolist(),
         strict=True,
     )
     for q, v, a, time in rows:
         seconds, rest = divmod(time, 1_000_000_000)
         lines.append(
-            f"  - {{positions: {_numbers(q)}, velocities: {_numbers(v)}, accelerations: {_numbers(a)},"
+            f"  - {{positions: {_format_numbers(q)}, velocities: {_format_numbers(v)}, accelerations: {_format_numbers(a)},"
             f" time_from_start: {{sec: {seconds}, nanosec: {rest}}}}}"
         )
     return "\n".join([*lines, ""])
 
 
-def _numbers(values: list[float]) -> str:
-    return f"[{', '.join(map(_number, values))}]"
+def _format_numbers(values: list[float]) -> str:
+    return f"[{', '.join(map(_format_number, values))}]"
 
 
-def _number(value: float) -> str:
+def _format_number(value: float) -> str:
     """All digits of a number; YAML 1.1, which ROS reads, takes 1e-05 for a word and 1.0e-05 for a number."""
     text = repr(value)
     return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from excite.errors import InputError
-from excite.reading.number import check_number, shown
+from excite.reading.number import check_number, shorten_value
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,17 @@ class Setting:
         text = str(value).strip()
         if self.choices and text not in self.choices:
             remedy = f"choose one of {', '.join(self.choices)}"
-            raise InputError(f"is {shown(text)}", source=source, field=self.name, remedy=remedy)
+            raise InputError(f"is {shorten_value(text)}", source=source, field=self.name, remedy=remedy)
         if not text.isprintable():
             raise InputError(
-                f"is {shown(text)}", source=source, field=self.name, remedy="write it in one line"
+                f"is {shorten_value(text)}", source=source, field=self.name, remedy="write it in one line"
             )
         return text
 
 
-def settled(declared: Iterable[Setting], given: Mapping[str, object], source: str) -> dict[str, float | str]:
+def settle_settings(
+    declared: Iterable[Setting], given: Mapping[str, object], source: str
+) -> dict[str, float | str]:
     """Values of all declared settings; raises InputError for one that is not declared or not allowed.
 
     Args:

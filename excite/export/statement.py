@@ -11,7 +11,7 @@ from excite.motion.readers.table import UNSAFE
 from excite.safety.verdict import Violation, conditions
 
 
-def statement(motion: Motion) -> dict[str, Any]:
+def motion_statement(motion: Motion) -> dict[str, Any]:
     """``robot``, ``robot_hash``, ``joints`` in their order and ``verdict`` of a motion that was cleared."""
     metadata = motion.metadata
     return {
@@ -22,7 +22,7 @@ def statement(motion: Motion) -> dict[str, Any]:
     }
 
 
-def warnings(motion: Motion) -> list[str]:
+def motion_warnings(motion: Motion) -> list[str]:
     """What whoever opens the file has to know, one line each; nothing of a motion that is safe."""
     verdict = motion.metadata.verdict or {}
     if "unsafe_anyway" not in verdict:
@@ -32,10 +32,13 @@ def warnings(motion: Motion) -> list[str]:
     return [f"{UNSAFE}: {' '.join(line.split())}" for line in lines]
 
 
-def remarks(motion: Motion) -> list[str]:
+def motion_remarks(motion: Motion) -> list[str]:
     """Lines for a person who opens the file: warnings, whose motion it is, and the smallest margins."""
     verdict = motion.metadata.verdict or {}
-    lines = [*warnings(motion), f"motion {motion.name} of robot {motion.robot}, {motion.duration:.3f} s"]
+    lines = [
+        *motion_warnings(motion),
+        f"motion {motion.name} of robot {motion.robot}, {motion.duration:.3f} s",
+    ]
     if verdict.get("safe"):
         margins = {name: value for name, value in verdict["margins"].items() if value is not None}
         stated = ", ".join(f"{name} {value:.4g}" for name, value in margins.items())
@@ -44,11 +47,11 @@ def remarks(motion: Motion) -> list[str]:
     return [" ".join(line.split()) for line in lines]
 
 
-def comments(motion: Motion) -> str:
+def comment_lines(motion: Motion) -> str:
     """Comment lines for a text file: the remarks, and the statement as one line of JSON that is read again."""
-    return commented([*remarks(motion), json.dumps(statement(motion))])
+    return as_comments([*motion_remarks(motion), json.dumps(motion_statement(motion))])
 
 
-def commented(lines: Iterable[str]) -> str:
+def as_comments(lines: Iterable[str]) -> str:
     """Lines as comments."""
     return "".join(f"# {line}\n" for line in lines)

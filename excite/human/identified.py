@@ -130,10 +130,10 @@ def split_trials(log: Log, loaded: int) -> tuple[Log, Log]:
             field="loaded",
             remedy="give a trial without it too, before those with it",
         )
-    return _trials(log, slice(0, first)), _trials(log, slice(first, None))
+    return _trials_within(log, slice(0, first)), _trials_within(log, slice(first, None))
 
 
-def _trials(log: Log, span: slice) -> Log:
+def _trials_within(log: Log, span: slice) -> Log:
     headers, trials = log.header.trials[span], log.trials[span]
     roles = ["identification"] * len(trials)
     if len(trials) > 1:

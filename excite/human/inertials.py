@@ -70,7 +70,7 @@ def body_inertias(subject: Subject, dimensions: Dimensions, table: Anthropometry
     """
     if table not in ANTHROPOMETRY:
         raise UnknownNameError("table of segment inertias", table, list(ANTHROPOMETRY))
-    builder = _de_leva if table == "de_leva" else _dumas
+    builder = _de_leva if table == "de_leva" else _dumas_inertia
     share = mass_shares(subject, table)
     bodies = []
     for segment, name in zip(SEGMENTS, NAMES, strict=True):
@@ -97,7 +97,7 @@ def mass_shares(subject: Subject, table: Anthropometry) -> dict[str, float]:
 _DE_LEVA_PARTS = {"pelvis": ("lower trunk",), "torso": ("mid trunk", "upper trunk")}
 
 
-def _length(dimensions: Dimensions, kind: str, side: str) -> float:
+def _reference_length(dimensions: Dimensions, kind: str, side: str) -> float:
     """The length that Dumas' percentages of a segment refer to [m]."""
     named = {
         "pelvis": dimensions.pelvis,
@@ -109,9 +109,9 @@ def _length(dimensions: Dimensions, kind: str, side: str) -> float:
     return named[kind] if kind in named else dimensions[f"{side}_{kind}"]
 
 
-def _dumas(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
+def _dumas_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
     row = dumas.TABLE[subject.sex][kind]
-    length = _length(dimensions, kind, side)
+    length = _reference_length(dimensions, kind, side)
     xx, yy, zz = (np.array(row.diagonal) / 100.0) ** 2
     xy, xz, yz = (np.sign(p) * (p / 100.0) ** 2 for p in row.products)
     radii = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -121,10 +121,10 @@ def _dumas(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> Bo
         center = center + np.array([dimensions["lumbar_x"], 0.0, dimensions["lumbar_z"]])
     elif kind == "torso":
         center = center + np.array([dimensions["neck_x"], 0.0, dimensions["neck_z"]])
-    return BodyInertia(mass, center, mass * length**2 * _FROM_ISB @ _possible(radii) @ _FROM_ISB.T)
+    return BodyInertia(mass, center, mass * length**2 * _FROM_ISB @ _possible_tensor(radii) @ _FROM_ISB.T)
 
 
-def _possible(radii: Array) -> Array:
+def _possible_tensor(radii: Array) -> Array:
     """The tensor with products just so much smaller that a body can have it.
 
     The women's torso of Dumas' table breaks the triangle inequality of the principal moments (its product XY
@@ -153,14 +153,16 @@ def _de_leva(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> 
         return total
     if kind == "head":
         row = rows["head to cervicale"]
-        return _along(row, subject, [0.0, 0.0, (1.0 - row.center / 100.0) * dimensions.head], dimensions.head)
+        return _inertia_along(
+            row, subject, [0.0, 0.0, (1.0 - row.center / 100.0) * dimensions.head], dimensions.head
+        )
     row = rows[kind]
     if kind == "foot":
         length = dimensions.foot_length
         center = [row.center / 100.0 * length - dimensions.heel, 0.0, -0.5 * dimensions.ankle_height]
-        return _along(row, subject, center, length, lying=True)
+        return _inertia_along(row, subject, center, length, lying=True)
     length = dimensions.hand if kind == "hand" else dimensions[f"{side}_{kind}"]
-    return _along(row, subject, [0.0, 0.0, -row.center / 100.0 * length], length)
+    return _inertia_along(row, subject, [0.0, 0.0, -row.center / 100.0 * length], length)
 
 
 def _trunk_part(
@@ -176,10 +178,10 @@ def _trunk_part(
     )
     row = rows[part]
     height = (upper_end - row.center / 100.0 * row.length) * scale
-    return _along(row, subject, top / np.linalg.norm(top) * height, row.length * scale)
+    return _inertia_along(row, subject, top / np.linalg.norm(top) * height, row.length * scale)
 
 
-def _along(
+def _inertia_along(
     row: de_leva.Row, subject: Subject, center: list[float] | Array, length: float, *, lying: bool = False
 ) -> BodyInertia:
     """A body whose long axis is z, or x where it lies (the foot, whose sagittal axis then is vertical)."""

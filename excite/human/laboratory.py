@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.human.markers.marker_set import MarkerSet, bare_label
 from excite.human.recording import Recording
 from excite.human.subject import Subject
@@ -36,7 +36,7 @@ def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
     shared = [bare_label(label) for label in recording.markers if bare_label(label) in markers.sites]
     if len(people) > 1 and len(shared) > len(set(shared)):
         raise LogError(
-            f"holds the markers of {len(people)} people: {listed(people)}",
+            f"holds the markers of {len(people)} people: {list_names(people)}",
             source=recording.source,
             remedy="export one person's markers at a time",
         )
@@ -53,7 +53,7 @@ def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
     if unknown:
         text = (
             f"{recording.source.name}: {len(unknown)} labels are not in marker set {markers.name!r}: "
-            f"{listed(unknown)}"
+            f"{list_names(unknown)}"
         )
         findings.append(Finding("unknown_markers", text, {"markers": float(len(unknown))}, tuple(unknown)))
     return replace(recording, markers=known).noting(*findings)
@@ -64,16 +64,14 @@ def absent_markers(recording: Recording, wanted: tuple[str, ...]) -> tuple[Findi
     found = []
     absent = tuple(label for label in wanted if label not in recording.markers)
     if absent:
-        text = f"{recording.source.name}: markers missing from the file: {listed(absent, 12)}"
+        text = f"{recording.source.name}: markers missing from the file: {list_names(absent, 12)}"
         found.append(Finding("missing_markers", text, {"markers": float(len(absent))}, absent))
     share = {
         label: float(np.isfinite(values).all(axis=1).mean()) for label, values in recording.markers.items()
     }
     rare = tuple(label for label in recording.markers if share[label] < _SEEN_TOO_SELDOM)
     if rare:
-        text = (
-            f"{recording.source.name}: markers seen in fewer than a tenth of the frames: {listed(rare, 12)}"
-        )
+        text = f"{recording.source.name}: markers seen in fewer than a tenth of the frames: {list_names(rare, 12)}"
         found.append(Finding("missing_markers", text, {"markers": float(len(rare))}, rare))
     gaps = tuple(label for label in recording.markers if _SEEN_TOO_SELDOM <= share[label] < 1.0)
     if gaps:
@@ -129,8 +127,8 @@ def up_axis(recording: Recording, markers: MarkerSet) -> str:
     Raises:
         LogError: the person does not stand along an axis, or upside down.
     """
-    high = _middle(recording, markers, lambda segment: segment in _HIGH)
-    low = _middle(recording, markers, lambda segment: segment.endswith(("foot", "shank")))
+    high = _marker_middle(recording, markers, lambda segment: segment in _HIGH)
+    low = _marker_middle(recording, markers, lambda segment: segment.endswith(("foot", "shank")))
     direction = high - low
     axis = int(np.argmax(np.abs(direction)))
     if not np.isfinite(direction).all() or direction[axis] < 0.7 * float(np.linalg.norm(direction)):
@@ -143,13 +141,13 @@ def up_axis(recording: Recording, markers: MarkerSet) -> str:
     return "xyz"[axis]
 
 
-def _middle(recording: Recording, markers: MarkerSet, chosen: Callable[[str], bool]) -> Array:
+def _marker_middle(recording: Recording, markers: MarkerSet, chosen: Callable[[str], bool]) -> Array:
     values = [v for label, v in recording.markers.items() if chosen(markers.sites[label].segment)]
     if not values:
         return np.full(3, np.nan)
     return np.median([np.nanmedian(v, axis=0) for v in values], axis=0)
 
 
-def upright(recording: Recording, axis: str) -> Recording:
+def turn_z_up(recording: Recording, axis: str) -> Recording:
     """The recording turned so that ``axis`` becomes z."""
     return recording.turned(_UP[axis])

@@ -75,14 +75,14 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
     for number, trial in enumerate(trials):
         for reading in trial.readings:
             if all(names[number, reading.name] != sensor.name for sensor in sensors):
-                sensors.append(_sensor(names[number, reading.name], reading))
+                sensors.append(_sensor_header(names[number, reading.name], reading))
     for number, trial in enumerate(trials):
         edge = settling_samples(rate, cutoff_hz) // 2 if cutoff_hz is not None else 0
-        whole = _trial(trial, number, names, [sensor.name for sensor in sensors], edge)
+        whole = _trial_channels(trial, number, names, [sensor.name for sensor in sensors], edge)
         if len(trials) > 1 or hold_out == 0.0:
             parts.append((whole, "validation" if number and number == len(trials) - 1 else "identification"))
         else:
-            first, second = _cut(whole, rate, hold_out, cutoff_hz)
+            first, second = _cut_trial(whole, rate, hold_out, cutoff_hz)
             parts += [(first, "identification"), (second, "validation")]
     logged, headers = [], []
     for number, (part, role) in enumerate(parts):
@@ -124,12 +124,12 @@ def _sensor_names(trials: Sequence[MeasuredTrial]) -> dict[tuple[int, str], str]
     return names
 
 
-def _sensor(name: str, reading: PlateReading) -> SensorHeader:
+def _sensor_header(name: str, reading: PlateReading) -> SensorHeader:
     x, y, z = (float(value) for value in reading.center)
     return SensorHeader(name=name, kind="force_plate", parent="world", xyz=(x, y, z), foot=reading.foot)
 
 
-def _trial(
+def _trial_channels(
     trial: MeasuredTrial,
     number: int,
     names: dict[tuple[int, str], str],
@@ -151,7 +151,7 @@ def _trial(
     }
 
 
-def _cut(
+def _cut_trial(
     whole: dict[str, Any], rate: float, hold_out: float, cutoff_hz: float | None
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     filters = ProblemSettings().filters(floating=True, lowpass_hz=cutoff_hz)
@@ -160,10 +160,10 @@ def _cut(
     middle = margin + round((1.0 - hold_out) * (n - 2 * margin))
     if n < 3 * margin:
         margin, middle = 0, round((1.0 - hold_out) * n)
-    return _part(whole, slice(0, middle + margin)), _part(whole, slice(middle - margin, n))
+    return _part_of(whole, slice(0, middle + margin)), _part_of(whole, slice(middle - margin, n))
 
 
-def _part(whole: dict[str, Any], span: slice) -> dict[str, Any]:
+def _part_of(whole: dict[str, Any], span: slice) -> dict[str, Any]:
     return {
         "time": whole["time"][span],
         "q": whole["q"][span],

@@ -15,9 +15,9 @@ from excite.finding import Finding
 from excite.human.body import Body, body_of
 from excite.human.dimensions import DIMENSIONS, Dimensions
 from excite.human.inertials import ANTHROPOMETRY, Anthropometry
-from excite.human.laboratory import AXES, absent_markers, in_metres, up_axis, upright, with_known_labels
+from excite.human.laboratory import AXES, absent_markers, in_metres, turn_z_up, up_axis, with_known_labels
 from excite.human.log_folder import MeasuredTrial, human_log
-from excite.human.markers.calibration import Calibration, calibrate
+from excite.human.markers.calibration import Calibration, calibrate_body
 from excite.human.markers.marker_set import MarkerSet, find_marker_set, read_marker_set
 from excite.human.measured_trial import measured_trial
 from excite.human.pairing import paired_recordings
@@ -106,7 +106,7 @@ class MeasuredPerson(Shown):
                 {"segment": name, **{f"{table}_kg": body.inertias[k].mass for table, body in other.items()}}
                 for k, name in enumerate(NAMES)
             ],
-            "dimensions": _dimensions(d),
+            "dimensions": _dimensions_json(d),
             "marker_rms_m": self.calibration.rms,
             "trials": [{"trial": name, **values} for name, values in self.trials.items()],
             "findings": [finding.to_json() for finding in self.findings],
@@ -131,7 +131,7 @@ class MeasuredPerson(Shown):
         return "\n".join([*lines, *(f"note: {finding.text}" for finding in self.findings)])
 
 
-def _dimensions(dimensions: Dimensions) -> dict[str, dict[str, float]]:
+def _dimensions_json(dimensions: Dimensions) -> dict[str, dict[str, float]]:
     pairs = zip(DIMENSIONS, dimensions.values, dimensions.spread, strict=True)
     return {name: {"value_m": float(value), "std_m": float(spread)} for name, value, spread in pairs}
 
@@ -180,11 +180,11 @@ def measure_recordings(
     for recording in (*standing, *moving):
         known = in_metres(with_known_labels(recording, markers), subject)
         up = up_axis(known, markers) if up is None else up
-        prepared.append(upright(known, up))
+        prepared.append(turn_z_up(known, up))
     still, upright_trials = prepared[: len(standing)], prepared[len(standing) :]
     wanted = tuple(label for label in markers.sites if any(label in r.markers for r in prepared))
     cutoff = settings.cutoff_hz or None
-    calibration = calibrate(subject, markers.sites, [item.markers for item in (*still, *upright_trials)])
+    calibration = calibrate_body(subject, markers.sites, [item.markers for item in (*still, *upright_trials)])
     body = body_of(subject, calibration.dimensions, settings.table).with_masses(settings.segment_mass)
     measured: list[MeasuredTrial] = []
     reports: dict[str, dict[str, Any]] = {}

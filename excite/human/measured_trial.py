@@ -9,9 +9,9 @@ from excite.human.body import Body
 from excite.human.log_folder import MeasuredTrial
 from excite.human.markers.calibration import Calibration
 from excite.human.plates.force_plates import plate_readings
-from excite.human.plates.support import support
+from excite.human.plates.support import find_support
 from excite.human.posture.joint_angles import joint_angles, near_singular
-from excite.human.posture.skeleton import place
+from excite.human.posture.skeleton import place_segments
 from excite.human.posture.trial_poses import trial_poses
 from excite.human.recording import Recording
 
@@ -29,9 +29,9 @@ def measured_trial(
 ) -> Measured:
     """Postures, plates and spans of a recording; ``cutoff_hz`` of the markers' low-pass, None for none [Hz]."""
     poses = trial_poses(calibration, recording, cutoff_hz)
-    placement = place(poses.pose, body.offsets)
+    placement = place_segments(poses.pose, body.offsets)
     readings, odd = plate_readings(recording, placement, body, cutoff_hz)
-    held = support(body, placement, readings, recording.rate_hz, recording.source)
+    held = find_support(body, placement, readings, recording.rate_hz, recording.source)
     name = recording.source.stem
     trial = MeasuredTrial(name, poses, readings, held.frames, recording.rate_hz)
     span = held.frames

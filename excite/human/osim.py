@@ -43,118 +43,120 @@ def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human
     """The model as XML."""
     document = ElementTree.Element("OpenSimDocument", Version=_VERSION)
     model = ElementTree.SubElement(document, "Model", name=name)
-    _leaf(model, "gravity", "0 -9.81 0")
-    _leaf(model, "credits", f"excite; segments by {body.table}")
+    _add_leaf(model, "gravity", "0 -9.81 0")
+    _add_leaf(model, "credits", f"excite; segments by {body.table}")
     ElementTree.SubElement(model, "Ground", name="ground")
-    bodies = _set(model, "BodySet", "bodyset")
-    joints = _set(model, "JointSet", "jointset")
+    bodies = _add_set(model, "BodySet", "bodyset")
+    joints = _add_set(model, "JointSet", "jointset")
     offsets = body.offsets
     for k, segment in enumerate(SEGMENTS):
-        _body(bodies, segment.name, body, k)
-        _joint(joints, segment, k, offsets[k])
+        _add_body(bodies, segment.name, body, k)
+        _add_joint(joints, segment, k, offsets[k])
     if markers is not None:
-        _markers(_set(model, "MarkerSet", "markerset"), markers)
+        _add_markers(_add_set(model, "MarkerSet", "markerset"), markers)
     ElementTree.indent(document)
     return ElementTree.tostring(document, encoding="unicode", xml_declaration=True) + "\n"
 
 
 def coordinate_names() -> tuple[str, ...]:
     """Coordinates of the model's joints, without the pelvis'; they are the names of the joints in the URDF too."""
-    return tuple(name for segment in SEGMENTS if segment.joint is not None for name in _coordinates(segment))
+    return tuple(
+        name for segment in SEGMENTS if segment.joint is not None for name in _coordinate_names(segment)
+    )
 
 
-def _coordinates(segment: Segment) -> tuple[str, ...]:
+def _coordinate_names(segment: Segment) -> tuple[str, ...]:
     if len(segment.axes) == 1:
         return (str(segment.joint),)
     return tuple(f"{segment.joint}_{axis.name}" for axis in segment.axes)
 
 
-def _leaf(parent: ElementTree.Element, tag: str, text: str) -> None:
+def _add_leaf(parent: ElementTree.Element, tag: str, text: str) -> None:
     ElementTree.SubElement(parent, tag).text = text
 
 
-def _set(model: ElementTree.Element, kind: str, name: str) -> ElementTree.Element:
+def _add_set(model: ElementTree.Element, kind: str, name: str) -> ElementTree.Element:
     outer = ElementTree.SubElement(model, kind, name=name)
     return ElementTree.SubElement(outer, "objects")
 
 
-def _text(values: Array) -> str:
+def _format_values(values: Array) -> str:
     return " ".join(f"{value + 0.0:.12g}" for value in values)
 
 
-def _body(bodies: ElementTree.Element, name: str, body: Body, k: int) -> None:
+def _add_body(bodies: ElementTree.Element, name: str, body: Body, k: int) -> None:
     inertia = body.inertias[k]
     element = ElementTree.SubElement(bodies, "Body", name=name)
-    _leaf(element, "mass", f"{inertia.mass:.12g}")
-    _leaf(element, "mass_center", _text(TO_ISB @ inertia.center))
+    _add_leaf(element, "mass", f"{inertia.mass:.12g}")
+    _add_leaf(element, "mass_center", _format_values(TO_ISB @ inertia.center))
     moments = TO_ISB @ inertia.inertia @ TO_ISB.T
-    _leaf(element, "inertia", _text(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
+    _add_leaf(element, "inertia", _format_values(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
 
 
-def _joint(joints: ElementTree.Element, segment: Segment, k: int, offset: Array) -> None:
+def _add_joint(joints: ElementTree.Element, segment: Segment, k: int, offset: Array) -> None:
     free = segment.joint is None
     name = "ground_pelvis" if free else str(segment.joint)
     carrier = "ground" if free else NAMES[PARENTS[k]]
     joint = ElementTree.SubElement(joints, "CustomJoint", name=name)
-    _leaf(joint, "socket_parent_frame", f"{carrier}_offset")
-    _leaf(joint, "socket_child_frame", f"{segment.name}_offset")
+    _add_leaf(joint, "socket_parent_frame", f"{carrier}_offset")
+    _add_leaf(joint, "socket_child_frame", f"{segment.name}_offset")
     if free:
         names: tuple[str, ...] = PELVIS
         axes = [np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])]
     else:
-        names = _coordinates(segment)
+        names = _coordinate_names(segment)
         axes = [TO_ISB @ np.eye(3)[axis.index] * axis.sign for axis in segment.axes]
     coordinates = ElementTree.SubElement(joint, "coordinates")
     for coordinate in names:
         element = ElementTree.SubElement(coordinates, "Coordinate", name=coordinate)
-        _leaf(element, "default_value", "0")
-        _leaf(element, "range", "-3.2 3.2" if not coordinate.startswith("pelvis_t") else "-10 10")
+        _add_leaf(element, "default_value", "0")
+        _add_leaf(element, "range", "-3.2 3.2" if not coordinate.startswith("pelvis_t") else "-10 10")
     frames = ElementTree.SubElement(joint, "frames")
     place = np.zeros(3) if free else TO_ISB @ offset
-    _frame(frames, carrier, "/ground" if free else f"/bodyset/{carrier}", place, np.eye(3))
+    _add_frame(frames, carrier, "/ground" if free else f"/bodyset/{carrier}", place, np.eye(3))
     # The last axis of a shoulder is turned against the arm's own frame.
     turn = TO_ISB @ frame_turn(k).T @ TO_ISB.T
-    _frame(frames, segment.name, f"/bodyset/{segment.name}", np.zeros(3), turn)
+    _add_frame(frames, segment.name, f"/bodyset/{segment.name}", np.zeros(3), turn)
     transform = ElementTree.SubElement(joint, "SpatialTransform")
-    used = [*axes, *_others(axes)][:3]
+    used = [*axes, *_complete_axes(axes)][:3]
     for i, axis in enumerate(used):
-        _axis(transform, f"rotation{i + 1}", axis, names[i] if i < len(axes) else None)
+        _add_axis(transform, f"rotation{i + 1}", axis, names[i] if i < len(axes) else None)
     for i in range(3):
-        _axis(transform, f"translation{i + 1}", np.eye(3)[i], names[3 + i] if free else None)
+        _add_axis(transform, f"translation{i + 1}", np.eye(3)[i], names[3 + i] if free else None)
 
 
-def _others(axes: list[Array]) -> list[Array]:
+def _complete_axes(axes: list[Array]) -> list[Array]:
     """Unit axes that complete the given ones to three independent ones."""
     return [axis for axis in np.eye(3) if not any(abs(axis @ own) > 0.5 for own in axes)]
 
 
-def _frame(frames: ElementTree.Element, owner: str, socket: str, place: Array, rotation: Array) -> None:
+def _add_frame(frames: ElementTree.Element, owner: str, socket: str, place: Array, rotation: Array) -> None:
     frame = ElementTree.SubElement(frames, "PhysicalOffsetFrame", name=f"{owner}_offset")
-    _leaf(frame, "socket_parent", socket)
-    _leaf(frame, "translation", _text(place))
+    _add_leaf(frame, "socket_parent", socket)
+    _add_leaf(frame, "translation", _format_values(place))
     # OpenSim's orientation: turns about body-fixed x, y, z.
     x = np.arctan2(-rotation[1, 2], rotation[2, 2])
     y = np.arcsin(np.clip(rotation[0, 2], -1.0, 1.0))
     z = np.arctan2(-rotation[0, 1], rotation[0, 0])
-    _leaf(frame, "orientation", _text(np.array([x, y, z])))
+    _add_leaf(frame, "orientation", _format_values(np.array([x, y, z])))
 
 
-def _axis(transform: ElementTree.Element, name: str, axis: Array, coordinate: str | None) -> None:
+def _add_axis(transform: ElementTree.Element, name: str, axis: Array, coordinate: str | None) -> None:
     element = ElementTree.SubElement(transform, "TransformAxis", name=name)
     if coordinate is not None:
-        _leaf(element, "coordinates", coordinate)
-    _leaf(element, "axis", _text(axis))
+        _add_leaf(element, "coordinates", coordinate)
+    _add_leaf(element, "axis", _format_values(axis))
     if coordinate is None:
         function = ElementTree.SubElement(element, "Constant", name="function")
-        _leaf(function, "value", "0")
+        _add_leaf(function, "value", "0")
     else:
         function = ElementTree.SubElement(element, "LinearFunction", name="function")
-        _leaf(function, "coefficients", "1 0")
+        _add_leaf(function, "coefficients", "1 0")
 
 
-def _markers(markers: ElementTree.Element, model: MarkerModel) -> None:
+def _add_markers(markers: ElementTree.Element, model: MarkerModel) -> None:
     for label, segment, local in zip(model.labels, model.segment, model.local, strict=True):
         marker = ElementTree.SubElement(markers, "Marker", name=label)
-        _leaf(marker, "socket_parent_frame", f"/bodyset/{NAMES[int(segment)]}")
-        _leaf(marker, "location", _text(TO_ISB @ local))
-        _leaf(marker, "fixed", "true")
+        _add_leaf(marker, "socket_parent_frame", f"/bodyset/{NAMES[int(segment)]}")
+        _add_leaf(marker, "location", _format_values(TO_ISB @ local))
+        _add_leaf(marker, "fixed", "true")

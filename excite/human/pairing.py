@@ -46,9 +46,9 @@ def paired_recordings(
         if force is None:
             left.append(recording)
         else:
-            joined.append(_joined(recording, force))
+            joined.append(_join_recordings(recording, force))
     rest = list(named.values())
-    moving = [r for r in left if not _stands(r)]
+    moving = [r for r in left if not _is_standing(r)]
     if len(rest) != len(moving) and len(rest) == len(left):
         moving = left
     standing += [r for r in left if r not in moving]
@@ -62,7 +62,7 @@ def paired_recordings(
         raise LogError(
             "has forces only", source=rest[len(moving)].source, remedy="give the file with its markers too"
         )
-    joined += [_joined(markers, force) for markers, force in zip(moving, rest, strict=True)]
+    joined += [_join_recordings(markers, force) for markers, force in zip(moving, rest, strict=True)]
     order = {path: i for i, path in enumerate(trials)}
     found = sorted((*whole, *joined), key=lambda r: order[r.source])
     if not found:
@@ -72,10 +72,10 @@ def paired_recordings(
     return tuple(found), tuple(standing)
 
 
-def _joined(markers: Recording, forces: Recording) -> Recording:
+def _join_recordings(markers: Recording, forces: Recording) -> Recording:
     return replace(markers, plates=forces.plates)
 
 
-def _stands(recording: Recording) -> bool:
+def _is_standing(recording: Recording) -> bool:
     stem = recording.source.stem.lower()
     return any(word in stem for word in _STANDING)

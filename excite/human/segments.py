@@ -42,7 +42,7 @@ class Segment:
     kind: str
 
 
-def _limb(side: str) -> tuple[Segment, ...]:
+def _limb_segments(side: str) -> tuple[Segment, ...]:
     """Arm and leg of a side; angles have the same sense on both (adduction towards the midline, inward turns)."""
     inward = 1.0 if side == RIGHT else -1.0
     hip = (Axis("flexion", 1, -1.0), Axis("adduction", 0, inward), Axis("rotation", 2, inward))
@@ -71,8 +71,8 @@ SEGMENTS: tuple[Segment, ...] = (
     Segment("pelvis", None, None, (), None, "pelvis"),
     Segment("torso", "pelvis", "lumbar", _SPINE, None, "torso"),
     Segment("head", "torso", "neck", _SPINE, None, "head"),
-    *_limb(RIGHT),
-    *_limb(LEFT),
+    *_limb_segments(RIGHT),
+    *_limb_segments(LEFT),
 )
 NAMES: tuple[str, ...] = tuple(segment.name for segment in SEGMENTS)
 PARENTS: tuple[int, ...] = tuple(-1 if s.parent is None else NAMES.index(s.parent) for s in SEGMENTS)
@@ -83,7 +83,7 @@ JOINT_NAMES: tuple[str, ...] = tuple(
 """The 34 angles, in order of the segments."""
 
 
-def ancestors(index: int) -> tuple[int, ...]:
+def segment_ancestors(index: int) -> tuple[int, ...]:
     """Indices of a segment and of all that carry it, up to the pelvis."""
     chain = [index]
     while PARENTS[chain[-1]] >= 0:

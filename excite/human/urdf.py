@@ -33,7 +33,7 @@ def urdf_text(body: Body) -> str:
     robot = ElementTree.Element("robot", name="human")
     offsets = body.offsets
     for k, segment in enumerate(SEGMENTS):
-        _link(robot, segment.name, body.inertias[k], segment_box(body, k), frame_turn(k))
+        _add_link(robot, segment.name, body.inertias[k], segment_box(body, k), frame_turn(k))
         if k == 0:
             continue
         carrier, turn = NAMES[PARENTS[k]], frame_turn(PARENTS[k])
@@ -47,10 +47,10 @@ def urdf_text(body: Body) -> str:
             ElementTree.SubElement(joint, "parent", link=carrier)
             ElementTree.SubElement(joint, "child", link=child)
             place, rotation = (turn @ offsets[k], turn) if i == 0 else (np.zeros(3), np.eye(3))
-            _origin(joint, place, rotation)
+            _set_origin(joint, place, rotation)
             direction = np.eye(3)[axis.index] * axis.sign
-            ElementTree.SubElement(joint, "axis", xyz=_text(direction))
-            low, high = _range(len(segment.axes), i)
+            ElementTree.SubElement(joint, "axis", xyz=_format_values(direction))
+            low, high = _joint_range(len(segment.axes), i)
             ElementTree.SubElement(
                 joint, "limit", lower=f"{low}", upper=f"{high}", velocity=f"{_SPEED}", effort=f"{_TORQUE}"
             )
@@ -59,17 +59,17 @@ def urdf_text(body: Body) -> str:
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _range(n_axes: int, place: int) -> tuple[float, float]:
+def _joint_range(n_axes: int, place: int) -> tuple[float, float]:
     if n_axes == 1:
         return _HINGE
     bound = _MIDDLE_RANGE if place == 1 else _OUTER_RANGE
     return -bound, bound
 
 
-def _link(robot: ElementTree.Element, name: str, inertia: BodyInertia, box: Array, turn: Array) -> None:
+def _add_link(robot: ElementTree.Element, name: str, inertia: BodyInertia, box: Array, turn: Array) -> None:
     link = ElementTree.SubElement(robot, "link", name=name)
     inertial = ElementTree.SubElement(link, "inertial")
-    _origin(inertial, turn @ inertia.center, np.eye(3))
+    _set_origin(inertial, turn @ inertia.center, np.eye(3))
     ElementTree.SubElement(inertial, "mass", value=f"{inertia.mass:.12g}")
     moments = turn @ inertia.inertia @ turn.T
     values = {
@@ -86,18 +86,20 @@ def _link(robot: ElementTree.Element, name: str, inertia: BodyInertia, box: Arra
     ElementTree.SubElement(inertial, "inertia", values)
     for kind in ("visual", "collision"):
         shown = ElementTree.SubElement(link, kind)
-        _origin(shown, turn @ box.mean(axis=0), turn)
+        _set_origin(shown, turn @ box.mean(axis=0), turn)
         geometry = ElementTree.SubElement(shown, "geometry")
-        ElementTree.SubElement(geometry, "box", size=_text(box[1] - box[0]))
+        ElementTree.SubElement(geometry, "box", size=_format_values(box[1] - box[0]))
 
 
-def _origin(parent: ElementTree.Element, place: Array, rotation: Array) -> None:
+def _set_origin(parent: ElementTree.Element, place: Array, rotation: Array) -> None:
     pitch = np.arcsin(np.clip(-rotation[2, 0], -1.0, 1.0))
     roll, yaw = np.arctan2(rotation[2, 1], rotation[2, 2]), np.arctan2(rotation[1, 0], rotation[0, 0])
-    ElementTree.SubElement(parent, "origin", xyz=_text(place), rpy=_text(np.array([roll, pitch, yaw])))
+    ElementTree.SubElement(
+        parent, "origin", xyz=_format_values(place), rpy=_format_values(np.array([roll, pitch, yaw]))
+    )
 
 
-def _text(values: Array) -> str:
+def _format_values(values: Array) -> str:
     return " ".join(f"{value + 0.0:.12g}" for value in values)
 
 
@@ -129,20 +131,20 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
             "acceleration": {"default": 500.0, "source": middle},
             "jerk": {"default": 2e4, "source": middle},
         },
-        "feet": _feet(body),
-        "sensors": _sensors(rate_hz, plates or tuple(f"plate_{side}" for side in ("right", "left"))),
+        "feet": _foot_blocks(body),
+        "sensors": _sensor_block(rate_hz, plates or tuple(f"plate_{side}" for side in ("right", "left"))),
         "drives": {"armature": {"default": 0.02, "source": middle}},
         "controller": {
             "kp": {"default": 2000.0, "source": middle},
             "kd": {"default": 40.0, "source": middle},
         },
-        "segments": {"pairs": [list(pair) for pair in PAIRS], "com_box": _boxes(body)},
+        "segments": {"pairs": [list(pair) for pair in PAIRS], "com_box": _com_boxes(body)},
         "collision": {"geometry": "collision", "margin": 0.0, "source": "boxes about the segments"},
     }
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
-def _feet(body: Body) -> list[dict[str, Any]]:
+def _foot_blocks(body: Body) -> list[dict[str, Any]]:
     """Both feet; the sole is a rectangle of the foot's length, 8 cm wide."""
     d = body.dimensions
     front, height = d.foot_length - d.heel, d.ankle_height
@@ -164,7 +166,7 @@ def _feet(body: Body) -> list[dict[str, Any]]:
     ]
 
 
-def _sensors(rate_hz: float, plates: tuple[str, ...]) -> dict[str, Any]:
+def _sensor_block(rate_hz: float, plates: tuple[str, ...]) -> dict[str, Any]:
     """Markers and force plates of a usual laboratory."""
     return {
         "rate_hz": float(rate_hz),
@@ -186,15 +188,15 @@ def _sensors(rate_hz: float, plates: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def _boxes(body: Body) -> dict[str, list[list[float]]]:
+def _com_boxes(body: Body) -> dict[str, list[list[float]]]:
     """Boxes of the centres of mass, lower and upper corner in the frame of each segment's joint [m]."""
     boxes = {}
     for k, name in enumerate(NAMES):
-        turned = np.array([frame_turn(k) @ corner for corner in _corners(segment_box(body, k))])
+        turned = np.array([frame_turn(k) @ corner for corner in _box_corners(segment_box(body, k))])
         boxes[name] = [turned.min(axis=0).round(4).tolist(), turned.max(axis=0).round(4).tolist()]
     return boxes
 
 
-def _corners(box: Array) -> Array:
+def _box_corners(box: Array) -> Array:
     grid = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, -1).T
     return np.take_along_axis(box, grid, axis=0)

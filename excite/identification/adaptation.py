@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.judgement.statistics import base_statistics
-from excite.identification.noise.correlated import triangle
+from excite.identification.noise.correlated import upper_triangle
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
     Regression,
+    condense_problem,
     iterate_weights,
     prior_std,
-    regression,
     square_factor,
 )
 from excite.logs.log import Log
@@ -85,7 +85,7 @@ class Candidates:
 
 def without_terms(problem: IdentificationProblem, terms: Sequence[str]) -> IdentificationProblem:
     """The problem without the columns of some terms."""
-    return problem.with_drives([name for name in problem.parameter_names if _term(name) not in terms])
+    return problem.with_drives([name for name in problem.parameter_names if _term_name(name) not in terms])
 
 
 def candidates(
@@ -117,13 +117,13 @@ def with_shown_drives(
     Parameters whose nominal value is not zero stay: the robot's description states them.
     """
     names = problem.parameter_names
-    asked = np.array([_term(name) in candidates.by_evidence for name in names]) & (problem.prior == 0.0)
+    asked = np.array([_term_name(name) in candidates.by_evidence for name in names]) & (problem.prior == 0.0)
     asked[: problem.n_inertial] = False
     if not asked.any():
         return problem
     asked_of = dict(zip(names, asked.tolist(), strict=True))
     plain = without_terms(problem, candidates.by_blocks)
-    rows = iterate_weights(regression(plain))
+    rows = iterate_weights(condense_problem(plain))
     noise = base_statistics(rows).noise
     factor = rows.weighted(noise.std, noise).independent_factor
     target = factor[:, -1] - factor[:, :-1] @ plain.prior
@@ -201,7 +201,7 @@ def with_terms_of(
     settings = settings or ProblemSettings()
     if log.header.measures_contacts:
         return settings
-    terms = tuple(dict.fromkeys(_term(name) for name in identified.drive_names))
+    terms = tuple(dict.fromkeys(_term_name(name) for name in identified.drive_names))
     return replace(settings, drive_terms=terms)
 
 
@@ -217,16 +217,18 @@ def drives_finding(
     """
     kept = identified.by_drive()
     places = tuple(
-        name for name in kept if _term(name) in asked.by_evidence and _term(name) not in asked.expected
+        name
+        for name in kept
+        if _term_name(name) in asked.by_evidence and _term_name(name) not in asked.expected
     )
-    absent = [name for name in names if name not in kept and _term(name) in asked.by_evidence]
-    gone = tuple(name for name in absent if _term(name) in asked.expected)
+    absent = [name for name in names if name not in kept and _term_name(name) in asked.by_evidence]
+    gone = tuple(name for name in absent if _term_name(name) in asked.expected)
     parts = []
     if places:
-        shown = listed([f"{name} {kept[name]:+.3g}" for name in places], 5)
+        shown = list_names([f"{name} {kept[name]:+.3g}" for name in places], 5)
         parts.append(f"the rows show what the log's header does not name: {shown}")
     if gone:
-        parts.append(f"they show nothing of, and left out is: {listed(gone, 5)}")
+        parts.append(f"they show nothing of, and left out is: {list_names(gone, 5)}")
     if not parts:
         return ()
     values = {name: kept[name] for name in places}
@@ -237,10 +239,12 @@ def adaptation_finding(found: Adaptation, identified: IdentifiedParameters) -> t
     """What was added to rigid bodies, in a sentence; empty where nothing was."""
     if not found.terms:
         return ()
-    drives = {name: value for name, value in identified.by_drive().items() if _term(name) in found.terms}
-    largest = sorted(drives, key=lambda name: -abs(drives[name]) / (DRIVE_TERMS[_term(name)].spread or 1.0))
-    named = listed([f"{name} {drives[name]:+.3g}" for name in largest], 3)
-    words = listed([_WORDS[term] for term in found.terms])
+    drives = {name: value for name, value in identified.by_drive().items() if _term_name(name) in found.terms}
+    largest = sorted(
+        drives, key=lambda name: -abs(drives[name]) / (DRIVE_TERMS[_term_name(name)].spread or 1.0)
+    )
+    named = list_names([f"{name} {drives[name]:+.3g}" for name in largest], 3)
+    words = list_names([_WORDS[term] for term in found.terms])
     text = (
         f"rigid bodies and friction alone do not explain the torques: with {words} they leave {found.left:.0%} of the "
         f"mean square on blocks left out, most of it by {named}; `excite diagnose` tells what it is. Standard "
@@ -249,7 +253,7 @@ def adaptation_finding(found: Adaptation, identified: IdentifiedParameters) -> t
     return (Finding("extension", text, {"left": found.left, "alpha": found.alpha, **drives}, found.terms),)
 
 
-def adapt(
+def adapt_problem(
     problem: IdentificationProblem,
     plain: Regression,
     settings: Sequence[AdaptiveSettings],
@@ -269,12 +273,12 @@ def adapt(
     Returns:
         What was chosen, and the settings with it.
     """
-    trial = _Trial(_blocks(problem), plain, problem, estimator, tuple(addable))
+    trial = _Trial(_block_triangles(problem), plain, problem, estimator, tuple(addable))
     own = settings[0]
     first = best = trial.left((), own)
     for other in settings[1:]:
         found = trial.left((), other)
-        if _better(found, best):
+        if _is_better(found, best):
             own, best = other, found
     if not np.isfinite(best).all():
         return Adaptation((), own.alpha or 1.0, 1.0), own
@@ -283,16 +287,16 @@ def adapt(
     while rest:
         tried = {term: trial.left((*chosen, term), own) for term in rest}
         term = min(rest, key=lambda name: float(tried[name].mean()))
-        if not _better(tried[term], best):
+        if not _is_better(tried[term], best):
             break
         chosen, best = (*chosen, term), tried[term]
         rest.remove(term)
     if own.alpha is None:
-        own, best = _weighted(trial, chosen, own, best)
+        own, best = _choose_weight(trial, chosen, own, best)
     return Adaptation(chosen, own.alpha or 1.0, float(np.exp(best.mean() - first.mean()))), own
 
 
-def _weighted(
+def _choose_weight(
     trial: _Trial, terms: tuple[str, ...], settings: AdaptiveSettings, best: Array
 ) -> tuple[AdaptiveSettings, Array]:
     """Settings with the best weight of the nominal model: down in steps as long as that helps, else up."""
@@ -300,7 +304,7 @@ def _weighted(
     for factor in (1.0 / _STEP, _STEP):
         while _WEIGHTS[0] < alpha * factor < _WEIGHTS[1]:
             found = trial.left(terms, replace(settings, alpha=alpha * factor))
-            if not _better(found, best):
+            if not _is_better(found, best):
                 break
             alpha, best = alpha * factor, found
         if alpha != 1.0:
@@ -308,7 +312,7 @@ def _weighted(
     return replace(settings, alpha=alpha), best
 
 
-def _better(found: Array, best: Array) -> bool:
+def _is_better(found: Array, best: Array) -> bool:
     """Whether blocks left out are predicted better by more than one standard error of the gain (Breiman 1984)."""
     if not np.isfinite(found).all():
         return False
@@ -351,11 +355,11 @@ def _at_zero(problem: IdentificationProblem, terms: set[str]) -> IdentificationP
     """The problem in which some terms stay at zero."""
     if problem.drive_spread is None:
         return problem
-    out = [_term(name) in terms for name in problem.parameter_names[problem.n_inertial :]]
+    out = [_term_name(name) in terms for name in problem.parameter_names[problem.n_inertial :]]
     return replace(problem, drive_spread=np.where(out, _OUT * problem.drive_spread, problem.drive_spread))
 
 
-def _blocks(problem: IdentificationProblem) -> Array:
+def _block_triangles(problem: IdentificationProblem) -> Array:
     """Triangles of the rows of each block and channel; blocks are stretches of time of equal numbers of rows."""
     place = np.empty(problem.n_rows, dtype=np.int64)
     place[np.lexsort((problem.time, problem.trial))] = np.arange(problem.n_rows)
@@ -365,10 +369,10 @@ def _blocks(problem: IdentificationProblem) -> Array:
     for b in range(_BLOCKS):
         for c in range(channels):
             rows = (block == b) & (problem.channel == c)
-            r = triangle(np.column_stack([problem.Y[rows], problem.y[rows]]))
+            r = upper_triangle(np.column_stack([problem.Y[rows], problem.y[rows]]))
             factors[b, c, : len(r)] = r
     return factors
 
 
-def _term(name: str) -> str:
+def _term_name(name: str) -> str:
     return name.split(".")[0]

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.linalg import qr
 
 from excite.arrays import Array
-from excite.identification.preparation import advanced, prepare_trial
+from excite.identification.preparation import advance_torques, prepare_trial
 from excite.identification.problem import build_problem
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
-from excite.logs.signals.align import Lag, Shifted, peak
+from excite.logs.signals.align import Lag, Shifted, find_peak
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.robot import Robot
 from excite.rows.base_rows import BaseRows
@@ -70,7 +70,7 @@ def estimate_torque_delay(
         share = float(residual @ residual) / max(float(varying @ varying), 1e-300)
         return Shifted(float(np.sqrt(max(0.0, 1.0 - share))), residual, slope)
 
-    lag = peak(correlation, _STEPS, 1.0 / step)
+    lag = find_peak(correlation, _STEPS, 1.0 / step)
     return replace(
         lag, lag_s=lag.lag_s + settings.torque_delay_s, tried_s=lag.tried_s + settings.torque_delay_s
     )
@@ -99,6 +99,6 @@ class _Measurements:
         """Weighted measurements ``(n_rows,)`` with torques ``delay_s`` earlier than the settings have them."""
         parts = []
         for trial, kinematics in zip(self.trials, self.kinematics, strict=True):
-            rows = self.builder.measurement(advanced(trial, delay_s), kinematics)
+            rows = self.builder.measurement(advance_torques(trial, delay_s), kinematics)
             parts.append(rows.values[:, :, 0][rows.use])
         return np.concatenate(parts) * self.weights

@@ -19,7 +19,7 @@ from excite.identification.regression import Regression
 from excite.logs.log import Log
 
 
-def attempt(
+def attempt_estimate(
     estimator: Estimator[Any], problem: IdentificationProblem, settings: EstimatorSettings, rows: Regression
 ) -> tuple[Estimate, NoSolutionError | None]:
     """Estimate; a failure comes with the best point known, the nominal model where there is no other.

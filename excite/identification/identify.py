@@ -16,14 +16,14 @@ from excite.finding import Finding
 from excite.identification.adaptation import (
     Adaptation,
     Candidates,
-    adapt,
+    adapt_problem,
     adaptation_finding,
     candidates,
     drives_finding,
     with_shown_drives,
     without_terms,
 )
-from excite.identification.attempt import attempt, equations_of, failure_finding
+from excite.identification.attempt import attempt_estimate, equations_of, failure_finding
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.estimators.base import Estimator, SolveStatus
 from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
@@ -40,7 +40,7 @@ from excite.identification.judgement.statistics import base_statistics
 from excite.identification.judgement.warnings import find_warnings
 from excite.identification.parameter_statistics import parameter_statistics
 from excite.identification.problem import IdentificationProblem, build_problem
-from excite.identification.regression import iterate_weights, log_evidence, regression
+from excite.identification.regression import condense_problem, iterate_weights, log_evidence
 from excite.identification.result import Identification
 from excite.identification.solution import solution_of
 from excite.logs.bare_urdf import nominal_faults
@@ -165,7 +165,7 @@ def identify_problem(
     addable = asked.by_blocks
     # What is known of rigid bodies and friction is stated without the terms that only an adaptive method adds.
     plain = without_terms(problem, addable)
-    weighted = iterate_weights(regression(plain))
+    weighted = iterate_weights(condense_problem(plain))
     weighted_statistics = base_statistics(weighted)
     too_few = _too_few_instants(plain, weighted_statistics.base.rank)
     changes = Changes((), 0.0, 1.0) if too_few else find_changes(weighted, weighted_statistics.noise)
@@ -176,14 +176,14 @@ def identify_problem(
             settings,
             *(one for one in (informed,) if isinstance(one, AdaptiveSettings) and one != settings),
         ]
-        adaptation, settings = adapt(problem, weighted, tried, Adaptive(), addable)
+        adaptation, settings = adapt_problem(problem, weighted, tried, Adaptive(), addable)
     else:
         settings = max(settings, informed, key=lambda one: log_evidence(weighted, one.spreads(robot)))
     left_out = [term for term in addable if term not in adaptation.terms]
     problem = without_terms(problem, left_out)
     validation = None if validation is None else without_terms(validation, left_out)
-    estimate, failure = attempt(
-        estimator, problem, settings, regression(problem) if adaptation.terms else weighted
+    estimate, failure = attempt_estimate(
+        estimator, problem, settings, condense_problem(problem) if adaptation.terms else weighted
     )
     if too_few and isinstance(settings, AdaptiveSettings):
         kept = estimate_at(estimator.name, weighted, problem.prior.copy(), SolveStatus.SOLVED)

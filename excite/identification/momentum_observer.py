@@ -118,10 +118,10 @@ def momentum_residual(
     if len(inside) < 2:
         raise LogError("is shorter than its filter needs", source=trial.name, remedy="record longer")
     part = slice(int(inside[0]), int(inside[-1]) + 1)
-    return observe(robot, k.time[part], k.q[part], k.v[part], torque[part], parameters, gain=gain)
+    return observe_momentum(robot, k.time[part], k.q[part], k.v[part], torque[part], parameters, gain=gain)
 
 
-def observe(
+def observe_momentum(
     robot: Robot, time: Array, q: Array, v: Array, torque: Array, parameters: Array, *, gain: float
 ) -> MomentumResidual:
     """The observer on samples: ``r = K (p − ∫(τ + Cᵀv − g + r) dt − p(0))`` with ``p = M v``.

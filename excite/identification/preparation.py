@@ -64,20 +64,20 @@ def prepare_trial(trial: Trial, settings: ProblemSettings, filters: Filters) -> 
     if settings.outlier_sigma is not None:
         prepared = _without_outliers(prepared, settings.outlier_sigma)
     if settings.torque_delay_s != 0.0:
-        prepared = replace(prepared, trial=advanced(prepared.trial, settings.torque_delay_s))
+        prepared = replace(prepared, trial=advance_torques(prepared.trial, settings.torque_delay_s))
     if settings.period_s is not None:
-        prepared = _averaged(prepared, settings, filters)
+        prepared = _average_periods(prepared, settings, filters)
     return prepared
 
 
-def advanced(trial: Trial, delay_s: float) -> Trial:
+def advance_torques(trial: Trial, delay_s: float) -> Trial:
     """The trial with torques, currents and wrenches ``delay_s`` [s] earlier; ends hold their last value."""
     wanted = np.clip(trial.time + delay_s, trial.time[0], trial.time[-1])
 
     def shifted(values: Array) -> Array:
         return resample_noisy(trial.time, values, wanted)
 
-    advanced = _changed(trial, _FORCES, shifted)
+    advanced = _change_channels(trial, _FORCES, shifted)
     beyond = None if trial.beyond is None else flags_at(trial.time, trial.beyond, wanted)
     return replace(advanced, beyond=beyond)
 
@@ -90,7 +90,7 @@ def _without_outliers(prepared: Prepared, sigma: float) -> Prepared:
         if values is not None:
             repaired = replace_outliers(values, sigma)
             counts[group] = repaired.count
-            trial = _with(trial, {group: repaired.values})
+            trial = _replace_values(trial, {group: repaired.values})
     wrenches = {}
     for name, values in trial.wrenches.items():
         repaired = replace_outliers(values, sigma)
@@ -99,7 +99,7 @@ def _without_outliers(prepared: Prepared, sigma: float) -> Prepared:
     return replace(prepared, trial=replace(trial, wrenches=wrenches), n_outliers=counts)
 
 
-def _averaged(prepared: Prepared, settings: ProblemSettings, filters: Filters) -> Prepared:
+def _average_periods(prepared: Prepared, settings: ProblemSettings, filters: Filters) -> Prepared:
     """The mean period, continued on both sides as far as the filters' transients reach."""
     trial, period = prepared.trial, settings.period_s or 0.0
     own = 1.0 / float(np.median(np.diff(trial.time)))
@@ -130,9 +130,9 @@ def _averaged(prepared: Prepared, settings: ProblemSettings, filters: Filters) -
     if base is not None:
         base = mean(np.hstack([base[:, :3], continuous_quaternions(base[:, 3:])]), resample_smooth)
         base[:, 3:] /= np.linalg.norm(base[:, 3:], axis=1, keepdims=True)
-    positions = _changed(trial, _POSITIONS, lambda values: mean(values, resample_smooth))
-    _repeats(positions.q[margin : margin + count + 1], trial.name, period)
-    averaged = _changed(positions, (*_FORCES, *_OTHERS), lambda values: mean(values, resample_noisy))
+    positions = _change_channels(trial, _POSITIONS, lambda values: mean(values, resample_smooth))
+    _check_period(positions.q[margin : margin + count + 1], trial.name, period)
+    averaged = _change_channels(positions, (*_FORCES, *_OTHERS), lambda values: mean(values, resample_noisy))
     imu = None if trial.imu is None else mean(trial.imu, resample_noisy)
     if trial.beyond is not None:
         # A mean that holds one such torque is none.
@@ -149,7 +149,7 @@ def _averaged(prepared: Prepared, settings: ProblemSettings, filters: Filters) -
     return replace(prepared, trial=averaged, n_periods=kept[0][0], period_std=std)
 
 
-def _repeats(q: Array, trial: str, period: float) -> None:
+def _check_period(q: Array, trial: str, period: float) -> None:
     """Refuse a period after which the joints are not where they began: a wrong one makes torques of nothing."""
     steps = np.abs(np.diff(q, axis=0))
     largest = steps[:-1].max(axis=0)
@@ -163,14 +163,14 @@ def _repeats(q: Array, trial: str, period: float) -> None:
         )
 
 
-def _changed(trial: Trial, groups: tuple[str, ...], change: Callable[[Array], Array]) -> Trial:
+def _change_channels(trial: Trial, groups: tuple[str, ...], change: Callable[[Array], Array]) -> Trial:
     """The trial with some groups of channels changed; wrenches go with the forces."""
     values: dict[str, Any] = {}
     values |= {name: change(getattr(trial, name)) for name in groups if getattr(trial, name) is not None}
     if set(_FORCES) <= set(groups):
         values["wrenches"] = {name: change(reading) for name, reading in trial.wrenches.items()}
-    return _with(trial, values)
+    return _replace_values(trial, values)
 
 
-def _with(trial: Trial, values: dict[str, Any]) -> Trial:
+def _replace_values(trial: Trial, values: dict[str, Any]) -> Trial:
     return replace(trial, **values)

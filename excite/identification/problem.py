@@ -17,7 +17,7 @@ from excite.logs.signals.butterworth import noise_bandwidth
 from excite.progress import step
 from excite.robot.robot import Robot
 from excite.rows.base_rows import BaseRows
-from excite.rows.filtered_rows import decimation
+from excite.rows.filtered_rows import decimation_factor
 from excite.rows.joint_rows import JointRows, drive_terms
 from excite.rows.kinematics import trial_rate
 from excite.rows.settings import Filters, ProblemSettings
@@ -180,7 +180,7 @@ def build_problem(
         builder = JointRows(robot, log.header, settings, filters, drive_terms(log.header, settings))
         unmeasured = ()
     trials = tuple(prepare_trial(trial, settings, filters).trial for trial in trials)
-    parts = [_flatten(builder, trial, i) for i, trial in enumerate(trials)]
+    parts = [_flatten_rows(builder, trial, i) for i, trial in enumerate(trials)]
     n_rows = sum(len(part.y) for part in parts)
     if n_rows < _FEWEST_ROWS:
         raise LogError(
@@ -206,11 +206,11 @@ def build_problem(
         prior=np.concatenate([robot.nominal_parameters, builder.drive_prior]),
         n_inertial=len(names),
         unmeasured=unmeasured,
-        noise_bandwidth=min(1.0, passed * decimation(rate, filters)),
+        noise_bandwidth=min(1.0, passed * decimation_factor(rate, filters)),
         filters=filters,
         drive_spread=builder.drive_spread,
         sampling_hz=rate,
-        freedom=_freedom(parts),
+        freedom=_joint_freedom(parts),
     )
 
 
@@ -226,12 +226,12 @@ class _FlatRows:
     freedom: Array | None
 
 
-def _freedom(parts: list[_FlatRows]) -> Array | None:
+def _joint_freedom(parts: list[_FlatRows]) -> Array | None:
     shares = [part.freedom for part in parts if part.freedom is not None]
     return np.concatenate(shares) if len(shares) == len(parts) else None
 
 
-def _flatten(builder: BaseRows | JointRows, trial: Trial, index: int) -> _FlatRows:
+def _flatten_rows(builder: BaseRows | JointRows, trial: Trial, index: int) -> _FlatRows:
     rows = builder.rows(trial)
     sample, channel = np.nonzero(rows.use)
     values = rows.values[sample, channel]

@@ -11,7 +11,7 @@ from scipy.linalg import lstsq, solve_triangular
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices
-from excite.identification.noise.correlated import NoiseModel, estimate_noise, triangle
+from excite.identification.noise.correlated import NoiseModel, estimate_noise, upper_triangle
 from excite.identification.noise.trial_grid import TrialGrid, trial_grids
 from excite.identification.problem import IdentificationProblem
 from excite.threads import one_blas_thread
@@ -76,7 +76,7 @@ class Regression:
 
 
 @one_blas_thread
-def regression(problem: IdentificationProblem) -> Regression:
+def condense_problem(problem: IdentificationProblem) -> Regression:
     """Condense a problem, all channels weighted alike (the unweighted least squares of eq. 3, Jovic 2015).
 
     Raises:
@@ -98,7 +98,7 @@ def regression(problem: IdentificationProblem) -> Regression:
         r = np.zeros((0, width))
         for start in range(0, len(rows), _BLOCK):
             block = rows[start : start + _BLOCK]
-            r = triangle(np.vstack([r, np.column_stack([problem.Y[block], problem.y[block]])]))
+            r = upper_triangle(np.vstack([r, np.column_stack([problem.Y[block], problem.y[block]])]))
         factors[c, : len(r)] = r
     return Regression(problem, trial_grids(problem), factors, np.ones(len(problem.channel_names)))
 
@@ -229,7 +229,7 @@ def minimum_norm(a: Array, b: Array) -> Array:
 
 def square_factor(rows: Array) -> Array:
     """``R`` of ``(m, n)`` ``rows = Q R`` as a triangle ``(n, n)``, zero rows added where there are too few."""
-    r = triangle(rows)
+    r = upper_triangle(rows)
     square = np.zeros((rows.shape[1], rows.shape[1]))
     square[: len(r)] = r
     return square

@@ -157,7 +157,7 @@ class Identification(Tabled):
             "warnings": list(self.warnings),
             "findings": [finding.to_json() for finding in self.findings],
         }
-        return {name: _finite(blocks[name]) for name in _BLOCKS}
+        return {name: _finite_copy(blocks[name]) for name in _BLOCKS}
 
     def summary(self) -> str:
         """The result in words and a table, for a terminal."""
@@ -233,12 +233,12 @@ class Identification(Tabled):
         ]
 
 
-def _finite(value: Any) -> Any:
+def _finite_copy(value: Any) -> Any:
     """A copy in which numbers that JSON cannot hold are None."""
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: _finite_copy(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [_finite_copy(item) for item in value]
     if isinstance(value, float):
         return value if np.isfinite(value) else None
     return value

@@ -31,11 +31,11 @@ def fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:
     width = max(len(name) for name in [*fits, "channel"])
     lines = [f"{title}, RMSE (correlation):", f"  {'channel':{width}}  {'identified':>20}  {'nominal':>20}"]
     for name, fit in fits.items():
-        identified = f"{fit.rmse:.3f} {fit.unit} ({_cc(fit.cc)})"
-        nominal = f"{fit.reference_rmse:.3f} {fit.unit} ({_cc(fit.reference_cc)})"
+        identified = f"{fit.rmse:.3f} {fit.unit} ({_format_correlation(fit.cc)})"
+        nominal = f"{fit.reference_rmse:.3f} {fit.unit} ({_format_correlation(fit.reference_cc)})"
         lines.append(f"  {name:{width}}  {identified:>20}  {nominal:>20}")
     return lines
 
 
-def _cc(value: float | None) -> str:
+def _format_correlation(value: float | None) -> str:
     return "–" if value is None else f"{value:.3f}"

@@ -19,7 +19,9 @@ HORIZON_S = 0.1
 _GAP = 1.5
 
 
-def departures(problem: IdentificationProblem, parameters: Array, time: Array, record: Moved) -> Array | None:
+def model_departures(
+    problem: IdentificationProblem, parameters: Array, time: Array, record: Moved
+) -> Array | None:
     """How far a model strays from a record in which it starts anew every :data:`HORIZON_S`.
 
     What the measured forces leave over of the model's, ``r = y − Yφ``, moves its bodies as it would move those of
@@ -43,22 +45,24 @@ def departures(problem: IdentificationProblem, parameters: Array, time: Array, r
         return None
     there = [k for k in range(len(problem.channel_names)) if (problem.channel == k).any()]
     names = [problem.channel_names[k] for k in there]
-    places = np.arange(6) if floating else np.array([_place(robot, name) for name in names], dtype=int)
-    model = _model(problem, parameters)
+    places = np.arange(6) if floating else np.array([_joint_index(robot, name) for name in names], dtype=int)
+    model = _changed_model(problem, parameters)
     if model is None or (floating and len(there) < len(places)):
         return None
     left, known = _left_over(problem, parameters, there, time)
     found = np.zeros((len(time), model.nv))
-    for part in _stretches(time):
+    for part in _record_stretches(time):
         if known[part].all():
-            strayed = _strayed(model, places, left[part], time[part], Moved(*(x[part] for x in record)))
+            strayed = _stretch_departure(
+                model, places, left[part], time[part], Moved(*(x[part] for x in record))
+            )
             if strayed is None:
                 return None
             found[part] = strayed
     return found
 
 
-def _strayed(
+def _stretch_departure(
     model: pin.Model, places: NDArray[np.intp], left: Array, time: Array, record: Moved
 ) -> Array | None:
     """Where a model strays in one stretch; None where it is no body's."""
@@ -84,17 +88,17 @@ def _strayed(
     return apart if np.isfinite(apart).all() else None
 
 
-def _place(robot: Robot, joint: str) -> int:
+def _joint_index(robot: Robot, joint: str) -> int:
     return int(robot.model.idx_vs[robot.model.getJointId(joint)])
 
 
-def _model(problem: IdentificationProblem, parameters: Array) -> pin.Model | None:
+def _changed_model(problem: IdentificationProblem, parameters: Array) -> pin.Model | None:
     """The robot with other bodies and rotors; None where a body has no mass."""
     robot = problem.robot
     model, values = robot.model.copy(), dict(zip(problem.parameter_names, parameters.tolist(), strict=True))
     rotors = np.zeros(model.nv)
     for name in robot.joint_names:
-        rotors[_place(robot, name)] = values.get(f"armature.{name}", 0.0)
+        rotors[_joint_index(robot, name)] = values.get(f"armature.{name}", 0.0)
     model.armature = rotors
     for joint in range(1, model.njoints):
         body = parameters[10 * (joint - 1) : 10 * joint]
@@ -125,7 +129,7 @@ def _left_over(
     return np.column_stack(columns), known
 
 
-def _stretches(time: Array) -> list[slice]:
+def _record_stretches(time: Array) -> list[slice]:
     """Parts of a record of :data:`HORIZON_S` each."""
     number = ((time - time[0]) / HORIZON_S + 1e-9).astype(int)
     edges = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(time)]

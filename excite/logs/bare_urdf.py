@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import LogHeader
 from excite.robot.description import RobotDescription
 from excite.robot.robot import Robot
@@ -42,7 +42,7 @@ def nominal_faults(robot: Robot) -> tuple[Finding, ...]:
         return ()
     said = [f"{link} ({reason})" for link, reason in faults.items()]
     text = (
-        f"the nominal model has inertias that no body has: {listed(said)}; they serve as a starting value only, "
+        f"the nominal model has inertias that no body has: {list_names(said)}; they serve as a starting value only, "
         "so a method that keeps to the nominal model repeats them where the data say little"
     )
     return (Finding("nominal_inertia", text, {"links": float(len(faults))}, tuple(faults)),)
@@ -82,14 +82,14 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
             "model": {
                 "path": file.name,
                 "source": _LOG_FOLDER,
-                "acknowledged": _accepted(root, file, header),
+                "acknowledged": _accepted_faults(root, file, header),
             },
             "base": header.base,
             "locked_joints": dict.fromkeys(locked, 0.0),
             "posture": {"base_height": 0.0, "source": _UNSTATED},
-            "limits": _limits(model, header),
-            "feet": _feet(header),
-            "sensors": _sensors(header),
+            "limits": _header_limits(model, header),
+            "feet": _header_feet(header),
+            "sensors": _header_sensors(header),
             "controller": {
                 "kp": {"default": 1.0, "source": _UNSTATED},
                 "kd": {"default": 1.0, "source": _UNSTATED},
@@ -100,7 +100,7 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
     )
 
 
-def _feet(header: LogHeader) -> list[dict[str, Any]]:
+def _header_feet(header: LogHeader) -> list[dict[str, Any]]:
     """Feet that the log states, else those below its sensors, of whose soles nothing is known or needed."""
     said = {"friction": 1.0, "source": _UNSTATED}
     if header.feet:
@@ -110,7 +110,7 @@ def _feet(header: LogHeader) -> list[dict[str, Any]]:
     return [{"name": link, "link": link, "sole": sole, **said} for link in links]
 
 
-def _limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
+def _header_limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
     """The URDF's limits of the joints in the log; wide ones where it has none, or none that a joint can keep."""
     index = [model.joints[model.getJointId(joint)].idx_v for joint in header.joints]
 
@@ -136,7 +136,7 @@ def _limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
     }
 
 
-def _sensors(header: LogHeader) -> dict[str, Any]:
+def _header_sensors(header: LogHeader) -> dict[str, Any]:
     """The sensors that the log has, without noise: it is estimated."""
     return {
         "rate_hz": header.rate_hz,
@@ -151,7 +151,7 @@ def _sensors(header: LogHeader) -> dict[str, Any]:
     }
 
 
-def _accepted(root: ElementTree.Element, file: Path, header: LogHeader) -> dict[str, str]:
+def _accepted_faults(root: ElementTree.Element, file: Path, header: LogHeader) -> dict[str, str]:
     """Links without mass or with inertias that no body has, with what is wrong; the joints not in the log fixed.
 
     Raises RobotError for what is no starting value either: a number that is none, a negative mass.

@@ -49,7 +49,9 @@ def _at_the_top(values: Array, step: float, depth: float, moving: NDArray[np.boo
     below = values.max() - values
     at = (below < 0.5 * step) if step else (below == 0.0)
     count = int(np.sum(at & moving))
-    if count < max(_LEAST, _SHARE * len(values)) or count < _OFTEN * _beside(below[moving], step):
+    if count < max(_LEAST, _SHARE * len(values)) or count < _OFTEN * _share_beside_extreme(
+        below[moving], step
+    ):
         return 0
     ways = [way for direction in (1, -1) for way in _ways_out(below[::direction], at[::direction])]
     starts = [way[_ROWS] for way in ways if len(way) > _ROWS]
@@ -73,7 +75,7 @@ def _ways_out(below: Array, at: NDArray[np.bool_]) -> list[Array]:
     return [below[first:last] for first, last in zip(out, ends, strict=True)]
 
 
-def _beside(below: Array, step: float) -> float:
+def _share_beside_extreme(below: Array, step: float) -> float:
     """How often the channel is at a value near its extreme: the most of the next levels, or of nearly all values."""
     if step:
         levels = np.rint(below / step)

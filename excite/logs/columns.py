@@ -82,7 +82,7 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
     n_rows = np.size(columns["time"])
     # The time before all, by whose rows the others are counted.
     wanted = ["time", *(name for name in wanted if name != "time")]
-    numbers = {name: numeric(columns[name], name, file, n_rows) for name in wanted}
+    numbers = {name: numeric_column(columns[name], name, file, n_rows) for name in wanted}
     numbers["time"], unit = in_seconds(numbers["time"], header.rate_hz)
     cleaned = clean_columns(numbers, file)
     values = cleaned.columns
@@ -184,7 +184,7 @@ def check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list
     return wanted
 
 
-def numeric(values: Array, name: str, file: Path, n_rows: int) -> Array:
+def numeric_column(values: Array, name: str, file: Path, n_rows: int) -> Array:
     """A column as numbers that a robot can have; raises LogError.
 
     Args:

@@ -153,12 +153,12 @@ def keep_others(folder: Path, temporary: Path, written: Iterable[str] = ()) -> N
         if item.name in {*old, *written} or there.exists() or item.name.startswith(HIDDEN):
             continue
         if item.is_dir() and not item.is_symlink():
-            shutil.copytree(item, there, symlinks=True, copy_function=_linked)
+            shutil.copytree(item, there, symlinks=True, copy_function=_link_or_copy)
         else:
-            _linked(item, there)
+            _link_or_copy(item, there)
 
 
-def _linked(source: str | Path, there: str | Path) -> None:
+def _link_or_copy(source: str | Path, there: str | Path) -> None:
     """The same file under another name; a copy where the file system has no such thing."""
     try:
         os.link(source, there, follow_symlinks=False)

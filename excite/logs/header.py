@@ -12,7 +12,7 @@ from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import LogHeader
 from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.vocabulary import EFFECTS, RIGID_BODY
-from excite.reading.json_document import checked
+from excite.reading.json_document import check_content
 from excite.reading.yaml_document import read_yaml
 
 # Gains that the servos of large robots have stay below [N·m/rad, N·m·s/rad, Hz].
@@ -43,7 +43,7 @@ def read_header(path: Path) -> LogHeader:
     """
     content = read_yaml(path, error=LogError, remedy=_MANUAL)
     _check_complete(content, path)
-    header = checked(LogHeader, content, path, remedy=_MANUAL, error=LogError)
+    header = check_content(LogHeader, content, path, remedy=_MANUAL, error=LogError)
     check_header(header, path)
     return header
 
@@ -61,14 +61,14 @@ def _check_complete(content: dict[str, Any], path: Path) -> None:
 
 def check_header(header: LogHeader, path: Path) -> None:
     """What the schema alone does not say; raises LogError."""
-    _unique(header.joints, "joints", path)
-    _unique([sensor.name for sensor in header.sensors], "sensors", path)
-    _unique([foot.name for foot in header.feet], "feet", path)
+    _check_unique_names(header.joints, "joints", path)
+    _check_unique_names([sensor.name for sensor in header.sensors], "sensors", path)
+    _check_unique_names([foot.name for foot in header.feet], "feet", path)
     files = [trial.file for trial in header.trials]
-    _unique(files, "trials", path)
-    _unique([Path(file).stem for file in files], "trials", path)
+    _check_unique_names(files, "trials", path)
+    _check_unique_names([Path(file).stem for file in files], "trials", path)
     known = (*RIGID_BODY, *EFFECTS)
-    _unique(header.modelled, "modelled", path)
+    _check_unique_names(header.modelled, "modelled", path)
     for name in header.modelled:
         if name not in known:
             raise LogError(
@@ -205,7 +205,7 @@ def _check_gain(value: object, field: str, path: Path) -> None:
         )
 
 
-def _unique(names: list[str] | tuple[str, ...], field: str, path: Path) -> None:
+def _check_unique_names(names: list[str] | tuple[str, ...], field: str, path: Path) -> None:
     seen: set[str] = set()
     for name in names:
         if name in seen:

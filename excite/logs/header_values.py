@@ -15,39 +15,39 @@ MAX_TRIALS = 10_000
 _LONGEST_NAME, _LONGEST_PATH = 255, 4096
 
 
-def _number(value: object) -> object:
+def _check_number(value: object) -> object:
     """YAML says ``yes`` where a number was forgotten, which would count as one."""
     if isinstance(value, bool):
         raise ValueError("is no number")
     return value
 
 
-def _printable(text: str) -> str:
+def _check_printable(text: str) -> str:
     if not text.isprintable():
         raise ValueError("holds characters that cannot be printed")
     return text
 
 
-def _path(text: str) -> str:
-    names = PurePosixPath(_printable(text)).parts
+def _check_path(text: str) -> str:
+    names = PurePosixPath(_check_printable(text)).parts
     if len(text.encode()) > _LONGEST_PATH or any(len(name.encode()) > _LONGEST_NAME for name in names):
         raise ValueError("is too long for the name of a file")
     return text
 
 
-def _inside(text: str) -> str:
+def _check_inside(text: str) -> str:
     """Trials lie in the log's folder: it can be copied, and names no other file of whoever reads it."""
-    path, windows = PurePosixPath(_path(text)), PureWindowsPath(text)
+    path, windows = PurePosixPath(_check_path(text)), PureWindowsPath(text)
     if path.is_absolute() or windows.drive or windows.is_absolute() or ".." in {*path.parts, *windows.parts}:
         raise ValueError("lies outside the folder of the log: copy the file into it")
     return text
 
 
-Name = Annotated[str, Field(min_length=1, max_length=_LONGEST_NAME), AfterValidator(_printable)]
-Text = Annotated[str, Field(min_length=1), AfterValidator(_path)]
-FileName = Annotated[str, Field(min_length=1), AfterValidator(_inside)]
+Name = Annotated[str, Field(min_length=1, max_length=_LONGEST_NAME), AfterValidator(_check_printable)]
+Text = Annotated[str, Field(min_length=1), AfterValidator(_check_path)]
+FileName = Annotated[str, Field(min_length=1), AfterValidator(_check_inside)]
 
-_Finite = BeforeValidator(_number)
+_Finite = BeforeValidator(_check_number)
 # Four times the gravity of Jupiter [m/s²].
 Acceleration = Annotated[float, _Finite, Field(ge=-100.0, le=100.0)]
 # No encoder is read a million times a second, and none that shows a motion less than once [Hz].

@@ -38,7 +38,7 @@ def cell_of(levels: Array) -> float:
     distance, error = np.diff(levels), _EXACT * float(np.abs(levels[[0, -1]]).max())
     few = np.sort(distance)[:_SHORTEST]
     for _ in range(_PASSES):
-        cell = _common(few, error)
+        cell = _common_divisor(few, error)
         if cell <= 0.0:
             return 0.0
         off = np.abs(distance - cell * np.rint(distance / cell))
@@ -49,7 +49,7 @@ def cell_of(levels: Array) -> float:
     return 0.0
 
 
-def _common(distance: Array, error: float) -> float:
+def _common_divisor(distance: Array, error: float) -> float:
     """Greatest common divisor of distances that are each off by ``error``, by Euclid's algorithm; 0 for none."""
     cell, own = float(distance.min()), error
     while cell > _FINEST / _EXACT * error:
@@ -82,7 +82,7 @@ def rounded_step(levels: Array, cell: float, least: float = 0.0) -> float:
     number = np.rint((levels - levels[0]) / cell)
     # Cells are looked at together where a step that matters is many of them.
     width = max(1, int(least / cell / _CELLS_A_STEP))
-    few = number[_densest(number // width)]
+    few = number[_densest_stretch(number // width)]
     if len(few) < _LEVELS:
         return cell
     at = ((few - few[0]) // width).astype(np.intp)
@@ -94,13 +94,13 @@ def rounded_step(levels: Array, cell: float, least: float = 0.0) -> float:
     high = high[high >= _FEWEST_STEPS * size / cells]
     peaks = [k for k in high if coherence[k] == coherence[max(k - _FINER, 0) : k + _FINER + 1].max()]
     for k in peaks[:_TRIED]:
-        step = _fitted(number, few, width * size / float(k))
+        step = _fit_period(number, few, width * size / float(k))
         if step > 0.0:
             return step * cell
     return cell
 
 
-def _densest(number: Array) -> slice:
+def _densest_stretch(number: Array) -> slice:
     """Which levels are in the stretch of few cells that holds most, or in a longer one if these are too few."""
     cells = _CELLS
     while True:
@@ -112,7 +112,7 @@ def _densest(number: Array) -> slice:
         cells *= 4
 
 
-def _fitted(number: Array, few: Array, period: float) -> float:
+def _fit_period(number: Array, few: Array, period: float) -> float:
     """The period of all levels [cells], from one that holds for a few; 0 where one is off its multiple's rounding."""
     start = float(few[0])
     low, high = float(few[0]), float(few[-1])

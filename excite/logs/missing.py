@@ -44,15 +44,15 @@ def missing_rows(time: Array) -> NDArray[np.int64]:
     extra = np.zeros(len(step), dtype=np.int64)
     if np.abs(step - period).max() < 0.5 * period:
         return extra
-    spreads = [_spread(_jump(step, w)[0]) for w in _WINDOWS]
+    spreads = [_robust_deviation(_stamp_jumps(step, w)[0]) for w in _WINDOWS]
     best = int(np.argmin(np.maximum(spreads, _FINE * period)))
     if _long_tailed(step, period, _WINDOWS[best]):
         # Loops that are held up for part of a period: no single row can be told to be missing.
         return np.where(step > 2.5 * period, np.rint(step / period) - 1, 0).astype(np.int64)
-    extra = _added(step, period, extra, _WINDOWS[best])
+    extra = _added_rows(step, period, extra, _WINDOWS[best])
     if best < _LEVEL and spreads[_LEVEL] < 0.2 * period:
         # A single stamp that is late, next to none that are, is a long step and no change of level.
-        extra = _added(step, period, extra, _WINDOWS[_LEVEL])
+        extra = _added_rows(step, period, extra, _WINDOWS[_LEVEL])
     behind = np.cumsum(extra)
     kept = np.minimum.accumulate(behind[::-1])[::-1]
     return np.diff(np.concatenate([[0], np.maximum(kept, 0)]))
@@ -63,26 +63,27 @@ def _long_tailed(step: Array, period: float, window: int) -> bool:
 
     Gaps are jumps of whole periods: where rows are missing, there are more of these than between.
     """
-    jump = _jump(step, window)[0] / period
-    spread = max(_spread(jump), 1e-9)
+    jump = _stamp_jumps(step, window)[0] / period
+    spread = max(_robust_deviation(jump), 1e-9)
     between, whole = (
-        int(np.sum((np.abs(jump - middle) < 0.1) & (jump == _highest(jump, window)))) for middle in (0.5, 1.0)
+        int(np.sum((np.abs(jump - middle) < 0.1) & (jump == _highest_near(jump, window))))
+        for middle in (0.5, 1.0)
     )
     tail = [math.erfc(edge / (spread * math.sqrt(2.0))) for edge in (0.4, 0.6)]
     return between - 0.5 * len(step) * (tail[0] - tail[1]) > max(whole, _FEW)
 
 
-def _added(step: Array, period: float, extra: NDArray[np.int64], window: int) -> NDArray[np.int64]:
+def _added_rows(step: Array, period: float, extra: NDArray[np.int64], window: int) -> NDArray[np.int64]:
     """Rows missing in each step, from those found before and jumps of the level that they leave."""
     extra = extra.copy()
     for _ in range(_PASSES):
-        jump, weight = _jump(step - period * extra, window)
-        spread = max(_spread(jump), 1e-9 * period)
+        jump, weight = _stamp_jumps(step - period * extra, window)
+        spread = max(_robust_deviation(jump), 1e-9 * period)
         share = min(0.5, max(_RARE, int(np.abs(extra).sum())) / len(step))
         limit = period * (0.5 + (spread / period) ** 2 * weight * np.log(1.0 / share - 1.0))
         # So near an end one late stamp is all that there is.
         size = np.where(weight > _AT_END, 0.0, np.abs(jump))
-        found = np.flatnonzero((size > limit) & (size == _highest(size, window)))
+        found = np.flatnonzero((size > limit) & (size == _highest_near(size, window)))
         # Of jumps that are equally high the first is enough.
         found = found[np.concatenate([[True], np.diff(found) > window])] if len(found) else found
         change = np.rint(jump[found] / period).astype(np.int64)
@@ -90,13 +91,13 @@ def _added(step: Array, period: float, extra: NDArray[np.int64], window: int) ->
             break
         more = change > 0
         reach = window // 2
-        np.add.at(extra, _largest(step - period * extra, found[more], reach), change[more])
+        np.add.at(extra, _largest_near(step - period * extra, found[more], reach), change[more])
         # What was no gap is taken back where it was added.
-        np.add.at(extra, _largest(extra, found[~more], reach), change[~more])
+        np.add.at(extra, _largest_near(extra, found[~more], reach), change[~more])
     return extra
 
 
-def _jump(step: Array, window: int) -> tuple[Array, Array]:
+def _stamp_jumps(step: Array, window: int) -> tuple[Array, Array]:
     """By how much stamps after each step are further than those before it, beyond the usual step [s].
 
     Also by how much the variance of the means exceeds that of full windows, near the ends.
@@ -113,18 +114,20 @@ def _jump(step: Array, window: int) -> tuple[Array, Array]:
     return jump - np.median(jump), weight
 
 
-def _spread(values: Array) -> float:
+def _robust_deviation(values: Array) -> float:
     """Standard deviation by the median absolute deviation: gaps are few."""
     return 1.4826 * float(np.median(np.abs(values)))
 
 
-def _largest(values: Array | NDArray[np.int64], places: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
+def _largest_near(
+    values: Array | NDArray[np.int64], places: NDArray[np.intp], reach: int
+) -> NDArray[np.intp]:
     """Where, up to ``reach`` places from each place, the largest value is."""
     near = np.clip(places[:, None] + np.arange(-reach, reach + 1), 0, len(values) - 1)
     return np.asarray(near[np.arange(len(places)), np.argmax(values[near], axis=1)])
 
 
-def _highest(values: Array, reach: int) -> Array:
+def _highest_near(values: Array, reach: int) -> Array:
     """Highest value up to ``reach`` places away on either side."""
     padded = np.pad(values, reach, constant_values=-np.inf)
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1))

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.logs.columns import numeric, read_columns
+from excite.logs.columns import numeric_column, read_columns
 from excite.logs.header import check_header
 from excite.logs.header_blocks import Role
 from excite.logs.log import Log, LogHeader
@@ -97,17 +97,19 @@ def import_recordings(mapping: Mapping[str, Any] | Path, folder: Path, robot_tex
         LogError: the mapping or a recording is wrong.
     """
     source = mapping if isinstance(mapping, Path) else "mapping"
-    parsed = _parse(mapping, source)
+    parsed = _parse_mapping(mapping, source)
     names = [trial.name or Path(trial.file).stem for trial in parsed.trials]
     entries = [
         {"file": f"{name}.parquet"} | trial.model_dump(include={"role", "session", "start_s"})
         for name, trial in zip(names, parsed.trials, strict=True)
     ]
-    header = _validated(LogHeader, {"schema": "excite.log/1", "trials": entries} | parsed.log, source)
+    header = _validate_content(LogHeader, {"schema": "excite.log/1", "trials": entries} | parsed.log, source)
     check_header(header, Path(str(source)))
-    columns = _columns(parsed, header, source)
+    columns = _expand_columns(parsed, header, source)
     trials = tuple(
-        read_columns(_cut(folder / trial.file, trial.part, columns), entry, header, folder / trial.file)
+        read_columns(
+            _cut_columns(folder / trial.file, trial.part, columns), entry, header, folder / trial.file
+        )
         for trial, entry in zip(parsed.trials, header.trials, strict=True)
     )
     check_log_clock(trials, header, folder / "log.yaml")
@@ -115,13 +117,13 @@ def import_recordings(mapping: Mapping[str, Any] | Path, folder: Path, robot_tex
     return Log(header=header, trials=trials, folder=None, robot_text=robot_text)
 
 
-def _parse(mapping: Mapping[str, Any] | Path, source: object) -> RecordingMapping:
+def _parse_mapping(mapping: Mapping[str, Any] | Path, source: object) -> RecordingMapping:
     if not isinstance(mapping, Path):
-        return _validated(RecordingMapping, dict(mapping), source)
-    return _validated(RecordingMapping, read_yaml(mapping, error=LogError), source)
+        return _validate_content(RecordingMapping, dict(mapping), source)
+    return _validate_content(RecordingMapping, read_yaml(mapping, error=LogError), source)
 
 
-def _validated(kind: type[_Model], content: object, source: object) -> _Model:
+def _validate_content(kind: type[_Model], content: object, source: object) -> _Model:
     try:
         return kind.model_validate(content)
     except ValidationError as error:
@@ -130,7 +132,7 @@ def _validated(kind: type[_Model], content: object, source: object) -> _Model:
         raise LogError(first["msg"], source=source, field=field, remedy="see RecordingMapping") from error
 
 
-def _columns(mapping: RecordingMapping, header: LogHeader, source: object) -> list[_Column]:
+def _expand_columns(mapping: RecordingMapping, header: LogHeader, source: object) -> list[_Column]:
     """Columns with the joints filled in."""
 
     def expand(name: str) -> list[tuple[str, dict[str, str]]]:
@@ -168,7 +170,7 @@ def _single_columns(found: dict[str, Array]) -> dict[str, Array]:
     return columns
 
 
-def _cut(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:
+def _cut_columns(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:
     """The wanted columns of a file under the contract's names, from the wanted part of its duration."""
     found = _single_columns(read_trial(file))
     columns = {}
@@ -182,14 +184,14 @@ def _cut(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[s
             )
         values = found[column.source]
         if column.factor != 1.0:
-            values = numeric(values, column.source, file, len(values)) * column.factor
+            values = numeric_column(values, column.source, file, len(values)) * column.factor
         columns[column.target] = values
     if "time" not in columns:
         raise LogError(
             "no column is mapped to it", source=file, field="time", remedy="map time under columns"
         )
-    time = numeric(columns["time"], "time", file, np.size(columns["time"]))
+    time = numeric_column(columns["time"], "time", file, np.size(columns["time"]))
     check_stamps(time, file)
     low, high = (time[0] + share * (time[-1] - time[0]) for share in part)
     inside = (time >= low) & (time <= high) if part[1] == 1.0 else (time >= low) & (time < high)
-    return {name: numeric(values, name, file, len(time))[inside] for name, values in columns.items()}
+    return {name: numeric_column(values, name, file, len(time))[inside] for name, values in columns.items()}

@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.logs.lattice import cell_of, rounded_step
-from excite.logs.signals.clock import misfit
+from excite.logs.signals.clock import cubic_misfit
 
 _FEW_ROWS, _FEW_LEVELS = 200, 200
 # Steps below this share of the noise add less than one per cent to its variance (a twelfth of the squared step).
@@ -66,7 +66,7 @@ def channel_noise(time: Array, channels: Sequence[Array]) -> list[float]:
     found: list[float] = []
     for start in range(0, len(channels), together):
         values = np.column_stack(channels[start : start + together])
-        sizes = [np.median(np.abs(misfit(clock, values)), axis=0) for clock in (time, rows)]
+        sizes = [np.median(np.abs(cubic_misfit(clock, values)), axis=0) for clock in (time, rows)]
         found += (1.4826 * np.minimum(*sizes)).tolist()
     return found
 

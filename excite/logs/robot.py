@@ -36,7 +36,7 @@ def nominal_robot(log: Log) -> Robot:
         raise LogError("was made in memory", field="robot", remedy="hand the robot over")
     file = log.folder / log.header.robot
     if _names_bundled(log):
-        loaded = _carried(load_robot(log.header.robot), log.header)
+        loaded = _robot_as_held(load_robot(log.header.robot), log.header)
         return robot_in_log(loaded, log.header, log.folder / "log.yaml")
     if file.suffix in {".yaml", ".yml"}:
         return robot_in_log(load_robot(file), log.header, log.folder / "log.yaml")
@@ -68,13 +68,13 @@ def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
     file = Path(name_or_path)
     if file.suffix != ".urdf":
         robot = load_robot(name_or_path)
-        return _carried(robot, read_header(header_path(log))) if robot.floating else robot
+        return _robot_as_held(robot, read_header(header_path(log))) if robot.floating else robot
     path = header_path(log)
     header = read_header(path)
     return robot_in_log(build_robot(bare_description(file, header), file), header, path)
 
 
-def _carried(robot: Robot, header: LogHeader) -> Robot:
+def _robot_as_held(robot: Robot, header: LogHeader) -> Robot:
     """The robot as a log has it: one that stands on feet may have been held, by a stand or by hands."""
     if not robot.floating or header.base != "held":
         return robot
@@ -109,16 +109,18 @@ def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) ->
                 remedy="it has " + ", ".join(robot.joint_names),
             )
     if robot.mechanism is not None:
-        robot = replace(robot, mechanism=_logged(robot.mechanism, robot, header, source))
+        robot = replace(robot, mechanism=_logged_mechanism(robot.mechanism, robot, header, source))
     model = robot.model.copy()
     model.gravity.linear = np.array(header.gravity)
-    sensors = tuple(_sensor(robot, sensor, source) for sensor in header.sensors)
+    sensors = tuple(_wrench_sensor(robot, sensor, source) for sensor in header.sensors)
     if header.base == "suspended":
         return replace(robot, model=model, sensors=(), feet=())
     return replace(robot, model=model, sensors=sensors)
 
 
-def _logged(mechanism: Mechanism, robot: Robot, header: LogHeader, source: Path | None) -> Mechanism:
+def _logged_mechanism(
+    mechanism: Mechanism, robot: Robot, header: LogHeader, source: Path | None
+) -> Mechanism:
     """The mechanism by what a log has of it: its motors, or the joints that these move, from which the rest follows."""
     columns = np.array([robot.n_base_v + robot.joint_index(name) for name in header.joints], dtype=np.int64)
     found = mechanism.following_from(columns)
@@ -169,7 +171,7 @@ def imu_placement(robot: Robot, header: LogHeader, source: Path | None = None) -
     return placement
 
 
-def _sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSensor:
+def _wrench_sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSensor:
     field = f"sensors.{header.name}"
     offset = pin.SE3(pin.rpy.rpyToMatrix(*header.rpy), np.array(header.xyz))
     try:

@@ -84,7 +84,7 @@ def check_span(time: Array, path: Path) -> None:
     if _too_many(float(time[-1] - time[0]) / median, len(time)):
         row = int(np.argmax(step))
         raise LogError(
-            f"has a gap of {_duration(float(step[row]))} after {time[row]:.6g} s, where rows come every "
+            f"has a gap of {_describe_duration(float(step[row]))} after {time[row]:.6g} s, where rows come every "
             f"{median:.3g} s",
             source=path,
             field="time",
@@ -126,7 +126,7 @@ def _too_many(points: float, rows: int) -> bool:
     return points > _POINTS_PER_ROW * rows + _POINTS
 
 
-def _duration(seconds: float) -> str:
+def _describe_duration(seconds: float) -> str:
     for unit, length in (("days", 86400.0), ("hours", 3600.0)):
         if seconds > 2.0 * length:
             return f"{seconds / length:.4g} {unit}"

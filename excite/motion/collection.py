@@ -38,11 +38,11 @@ def motion_paths(paths: Iterable[str | Path]) -> list[Path]:
             raise unreadable_file(path, error, MotionError) from error
         if not there:
             raise MotionError("no such file", source=path, remedy="check the path")
-        files += _inside(path) if folder else [path]
+        files += _motions_inside(path) if folder else [path]
     return files
 
 
-def _inside(path: Path) -> list[Path]:
+def _motions_inside(path: Path) -> list[Path]:
     """Motions in a folder, bags among them, sorted by name."""
     inside = path / "motions" if (path / "motions").is_dir() else path
     try:

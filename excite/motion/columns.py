@@ -21,7 +21,7 @@ def numeric_columns(columns: Mapping[str, NDArray[Any]], path: Path) -> dict[str
     for name, column in columns.items():
         if name != "time" and name.partition(".")[0] not in {"q", "v", "a", "base", "contact"}:
             continue
-        values = _column(column, name, path)
+        values = _read_column(column, name, path)
         rows = len(values) if rows is None else rows
         if len(values) != rows:
             raise MotionError(
@@ -34,7 +34,7 @@ def numeric_columns(columns: Mapping[str, NDArray[Any]], path: Path) -> dict[str
     return found
 
 
-def _column(column: NDArray[Any], name: str, path: Path) -> Array:
+def _read_column(column: NDArray[Any], name: str, path: Path) -> Array:
     if np.ndim(column) != 1:
         raise MotionError(
             f"has the shape {np.shape(column)}", source=path, field=name, remedy="write one number a row"
@@ -89,7 +89,7 @@ def check_time(columns: Mapping[str, Array], path: Path) -> None:
         )
 
 
-def stacked(columns: Mapping[str, Array], names: Iterable[str], path: Path) -> Array:
+def stack_columns(columns: Mapping[str, Array], names: Iterable[str], path: Path) -> Array:
     """Columns side by side, ``(n, len(names))``; raises MotionError where one is missing."""
     missing = [name for name in names if name not in columns]
     if missing:

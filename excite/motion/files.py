@@ -16,7 +16,7 @@ from excite.arrays import Array
 from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
 from excite.errors import MotionError
-from excite.motion.columns import check_joints, check_time, numeric_columns, stacked
+from excite.motion.columns import check_joints, check_time, numeric_columns, stack_columns
 from excite.motion.content import (
     BASE_ACCELERATION,
     BASE_POSE,
@@ -27,11 +27,11 @@ from excite.motion.content import (
 )
 from excite.motion.derivatives import with_derivatives
 from excite.motion.motion import Motion, MotionMetadata
-from excite.motion.parquet import narrowed, write_parquet
+from excite.motion.parquet import narrow_columns, write_parquet
 from excite.motion.readers.npz import METADATA
 from excite.motion.readers.registry import read_motion
 from excite.motion.setpoints import sampled_curve, stated_curve
-from excite.reading.json_document import checked
+from excite.reading.json_document import check_content
 from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.robot import Robot
 
@@ -81,8 +81,8 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
         raise MotionError(f"unknown format {path.suffix!r}", source=path, remedy="use .parquet, .csv or .npz")
     columns: dict[str, NDArray[Any]] = motion_columns(motion)
     if single and path.suffix == ".parquet":
-        columns = narrowed(columns)
-    metadata = json.dumps(_document(motion, content_hash(columns)))
+        columns = narrow_columns(columns)
+    metadata = json.dumps(_motion_document(motion, content_hash(columns)))
     with atomic_path(path) as temporary:
         if path.suffix == ".npz":
             np.savez_compressed(temporary, allow_pickle=False, **{METADATA: metadata}, **columns)
@@ -95,7 +95,7 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
     return path
 
 
-def _document(motion: Motion, digest: str) -> dict[str, Any]:
+def _motion_document(motion: Motion, digest: str) -> dict[str, Any]:
     metadata = motion.metadata
     verdict = metadata.verdict
     return {
@@ -134,22 +134,22 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
     """
     path, robot = Path(path), as_robot(robot)
     raw = read_motion(path, robot.joint_names)
-    said = _said(raw.metadata, path)
+    said = _read_statement(raw.metadata, path)
     columns = numeric_columns(raw.columns, path)
     joints = _joints_in(columns, robot)
     check_joints(columns, robot, path, "" if said is None else said.robot)
     check_time(columns, path)
     digest = content_hash(columns) if said is not None and said.content_hash else ""
     curve = stated_curve(list(columns), columns["time"], goal=raw.goal, floating=robot.floating)
-    stacked(columns, [f"q.{joint}" for joint in joints], path)
+    stack_columns(columns, [f"q.{joint}" for joint in joints], path)
     columns = sampled_curve(columns, joints, curve, path)
     columns = with_derivatives(columns, joints, path)
-    q, v, a = (stacked(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
+    q, v, a = (stack_columns(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
     contacts = {}
     if joints != robot.joint_names:
         q, v, a = (_among_all(robot, values) for values in (q, v, a))
     if robot.floating:
-        pose = stacked(columns, BASE_POSE, path)
+        pose = stack_columns(columns, BASE_POSE, path)
         norm = np.linalg.norm(pose[:, 3:], axis=1)
         if (np.abs(norm - 1.0) > 1e-3).any():
             raise MotionError(
@@ -160,8 +160,8 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
             )
         pose[:, 3:] = unit_quaternions(pose[:, 3:])
         q = np.hstack([pose, q])
-        v = np.hstack([stacked(columns, BASE_TWIST, path), v])
-        a = np.hstack([stacked(columns, BASE_ACCELERATION, path), a])
+        v = np.hstack([stack_columns(columns, BASE_TWIST, path), v])
+        a = np.hstack([stack_columns(columns, BASE_ACCELERATION, path), a])
         flags = {foot.name: f"contact.{foot.name}" for foot in robot.feet}
         # A foot without flags is no error of the file's: the check says so, and that the motion is not safe.
         contacts = {foot: columns[name] > 0.5 for foot, name in flags.items() if name in columns}
@@ -176,7 +176,7 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
         v=v,
         a=a,
         contacts=contacts,
-        metadata=_metadata(said, digest),
+        metadata=_motion_metadata(said, digest),
         curve=curve if curve == "spline" else "quintic",
     )
 
@@ -197,11 +197,11 @@ def _among_all(robot: Robot, driven: Array) -> Array:
 
 def motion_robot(path: Path) -> str:
     """Name of the robot that a motion file says it is for, empty where it says nothing; raises MotionError."""
-    said = _said(read_motion(Path(path)).metadata, Path(path))
+    said = _read_statement(read_motion(Path(path)).metadata, Path(path))
     return "" if said is None else said.robot
 
 
-def _said(metadata: Any, path: Path) -> MotionDocument | None:
+def _read_statement(metadata: Any, path: Path) -> MotionDocument | None:
     """What a file says of itself; None for one that was made elsewhere."""
     if metadata == {}:
         return None
@@ -221,12 +221,12 @@ def _said(metadata: Any, path: Path) -> MotionDocument | None:
             field="schema",
             remedy="check that it is a motion; write one with excite.save_motion, or a table without metadata",
         )
-    return checked(
+    return check_content(
         MotionDocument, dict(metadata), path, remedy="check that it is a motion", error=MotionError
     )
 
 
-def _metadata(said: MotionDocument | None, digest: str) -> MotionMetadata:
+def _motion_metadata(said: MotionDocument | None, digest: str) -> MotionMetadata:
     if said is None:
         return MotionMetadata(generator="elsewhere")
     return MotionMetadata(

@@ -125,10 +125,10 @@ class Motion:
         """
         n = max(2, round(self.duration * rate_hz) + 1)
         time = self.time[0] + np.linspace(0.0, self.duration, n)
-        return interpolate(self, robot, time)
+        return interpolate_motion(self, robot, time)
 
 
-def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
+def interpolate_motion(motion: Motion, robot: Robot, time: Array) -> Motion:
     """Evaluate a motion at other times, inside its own span.
 
     On each interval the configuration follows the quintic Hermite polynomial of the increment in the
@@ -161,7 +161,7 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
 
 
 class Instants:
-    """Configurations at single times, as :func:`interpolate` gives them, for searches that ask for one at a time."""
+    """Configurations at single times, as :func:`interpolate_motion` gives them, for searches that ask for one at a time."""
 
     def __init__(self, motion: Motion, robot: Robot):
         self._motion, self._model = motion, robot.model
@@ -193,10 +193,10 @@ class Instants:
             step = pin.difference(self._model, m.q[start], m.q[end])
         else:
             step = m.q[end] - m.q[start]
-        return np.array(_quintic(h, step, m.v[start], m.v[end], m.a[start], m.a[end]))
+        return np.array(_quintic_coefficients(h, step, m.v[start], m.v[end], m.a[start], m.a[end]))
 
 
-def _quintic(h: Array, step: Array, v0: Array, v1: Array, a0: Array, a1: Array) -> list[Array]:
+def _quintic_coefficients(h: Array, step: Array, v0: Array, v1: Array, a0: Array, a1: Array) -> list[Array]:
     """Coefficients of s … s⁵ with d(0) = 0, d(1) = step, d' = h v and d'' = h² a at both ends."""
     c1, c2 = h * v0, 0.5 * (h * h) * a0
     r0 = step - c1 - c2
@@ -215,7 +215,7 @@ def jerk_peaks(time: Array, q: Array, v: Array, a: Array) -> Array:
         a: ``(n, m)`` [rad/s² or m/s²].
     """
     h = np.diff(time)[:, None]
-    _, _, c3, c4, c5 = _quintic(h, np.diff(q, axis=0), v[:-1], v[1:], a[:-1], a[1:])
+    _, _, c3, c4, c5 = _quintic_coefficients(h, np.diff(q, axis=0), v[:-1], v[1:], a[:-1], a[1:])
     turn = np.clip(np.divide(-c4, 5.0 * c5, out=np.zeros_like(c5), where=c5 != 0.0), 0.0, 1.0)
     at = [np.abs(6.0 * c3 + s * (24.0 * c4 + s * 60.0 * c5)) for s in (0.0, turn, 1.0)]
     return np.asarray(np.max(at, axis=0) / h**3)
@@ -234,7 +234,7 @@ def _floating_at(motion: Motion, index: NDArray[np.intp], shares: Array) -> tupl
         np.ascontiguousarray(values, dtype=float) for values in (motion.time, motion.q, motion.v, motion.a)
     ]
     q, v, a = (np.empty((len(index), values.shape[1])) for values in samples[1:])
-    quintics.evaluate(*samples, index, shares, q, v, a)
+    quintics.evaluate_quintics(*samples, index, shares, q, v, a)
     return q, v, a
 
 
@@ -243,7 +243,7 @@ def _fixed_at(motion: Motion, index: NDArray[np.intp], s: Array) -> tuple[Array,
     h = (motion.time[index + 1] - motion.time[index])[:, None]
     step = motion.q[index + 1] - motion.q[index]
     ends = motion.v[index], motion.v[index + 1], motion.a[index], motion.a[index + 1]
-    c1, c2, c3, c4, c5 = _quintic(h, step, *ends)
+    c1, c2, c3, c4, c5 = _quintic_coefficients(h, step, *ends)
     q = motion.q[index] + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
     v = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
     a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2

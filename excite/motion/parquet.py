@@ -22,7 +22,7 @@ def write_parquet(columns: dict[str, NDArray[Any]], metadata: str, path: Path, *
         columns: by name, times in ``time``.
         metadata: text kept under the key ``excite``.
         path: where to.
-        single: the columns are :func:`narrowed`, and are laid out so that they take little room.
+        single: the columns are :func:`narrow_columns`, and are laid out so that they take little room.
     """
     if not single:
         table = arrow_table(columns).replace_schema_metadata({"excite": metadata})
@@ -47,12 +47,12 @@ def write_parquet(columns: dict[str, NDArray[Any]], metadata: str, path: Path, *
         writer.add_key_value_metadata({"excite": metadata})
 
 
-def narrowed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def narrow_columns(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Columns in few bytes: positions in single precision, velocities and accelerations to 16 binary digits."""
-    return {name: _narrow(name, column) for name, column in columns.items()}
+    return {name: _narrow_column(name, column) for name, column in columns.items()}
 
 
-def _narrow(name: str, column: NDArray[Any]) -> NDArray[Any]:
+def _narrow_column(name: str, column: NDArray[Any]) -> NDArray[Any]:
     if name == "time":
         return column
     if column.dtype != float:

@@ -84,7 +84,7 @@ def move_base(start, step, end):
 
 
 @LazyKernel
-def evaluate(instants, q, v, a, starts, shares, q_at, v_at, a_at):
+def evaluate_quintics(instants, q, v, a, starts, shares, q_at, v_at, a_at):
     """Fill in a floating robot's motion at other times.
 
     Args:

@@ -64,7 +64,7 @@ def in_child(
             raise error(endless[0].format(seconds=seconds), source=source, remedy=endless[1]) from reason
         if done.returncode != 0:
             raise error(
-                f"makes its reader fail ({_ending(done.returncode)})",
+                f"makes its reader fail ({_describe_ending(done.returncode)})",
                 source=source,
                 remedy="it is damaged: export it again",
             )
@@ -97,7 +97,7 @@ def answer() -> None:
         pickle.dump(result, out, protocol=pickle.HIGHEST_PROTOCOL)
 
 
-def _ending(code: int) -> str:
+def _describe_ending(code: int) -> str:
     if code >= 0:
         return "out of memory or bounds"
     try:

@@ -55,7 +55,7 @@ def check_file(path: str | Path, *, limit: int | None = None, error: type[InputE
         raise error("may not be read", source=path, remedy="change its permissions")
     if limit is not None and found.st_size > limit:
         raise too_large(path, found.st_size, limit, error)
-    if found.st_size <= _POINTER_BYTES and _begins(path, _POINTER):
+    if found.st_size <= _POINTER_BYTES and _begins_with(path, _POINTER):
         raise error(
             "is the pointer that Git LFS left in place of the file",
             source=path,
@@ -71,7 +71,7 @@ def read_bytes(
     path = check_file(path, limit=limit, error=error)
     try:
         # One byte more than allowed, for a file that grows while it is read.
-        content = _beginning(path, limit + 1)
+        content = _read_beginning(path, limit + 1)
     except OSError as reason:
         raise unreadable_file(path, reason, error) from reason
     if len(content) > limit:
@@ -82,19 +82,19 @@ def read_bytes(
 def first_bytes(path: str | Path, count: int = 512) -> bytes:
     """At most ``count`` bytes from the beginning of a regular file; none of what is no such file or cannot be read."""
     try:
-        return _beginning(check_file(path), count)
+        return _read_beginning(check_file(path), count)
     except (InputError, OSError):
         return b""
 
 
-def _begins(path: Path, with_bytes: bytes) -> bool:
+def _begins_with(path: Path, with_bytes: bytes) -> bool:
     try:
-        return _beginning(path, len(with_bytes)) == with_bytes
+        return _read_beginning(path, len(with_bytes)) == with_bytes
     except OSError:
         return False
 
 
-def _beginning(path: Path, count: int) -> bytes:
+def _read_beginning(path: Path, count: int) -> bytes:
     # Not blocking, for what became a pipe meanwhile and for files of the system's own that wait for news.
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as stream:
         return stream.read(count) or b""

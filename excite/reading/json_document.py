@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from excite.errors import InputError
-from excite.finding import listed
+from excite.finding import list_names
 from excite.reading.file import read_text
 
 # The largest document that is written here, the identification of a humanoid from 2000 motions, has 6 MB.
@@ -78,10 +78,10 @@ def read_json(
 
 def parse_json(text: str) -> Any:
     """What a JSON text says; raises ValueError, also for a key that stands twice and for NaN, or RecursionError."""
-    return json.loads(text, object_pairs_hook=_object, parse_constant=_constant)
+    return json.loads(text, object_pairs_hook=_build_object, parse_constant=_refuse_constant)
 
 
-def checked(
+def check_content(
     model: type[_Model],
     content: object,
     path: Path,
@@ -95,13 +95,15 @@ def checked(
     except ValidationError as reason:
         faults = reason.errors(include_url=False)
         first = faults[0]
-        field = _place(first)
-        others = [_place(fault) for fault in faults[1:] if fault["type"] == "missing"]
-        more = f", and so are {listed(others, _MOST_NAMED)}" if others and first["type"] == "missing" else ""
+        field = _fault_place(first)
+        others = [_fault_place(fault) for fault in faults[1:] if fault["type"] == "missing"]
+        more = (
+            f", and so are {list_names(others, _MOST_NAMED)}" if others and first["type"] == "missing" else ""
+        )
         raise error(_in_words(first) + more, source=path, field=field or None, remedy=remedy) from reason
 
 
-def _place(fault: Mapping[str, Any]) -> str:
+def _fault_place(fault: Mapping[str, Any]) -> str:
     return ".".join(str(part)[:60] for part in fault["loc"])
 
 
@@ -120,7 +122,7 @@ def _in_words(fault: Mapping[str, Any]) -> str:
     return said if kind in _SAID_ALREADY else f"{said}, got {found}"
 
 
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _build_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     content = dict(pairs)
     if len(content) < len(pairs):
         names = [name for name, _ in pairs]
@@ -129,5 +131,5 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def _constant(name: str) -> Any:
+def _refuse_constant(name: str) -> Any:
     raise _Refused(f"{name} is no number")

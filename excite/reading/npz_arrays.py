@@ -69,7 +69,9 @@ def read_npz(
         with ZipFile(path) as archive:
             for member in archive.infolist():
                 name = member.filename.removesuffix(".npy")
-                said = _not_wanted(member, name, known, arrays, left) or _fault(archive, member, longest_text)
+                said = _not_wanted(member, name, known, arrays, left) or _member_fault(
+                    archive, member, longest_text
+                )
                 if said is not None:
                     raise error(said, source=path, field=name[:60], remedy=remedy)
                 left -= member.file_size
@@ -96,7 +98,7 @@ def _not_wanted(
     return None
 
 
-def _fault(archive: ZipFile, member: ZipInfo, longest_text: int) -> str | None:
+def _member_fault(archive: ZipFile, member: ZipInfo, longest_text: int) -> str | None:
     """What is wrong with a member before its values are read; None where nothing is."""
     with archive.open(member) as stream:
         version = npy.read_magic(stream)

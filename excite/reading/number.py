@@ -26,10 +26,10 @@ def check_number(
         unit: of it, for the error.
         source: where it stands.
     """
-    number = _real(value)
+    number = _real_number(value)
     if not low <= number <= high:
         raise InputError(
-            f"is {shown(value)}",
+            f"is {shorten_value(value)}",
             source=source,
             field=field,
             remedy=f"choose {low:g} to {high:g} {unit}".rstrip(),
@@ -42,7 +42,10 @@ def check_count(value: object, field: str, low: int, high: int, *, source: objec
     number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else low - 1
     if not low <= number <= high:
         raise InputError(
-            f"is {shown(value)}", source=source, field=field, remedy=f"choose a whole number, {low} to {high}"
+            f"is {shorten_value(value)}",
+            source=source,
+            field=field,
+            remedy=f"choose a whole number, {low} to {high}",
         )
     return number
 
@@ -54,13 +57,13 @@ def check_seed(seed: int | np.random.SeedSequence) -> np.random.SeedSequence:
     return np.random.SeedSequence(check_count(seed, "seed", 0, _LARGEST_SEED))
 
 
-def shown(value: object) -> str:
+def shorten_value(value: object) -> str:
     """A value in an error, of a length that can be read."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}…"
 
 
-def _real(value: object) -> float:
+def _real_number(value: object) -> float:
     if not isinstance(value, Real) or isinstance(value, bool):
         return math.nan
     try:

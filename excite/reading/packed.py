@@ -31,7 +31,7 @@ def plain_name(path: Path) -> Path:
 
 
 @contextmanager
-def unpacked(path: Path, *, limit: int, error: type[InputError] = InputError) -> Iterator[Path]:
+def unpack_file(path: Path, *, limit: int, error: type[InputError] = InputError) -> Iterator[Path]:
     """The path; of a packed file that of a copy without packing, which is gone after the block.
 
     What is raised of the copy within the block names the packed file.
@@ -50,15 +50,15 @@ def unpacked(path: Path, *, limit: int, error: type[InputError] = InputError) ->
     check_file(path, error=error)
     folder = TemporaryFolder()
     copy = folder.path / plain_name(path).name
-    _copy(path, copy, limit, error)
+    _copy_unpacked(path, copy, limit, error)
     try:
         yield copy
     except InputError as reason:
-        _rename(reason, copy, path)
+        _rename_in_error(reason, copy, path)
         raise
 
 
-def pack(plain: Path, path: Path) -> None:
+def pack_file(plain: Path, path: Path) -> None:
     """Write a packed copy of a file; the same bytes for the same content."""
     opened = _OPENED[path.suffix.lower()]
     with plain.open("rb") as source, path.open("wb") as stream:
@@ -71,7 +71,7 @@ def pack(plain: Path, path: Path) -> None:
                 target.write(block)
 
 
-def _copy(path: Path, copy: Path, limit: int, error: type[InputError]) -> None:
+def _copy_unpacked(path: Path, copy: Path, limit: int, error: type[InputError]) -> None:
     size = 0
     try:
         with _OPENED[path.suffix.lower()](path, "rb") as source, copy.open("wb") as target:
@@ -87,7 +87,7 @@ def _copy(path: Path, copy: Path, limit: int, error: type[InputError]) -> None:
         ) from reason
 
 
-def _rename(reason: InputError, copy: Path, path: Path) -> None:
+def _rename_in_error(reason: InputError, copy: Path, path: Path) -> None:
     """Say the packed file's name where an error says that of its copy."""
     reason.args = tuple(str(text).replace(str(copy), str(path)) for text in reason.args)
     if reason.source is not None and str(reason.source) == str(copy):

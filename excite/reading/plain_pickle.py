@@ -56,30 +56,30 @@ class PlainUnpickler(pickle.Unpickler):
         if (module, name) in _CONTAINERS:
             return _CONTAINERS[module, name]
         if (module, name) == ("numpy.core.multiarray", "_reconstruct"):
-            return _empty
+            return _empty_array
         if (module, name) == ("numpy.core.multiarray", "scalar"):
-            return _scalar
+            return _numpy_scalar
         if (module, name) == ("numpy.core.numeric", "_frombuffer"):
             return _from_buffer
         if (module, name) == ("numpy", "dtype"):
-            return _dtype
+            return _numpy_dtype
         if (module, name) == ("_codecs", "encode"):
-            return _bytes
+            return _latin_bytes
         raise pickle.UnpicklingError(f"names {module}.{name}, which is no plain data")
 
 
-def _empty(*_: Any) -> Any:
+def _empty_array(*_: Any) -> Any:
     """The array that numpy's state is then put into."""
     return np.ndarray((0,), dtype="b")
 
 
-def _dtype(code: Any, *_: Any) -> Any:
+def _numpy_dtype(code: Any, *_: Any) -> Any:
     if not isinstance(code, str):
         raise pickle.UnpicklingError("names a type of numbers that no recording has")
     return np.dtype(code)
 
 
-def _scalar(dtype: Any, content: Any = b"") -> Any:
+def _numpy_scalar(dtype: Any, content: Any = b"") -> Any:
     if not isinstance(dtype, np.dtype) or dtype.hasobject:
         raise pickle.UnpicklingError("has a number of a type that no recording has")
     raw = content.encode("latin1") if isinstance(content, str) else bytes(content)
@@ -92,5 +92,5 @@ def _from_buffer(content: Any, dtype: Any, shape: Any, order: Any, *_: Any) -> A
     return np.frombuffer(bytes(content), dtype=dtype).reshape(shape, order=order)
 
 
-def _bytes(text: Any, *_: Any) -> bytes:
+def _latin_bytes(text: Any, *_: Any) -> bytes:
     return str(text).encode("latin1")

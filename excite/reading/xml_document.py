@@ -84,11 +84,11 @@ def parse_xml(
     content = content.rstrip(b"\0")
     try:
         try:
-            return _parsed(content, max_depth)
+            return _parse_xml(content, max_depth)
         except ElementTree.ParseError as reason:
             if reason.code != _UNBOUND_PREFIX:
                 raise
-            return _parsed(_with_prefixes(content), max_depth)
+            return _parse_xml(_with_prefixes(content), max_depth)
     except DefusedXmlException as reason:
         raise error(
             f"declares XML entities ({type(reason).__name__})",
@@ -110,7 +110,7 @@ def elements_of(text: bytes | str) -> ElementTree.Element:
     return parse_xml(text.encode() if isinstance(text, str) else text, Path("text"))
 
 
-def _parsed(content: bytes, max_depth: int) -> ElementTree.Element:
+def _parse_xml(content: bytes, max_depth: int) -> ElementTree.Element:
     parser = DefusedXMLParser(target=_BoundedBuilder(max_depth))
     parser.feed(content)
     root: ElementTree.Element = parser.close()
@@ -133,10 +133,10 @@ def _with_prefixes(content: bytes) -> bytes:
 
 def all_alike(elements: Sequence[ElementTree.Element]) -> bool:
     """Whether elements say the same, their children and attributes included: whichever a reader takes, none is lost."""
-    return len({_canonical(one) for one in elements}) <= 1
+    return len({_canonical_text(one) for one in elements}) <= 1
 
 
-def _canonical(element: ElementTree.Element) -> str:
+def _canonical_text(element: ElementTree.Element) -> str:
     alone = copy(element)
     alone.tail = None
     return ElementTree.canonicalize(ElementTree.tostring(alone, encoding="unicode"), strip_text=True)

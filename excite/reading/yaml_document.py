@@ -57,7 +57,7 @@ def read_yaml(
     path = Path(path)
     text = read_text(path, limit=limit, error=error)
     try:
-        root = _composed(text, path, error, most_nodes)
+        root = _compose_nodes(text, path, error, most_nodes)
         if root is not None:
             if sections and isinstance(root, yaml.MappingNode):
                 _join_sections(root)
@@ -79,7 +79,7 @@ def read_yaml(
     return content
 
 
-def _composed(text: str, path: Path, error: type[InputError], most_nodes: int) -> yaml.Node | None:
+def _compose_nodes(text: str, path: Path, error: type[InputError], most_nodes: int) -> yaml.Node | None:
     """The nodes of the text, after its depth and length were found to be within bounds."""
     depth = nodes = 0
     for event in yaml.parse(text, Loader=_Loader):
@@ -112,12 +112,12 @@ def _join_sections(root: yaml.MappingNode) -> None:
 def _check_nodes(root: yaml.Node, path: Path, error: type[InputError], most_nodes: int) -> None:
     """Refuse keys that stand twice, values that are no numbers, and aliases that multiply."""
     sizes: dict[int, int] = {}
-    _expanded(root, (), sizes, frozenset(), path, error)
+    _count_expanded(root, (), sizes, frozenset(), path, error)
     if max(sizes.values()) > most_nodes:
         raise _too_many(path, error, most_nodes)
 
 
-def _expanded(
+def _count_expanded(
     node: yaml.Node,
     place: tuple[str, ...],
     sizes: dict[int, int],
@@ -134,10 +134,10 @@ def _expanded(
     if isinstance(node, yaml.MappingNode):
         _check_keys(node, place, path, error)
         for key, value in node.value:
-            size += _expanded(value, (*place, str(key.value)), sizes, above, path, error)
+            size += _count_expanded(value, (*place, str(key.value)), sizes, above, path, error)
     elif isinstance(node, yaml.SequenceNode):
         for index, value in enumerate(node.value):
-            size += _expanded(value, (*place, str(index)), sizes, above, path, error)
+            size += _count_expanded(value, (*place, str(index)), sizes, above, path, error)
     elif node.tag == "tag:yaml.org,2002:float" and _is_nan(node.value):
         raise error(f"is {node.value}", source=path, field=".".join(place), remedy="give a number")
     sizes[id(node)] = size

@@ -62,7 +62,7 @@ def regressor_gradient(
     if tree.floating and (np.any(v[:, :6]) or np.any(a[:, :6])):
         raise InputError("the base moves", field="v", remedy="hold it still")
     row_joint = np.ones(6, dtype=np.int64) if tree.floating else _joint_of_row(tree)
-    return _gradient(tree, q, v, a, row_joint, weights)
+    return _regressor_gradient(tree, q, v, a, row_joint, weights)
 
 
 def torque_gradient(
@@ -86,19 +86,19 @@ def torque_gradient(
     rows = _joint_of_row(tree)[6 if tree.floating else 0 :]
     # A row that weighs nothing anywhere costs as much as one that does.
     used = np.flatnonzero(np.any(weights, axis=0))
-    return _gradient(tree, q, v, a, rows[used], weights[:, used, None] * tree.phi)
+    return _regressor_gradient(tree, q, v, a, rows[used], weights[:, used, None] * tree.phi)
 
 
-def _gradient(
+def _regressor_gradient(
     tree: KinematicTree, q: Array, v: Array, a: Array, row_joint: np.ndarray, weights: Array
 ) -> RegressorGradient:
     q, v, a = (np.ascontiguousarray(x, dtype=float) for x in (q, v, a))
     state = np.empty((len(q), tree.n_segments + 1, motion_loops.STATE_SIZE))
-    motion_loops.propagate(tree.structure, tree.gravity, False, q, v, a, state)
+    motion_loops.propagate_motion(tree.structure, tree.gravity, False, q, v, a, state)
     out = np.zeros((3, len(q), tree.nv))
-    adjoint_loops.adjoint(
+    adjoint_loops.adjoint_gradients(
         tree.kinds, tree.parents, tree.idx_v, v, a, state, row_joint, np.ascontiguousarray(weights),
-        _above(tree), out[0], out[1], out[2],
+        _ancestor_matrix(tree), out[0], out[1], out[2],
     )  # fmt: skip
     return RegressorGradient(*out)
 
@@ -111,7 +111,7 @@ def _joint_of_row(tree: KinematicTree) -> np.ndarray:
     return rows
 
 
-def _above(tree: KinematicTree) -> np.ndarray:
+def _ancestor_matrix(tree: KinematicTree) -> np.ndarray:
     """Whether joint i carries joint j, or is it, ``(n_joints + 1, n_joints + 1)``; the universe carries all."""
     above = np.eye(tree.n_segments + 1, dtype=bool)
     for joint in range(1, tree.n_segments + 1):

@@ -65,7 +65,7 @@ def add_to_root(s, f, out):
 
 
 @LazyKernel
-def momentum(g, m, out):
+def multiply_inertia(g, m, out):
     """``out = I(g) m`` with ``g`` in the order m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
     out[0] = g[4] * m[0] + g[5] * m[1] + g[7] * m[2] + g[2] * m[5] - g[3] * m[4]
     out[1] = g[5] * m[0] + g[6] * m[1] + g[8] * m[2] + g[3] * m[3] - g[1] * m[5]
@@ -114,13 +114,13 @@ def body_adjoint(g, s, axis, v, a, work, pull_a, pull_v, force):
     """
     own, h, u = work[0], work[1], work[2]
     to_body(s, axis, own)
-    momentum(g, v, h)
+    multiply_inertia(g, v, h)
     cross_motion(v, own, u)
-    momentum(g, a, work[3])
+    multiply_inertia(g, a, work[3])
     add_cross_force(1.0, v, h, work[3])
     add_to_root(s, work[3], force)
-    momentum(g, own, work[3])
-    momentum(g, u, work[4])
+    multiply_inertia(g, own, work[3])
+    multiply_inertia(g, u, work[4])
     for i in range(6):
         pull_a[i] += work[3][i]
         pull_v[i] -= work[4][i]
@@ -182,7 +182,7 @@ def gather_to_parent(body, parent, pulls, forces):
 
 
 @LazyKernel
-def adjoint(kinds, parents, idx_v, v, a, state, row_joint, weights, above, out_q, out_v, out_a):
+def adjoint_gradients(kinds, parents, idx_v, v, a, state, row_joint, weights, above, out_q, out_v, out_a):
     """Gradients ``(n, nv)`` of ``Σ weights · Y``, zero for a free base.
 
     ``weights`` is ``(n, n_rows, 10·n_segments)``; ``row_joint (n_rows,)`` the joint of each row, of a free base six

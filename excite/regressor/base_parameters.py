@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.columns import measured_columns, regressor_rows
-from excite.regressor.contact_forces import stances
+from excite.regressor.contact_forces import stance_flags
 from excite.regressor.factor import r_factor
 from excite.robot.robot import Robot
 
@@ -101,7 +101,7 @@ def base_parameters(rows: Array, names: Sequence[str], tol: float = 1e-8) -> Bas
     kept = shares > tol
     independent = np.flatnonzero(kept)
     weights = solve_triangular(basis.T @ scaled[:, kept], basis.T @ scaled) * norms / norms[kept, None]
-    matrix = _cleaned(weights)
+    matrix = _clean_weights(weights)
     matrix[:, independent] = np.eye(len(independent))
     # A column is explained by the columns before it alone.
     matrix[independent[:, None] > np.arange(len(names))] = 0.0
@@ -110,7 +110,7 @@ def base_parameters(rows: Array, names: Sequence[str], tol: float = 1e-8) -> Bas
         names=tuple(names),
         independent=independent,
         matrix=matrix,
-        expressions=tuple(combination(row, names) for row in matrix),
+        expressions=tuple(describe_combination(row, names) for row in matrix),
         smallest_kept=float(shares[kept].min()),
         largest_dropped=float(dropped.max(initial=0.0)),
     )
@@ -131,15 +131,15 @@ def structural_base_parameters(
         measure; else what all feet down, and one in the air, show together. Where fewer count with joints exactly at
         right angles, which a model has rounded, those are meant.
     """
-    exact = _structural(robot, drives, seed)
+    exact = _structural_parameters(robot, drives, seed)
     if robot.mechanism is not None:
         # Its loops close with the numbers that they have.
         return exact
-    meant = _structural(_at_right_angles(robot), drives, seed)
+    meant = _structural_parameters(_at_right_angles(robot), drives, seed)
     return meant if meant.rank < exact.rank else exact
 
 
-def _structural(robot: Robot, drives: Sequence[str], seed: int) -> BaseParameters:
+def _structural_parameters(robot: Robot, drives: Sequence[str], seed: int) -> BaseParameters:
     """The base parameters of a model with the numbers that it has."""
     columns = measured_columns(robot, drives)
     random = np.random.default_rng(seed)
@@ -161,7 +161,7 @@ def _structural(robot: Robot, drives: Sequence[str], seed: int) -> BaseParameter
         q[:, : robot.n_base_q] = base
         v = robot.mechanism.velocities(q, v)
         a = robot.mechanism.accelerations(q, v, a)
-    rows = regressor_rows(robot, columns, q, v, a, stances(robot, n))
+    rows = regressor_rows(robot, columns, q, v, a, stance_flags(robot, n))
     return base_parameters(rows.reshape(-1, len(columns.names)), columns.names)
 
 
@@ -176,7 +176,7 @@ def _at_right_angles(robot: Robot) -> Robot:
     return replace(robot, model=model)
 
 
-def combination(weights: Array, names: Sequence[str], digits: int = 3) -> str:
+def describe_combination(weights: Array, names: Sequence[str], digits: int = 3) -> str:
     """A linear combination in words; terms of weight zero are left out."""
     parts: list[str] = []
     for weight, name in zip(weights, names, strict=True):
@@ -207,7 +207,7 @@ def _orthonormal_basis(columns: Array, tol: float) -> tuple[Array, Array]:
     return basis[:, :rank], shares
 
 
-def _cleaned(weights: Array) -> Array:
+def _clean_weights(weights: Array) -> Array:
     """Weights with the dust of rounding removed from 0, 1 and -1."""
     nearest = np.clip(np.round(weights), -1.0, 1.0)
     return np.where(np.abs(weights - nearest) < _CLEAN, nearest, weights)

@@ -50,11 +50,11 @@ def contact_elimination(robot: Robot, q: Array, closed: NDArray[np.bool_]) -> Ar
         feet = [foot for foot, on in zip(robot.feet, pattern, strict=True) if on]
         if feet:
             at = np.flatnonzero(member == k)
-            rows[at] = _eliminate(contact_maps(robot, q[at], feet), weight)
+            rows[at] = _eliminate_contacts(contact_maps(robot, q[at], feet), weight)
     return rows
 
 
-def stances(robot: Robot, n: int) -> NDArray[np.bool_]:
+def stance_flags(robot: Robot, n: int) -> NDArray[np.bool_]:
     """Contact flags of ``n`` samples, ``(n, n_feet)``: in turn all feet down, and each of several in the air."""
     n_feet = len(robot.feet)
     patterns = np.vstack([np.ones((1, n_feet)), 1.0 - np.eye(n_feet) if n_feet > 1 else np.ones((1, n_feet))])
@@ -81,13 +81,13 @@ def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
             jacobians[k, i] = pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.LOCAL)
             ups[k, i] = data.oMi[foot.joint].rotation[2]
     maps = [
-        jacobian.transpose(0, 2, 1) @ _wrenches(foot, up)
+        jacobian.transpose(0, 2, 1) @ _wrench_basis(foot, up)
         for foot, jacobian, up in zip(feet, jacobians, ups, strict=True)
     ]
     return robot.on_motors(q, np.concatenate(maps, axis=2))
 
 
-def _wrenches(foot: Foot, up: Array) -> Array:
+def _wrench_basis(foot: Foot, up: Array) -> Array:
     """Wrenches at the joint's origin, in its frame, that a foot can transmit, ``(6, k)`` or, of a ball, ``(n, 6, 3)``.
 
     ``up`` is the vertical in that frame at each sample, ``(n, 3)``.
@@ -104,7 +104,7 @@ def _wrenches(foot: Foot, up: Array) -> Array:
     return np.hstack([np.vstack([np.eye(3), pin.skew(corner)]) for corner in foot.sole])
 
 
-def _eliminate(maps: Array, weight: Array) -> Array:
+def _eliminate_contacts(maps: Array, weight: Array) -> Array:
     """The matrices of samples with the same contacts, from ``(n, nv, k)``; ``weight``: one over torques' noise."""
     n, nv, k = maps.shape
     base, joints = maps[:, :6].copy(), maps[:, 6:]

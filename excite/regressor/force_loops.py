@@ -1,13 +1,13 @@
 """Compiled loops from the motion of the bodies to the forces at their joints.
 
-``block`` is what :func:`~excite.regressor.motion_loops.move` fills.
+``block`` is what :func:`~excite.regressor.motion_loops.move_bodies` fills.
 Source: the inward pass of Luh, Walker, Paul (1980).
 """
 
 from __future__ import annotations
 
 from excite.lazy_kernel import LazyKernel
-from excite.regressor.motion_loops import ACC, ALPHA, AXIS, LANES, OMEGA, POS, move
+from excite.regressor.motion_loops import ACC, ALPHA, AXIS, LANES, OMEGA, POS, move_bodies
 from excite.regressor.tree import FREE_FLYER, PRISMATIC
 
 # Of one body: force, moment and what its joint carries of both, in lanes.
@@ -92,7 +92,7 @@ def add_up(j, parent, load, forces):
 
 
 @LazyKernel
-def inward(kinds, parents, idx_v, phi, block, forces, load, first, tau):
+def inward_pass(kinds, parents, idx_v, phi, block, forces, load, first, tau):
     """Inward pass of recursive Newton-Euler, into ``tau (n, nv)`` from sample ``first`` on.
 
     Into ``forces (n_joints + 1, 6 * LANES)`` comes the wrench (force, moment) at the root's origin of all that each
@@ -116,12 +116,12 @@ def inward(kinds, parents, idx_v, phi, block, forces, load, first, tau):
 
 
 @LazyKernel
-def torques(structure, gravity, q, v, a, phi, room, block, forces, load, out):
+def joint_torques_into(structure, gravity, q, v, a, phi, room, block, forces, load, out):
     """Recursive Newton-Euler, into ``out (n, nv)``; arrays before it are scratch."""
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
     for first in range(0, q.shape[0], LANES):
-        move(
+        move_bodies(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q, v, a, first, room, block,
         )  # fmt: skip
-        inward(kinds, parents, idx_v, phi, block, forces, load, first, out)
+        inward_pass(kinds, parents, idx_v, phi, block, forces, load, first, out)

@@ -54,10 +54,10 @@ def forward_kinematics(model: pin.Model | KinematicTree, q: Array) -> Placements
         RobotError: a joint of a kind that is not supported.
     """
     tree = read_tree(model)
-    q = _checked(q, tree.nq, "q")
+    q = _check_shape(q, tree.nq, "q")
     still = np.zeros((len(q), tree.nv))
     state = np.empty((len(q), tree.n_segments + 1, motion_loops.STATE_SIZE))
-    motion_loops.propagate(tree.structure, tree.gravity, True, q, still, still, state)
+    motion_loops.propagate_motion(tree.structure, tree.gravity, True, q, still, still, state)
     rotation = state[:, :, : motion_loops.POS].reshape(*state.shape[:2], 3, 3)
     return Placements(rotation.copy(), state[:, :, motion_loops.POS : motion_loops.OMEGA].copy())
 
@@ -86,7 +86,9 @@ def inverse_dynamics(
     q, v, a = checked_trajectory(tree, q, v, a)
     out = np.empty((len(q), tree.nv))
     room, block, _ = block_of(tree)
-    force_loops.torques(tree.structure, tree.gravity, q, v, a, phi, room, block, *load_of(tree), out)
+    force_loops.joint_torques_into(
+        tree.structure, tree.gravity, q, v, a, phi, room, block, *load_of(tree), out
+    )
     return out
 
 
@@ -111,7 +113,7 @@ def base_link_regressor(
     """
     tree = read_tree(model)
     q, v, a = checked_trajectory(tree, q, v, a)
-    out = _output(out, (len(q), 6, 10 * tree.n_segments))
+    out = _check_output(out, (len(q), 6, 10 * tree.n_segments))
     row_loops.base_rows(tree.structure, tree.gravity, q, v, a, *block_of(tree), out)
     return out
 
@@ -136,7 +138,7 @@ def joint_torque_regressor(
     """
     tree = read_tree(model)
     q, v, a = checked_trajectory(tree, q, v, a)
-    out = _output(out, (len(q), tree.nv, 10 * tree.n_segments))
+    out = _check_output(out, (len(q), tree.nv, 10 * tree.n_segments))
     wrench, screws = np.empty((1, 6, 10)), np.empty((tree.n_segments + 1, 6))
     row_loops.torque_rows(tree.structure, tree.gravity, q, v, a, *block_of(tree), wrench, screws, out)
     return out
@@ -144,7 +146,7 @@ def joint_torque_regressor(
 
 def block_of(tree: KinematicTree) -> tuple[Array, Array, Array]:
     """What compiled loops need for the motion of a block of samples: scratch, and room for the states of all bodies as
-    :func:`~excite.regressor.motion_loops.move` and :func:`~excite.regressor.motion_loops.by_sample` fill it.
+    :func:`~excite.regressor.motion_loops.move_bodies` and :func:`~excite.regressor.motion_loops.by_sample` fill it.
     """
     bodies, size, lanes = tree.n_segments + 1, motion_loops.STATE_SIZE, motion_loops.LANES
     room = np.empty(motion_loops.ROOM_SIZE * lanes)
@@ -159,7 +161,7 @@ def load_of(tree: KinematicTree) -> tuple[Array, Array]:
 
 def checked_trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> Moved:
     """A trajectory as the compiled loops take it, of a length and of widths that fit the robot."""
-    q, v, a = _checked(q, tree.nq, "q"), _checked(v, tree.nv, "v"), _checked(a, tree.nv, "a")
+    q, v, a = _check_shape(q, tree.nq, "q"), _check_shape(v, tree.nv, "v"), _check_shape(a, tree.nv, "a")
     if not len(q) == len(v) == len(a):
         raise InputError(
             f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples", remedy="hand over as many of each"
@@ -167,7 +169,7 @@ def checked_trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> Mov
     return Moved(q, v, a)
 
 
-def _checked(values: Array, width: int, name: str) -> Array:
+def _check_shape(values: Array, width: int, name: str) -> Array:
     values = np.ascontiguousarray(values, dtype=float)
     if values.ndim != 2 or values.shape[1] != width:
         raise InputError(f"{name} has shape {values.shape}", remedy=f"expected (n_samples, {width})")
@@ -184,7 +186,7 @@ def checked_parameters(tree: KinematicTree, phi: Array | None) -> Array:
     return phi
 
 
-def _output(out: Array | None, shape: tuple[int, ...]) -> Array:
+def _check_output(out: Array | None, shape: tuple[int, ...]) -> Array:
     if out is None:
         return np.empty(shape)
     if out.shape != shape or not out.flags.c_contiguous or out.dtype != np.float64:

@@ -168,7 +168,7 @@ def joint_motion(kind, iq, iv, q, v, a, sample, room, b):
 
 
 @LazyKernel
-def move(
+def move_bodies(
     kinds,
     parents,
     idx_q,
@@ -227,13 +227,13 @@ def by_sample(block, state):
 
 
 @LazyKernel
-def propagate(structure, gravity, in_world, q, v, a, out):
+def propagate_motion(structure, gravity, in_world, q, v, a, out):
     """Fill ``out (n, n_joints + 1, STATE_SIZE)`` from ``q (n, nq)``, ``v (n, nv)``, ``a (n, nv)``."""
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
     block, room = np.empty((kinds.shape[0], STATE_SIZE * LANES)), np.empty(ROOM_SIZE * LANES)
     state = np.empty((LANES, kinds.shape[0], STATE_SIZE))
     for first in range(0, q.shape[0], LANES):
-        move(
+        move_bodies(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, in_world,
             q, v, a, first, room, block,
         )  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.lazy_kernel import LazyKernel
-from excite.regressor.motion_loops import LANES, by_sample, move
+from excite.regressor.motion_loops import LANES, by_sample, move_bodies
 from excite.regressor.row_loops import body_rows, write_screw
 
 # Coordinates of a body. numba notices a change only in the file that it compiles.
@@ -27,7 +27,7 @@ def wrench_coordinates(
     """
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
     for first in range(0, q.shape[0], LANES):
-        move(
+        move_bodies(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, True,
             q, v, a, first, room, block,
         )  # fmt: skip

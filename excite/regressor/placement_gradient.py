@@ -12,7 +12,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.kernels import block_of, checked_parameters, checked_trajectory, load_of
-from excite.regressor.placement_loops import gradient
+from excite.regressor.placement_loops import placement_gradient_into
 from excite.regressor.tree import FREE_FLYER, KinematicTree, read_tree
 
 
@@ -46,5 +46,5 @@ def placement_gradient(
         behind[j] = j == moved or behind[tree.parents[j]]
     out = np.zeros((len(q), tree.nv, 3))
     scratch = *block_of(tree), *load_of(tree), np.empty((bodies, 4)), np.empty((len(q), tree.nv))
-    gradient(tree.structure, tree.gravity, q, v, a, phi, moved, behind, *scratch, out)
+    placement_gradient_into(tree.structure, tree.gravity, q, v, a, phi, moved, behind, *scratch, out)
     return out

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from excite.lazy_kernel import LazyKernel
-from excite.regressor.force_loops import inward
-from excite.regressor.motion_loops import ALPHA, AXIS, LANES, OMEGA, POS, by_sample, move
+from excite.regressor.force_loops import inward_pass
+from excite.regressor.motion_loops import ALPHA, AXIS, LANES, OMEGA, POS, by_sample, move_bodies
 from excite.regressor.tree import FREE_FLYER, PRISMATIC
 
 
 @LazyKernel
-def gradient(
+def placement_gradient_into(
     structure, gravity, q, v, a, phi, moved, behind, room, block, state, forces, load, masses, tau, out
 ):  # fmt: skip
     """Into ``out (n, nv, 3)``, zero before; ``behind (n_joints + 1,)`` says which bodies the joint carries.
@@ -19,19 +19,19 @@ def gradient(
     """
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
     for first in range(0, q.shape[0], LANES):
-        move(
+        move_bodies(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q, v, a, first, room, block,
         )  # fmt: skip
         by_sample(block, state)
-        inward(kinds, parents, idx_v, phi, block, forces, load, first, tau)
+        inward_pass(kinds, parents, idx_v, phi, block, forces, load, first, tau)
         for b in range(min(LANES, q.shape[0] - first)):
-            _masses(parents, phi, moved, behind, state, b, masses)
-            _sample(kinds, parents, idx_v, moved, behind, state, b, forces, masses, out[first + b])
+            _carried_masses(parents, phi, moved, behind, state, b, masses)
+            _sample_gradient(kinds, parents, idx_v, moved, behind, state, b, forces, masses, out[first + b])
 
 
 @LazyKernel
-def _sample(kinds, parents, idx_v, moved, behind, state, b, forces, masses, row):
+def _sample_gradient(kinds, parents, idx_v, moved, behind, state, b, forces, masses, row):
     """The gradient ``row (nv, 3)`` in lane ``b``."""
     up = parents[moved]
     w0, w1, w2 = state[b, up, OMEGA], state[b, up, OMEGA + 1], state[b, up, OMEGA + 2]
@@ -48,15 +48,15 @@ def _sample(kinds, parents, idx_v, moved, behind, state, b, forces, masses, row)
         m0, m1, m2 = r1 * f2 - r2 * f1, r2 * f0 - r0 * f2, r0 * f1 - r1 * f0
         j = up
         while j > 0:
-            _carried(kinds[j], state, b, masses[moved], j, a0, a1, a2, m0, m1, m2, row, idx_v[j], k)
+            _carried_wrench(kinds[j], state, b, masses[moved], j, a0, a1, a2, m0, m1, m2, row, idx_v[j], k)
             j = parents[j]
         for j in range(moved, state.shape[1]):
             if behind[j]:
-                _carried(kinds[j], state, b, masses[j], j, a0, a1, a2, 0.0, 0.0, 0.0, row, idx_v[j], k)
+                _carried_wrench(kinds[j], state, b, masses[j], j, a0, a1, a2, 0.0, 0.0, 0.0, row, idx_v[j], k)
 
 
 @LazyKernel
-def _masses(parents, phi, moved, behind, state, b, masses):
+def _carried_masses(parents, phi, moved, behind, state, b, masses):
     """Mass and first moment at the root's origin of all that each joint from ``moved`` on carries."""
     for j in range(state.shape[1]):
         for i in range(4):
@@ -79,7 +79,7 @@ def _masses(parents, phi, moved, behind, state, b, masses):
 
 
 @LazyKernel
-def _carried(kind, state, b, mass, j, a0, a1, a2, m0, m1, m2, row, first, k):
+def _carried_wrench(kind, state, b, mass, j, a0, a1, a2, m0, m1, m2, row, first, k):
     """What joint ``j`` carries of a ``mass (4,)`` accelerated by ``a`` and of a moment ``m``: ``row[first, k]``."""
     p0, p1, p2 = state[b, j, POS], state[b, j, POS + 1], state[b, j, POS + 2]
     h0, h1, h2 = mass[1] - mass[0] * p0, mass[2] - mass[0] * p1, mass[3] - mass[0] * p2

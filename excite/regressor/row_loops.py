@@ -1,6 +1,6 @@
 """Compiled loops from the motion of the bodies to regressors.
 
-``block`` and ``state`` are what :func:`~excite.regressor.motion_loops.move` and
+``block`` and ``state`` are what :func:`~excite.regressor.motion_loops.move_bodies` and
 :func:`~excite.regressor.motion_loops.by_sample` fill, of a few samples at a time: they stay in the cache.
 Source: the regressor of one body, Atkeson, An, Hollerbach (1986), eq. 9-11.
 """
@@ -8,7 +8,7 @@ Source: the regressor of one body, Atkeson, An, Hollerbach (1986), eq. 9-11.
 from __future__ import annotations
 
 from excite.lazy_kernel import LazyKernel
-from excite.regressor.motion_loops import ACC, ALPHA, AXIS, LANES, OMEGA, POS, by_sample, move
+from excite.regressor.motion_loops import ACC, ALPHA, AXIS, LANES, OMEGA, POS, by_sample, move_bodies
 from excite.regressor.tree import FREE_FLYER, PRISMATIC
 
 
@@ -73,7 +73,7 @@ def base_rows(structure, gravity, q, v, a, room, block, state, out):
     """Wrench regressor of all bodies at the root's origin; ``out (n, 6, 10·n_segments)``."""
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
     for first in range(0, q.shape[0], LANES):
-        move(
+        move_bodies(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q, v, a, first, room, block,
         )  # fmt: skip
@@ -107,7 +107,7 @@ def torque_rows(structure, gravity, q, v, a, room, block, state, wrench, screws,
     """
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
     for first in range(0, q.shape[0], LANES):
-        move(
+        move_bodies(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, False,
             q, v, a, first, room, block,
         )  # fmt: skip

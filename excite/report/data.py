@@ -88,11 +88,11 @@ def load_report_data(path: Path) -> ReportData:
     arrays = read_npz(path, known)
     if not arrays:
         raise InputError("holds no arrays", source=path, remedy="write it again, or remove it")
-    parts = {part: _part(part, kind, arrays, path) for part, kind in _PARTS.items()}
+    parts = {part: _read_part(part, kind, arrays, path) for part, kind in _PARTS.items()}
     return ReportData(**parts)
 
 
-def _part(part: str, kind: type, arrays: Mapping[str, NDArray], path: Path) -> Any:
+def _read_part(part: str, kind: type, arrays: Mapping[str, NDArray], path: Path) -> Any:
     prefix = part + "/"
     found = {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
     if not found:
@@ -100,24 +100,24 @@ def _part(part: str, kind: type, arrays: Mapping[str, NDArray], path: Path) -> A
     values: dict[str, Any] = {}
     for field in fields(kind):
         if field.name in found:
-            values[field.name] = _native(found[field.name], field.name, prefix, path)
+            values[field.name] = _native_value(found[field.name], field.name, prefix, path)
         elif field.default is not None and not isinstance(field.default, str):
-            raise _wrong("is missing", prefix + field.name, path)
+            raise _wrong_field("is missing", prefix + field.name, path)
     content = kind(**values)
     _check_lengths(part, content, path)
     return content
 
 
-def _native(value: NDArray, name: str, prefix: str, path: Path) -> Any:
+def _native_value(value: NDArray, name: str, prefix: str, path: Path) -> Any:
     """A field as it is used: texts as ``str`` or tuples of it, one number as float, flags and numbers as arrays."""
     kind = _FIELDS.get(name, "numbers")
     kinds, dimensions = _EXPECTED[kind]
     if value.dtype.kind not in kinds or value.ndim not in dimensions:
-        raise _wrong(f"is {value.ndim}-dimensional {value.dtype}, not {kind}", prefix + name, path)
+        raise _wrong_field(f"is {value.ndim}-dimensional {value.dtype}, not {kind}", prefix + name, path)
     if kind in {"a text", "texts"}:
         texts = tuple(str(item) for item in value.ravel())
         if any(not item.isprintable() for item in texts):
-            raise _wrong("holds characters that cannot be shown", prefix + name, path)
+            raise _wrong_field("holds characters that cannot be shown", prefix + name, path)
         return texts[0] if kind == "a text" else texts
     if kind == "flags":
         return value
@@ -131,11 +131,11 @@ def _check_numbers(value: NDArray, field: str, path: Path) -> None:
     """Finite ones that figures can show; condition numbers are 1 or more, infinite where nothing excites a segment."""
     conditions = field.startswith("conditioning/")
     if np.isnan(value).any() or (np.isinf(value).any() and not conditions):
-        raise _wrong("holds NaN or infinity", field, path)
+        raise _wrong_field("holds NaN or infinity", field, path)
     if conditions and (value < 1.0 - _ROUNDING).any():
-        raise _wrong(f"is {value.min():g}, below 1", field, path)
+        raise _wrong_field(f"is {value.min():g}, below 1", field, path)
     if (np.abs(value[np.isfinite(value)]) > LARGEST).any():
-        raise _wrong(f"holds numbers above {LARGEST:g}", field, path)
+        raise _wrong_field(f"holds numbers above {LARGEST:g}", field, path)
 
 
 def _check_lengths(part: str, content: Any, path: Path) -> None:
@@ -156,12 +156,12 @@ def _check_lengths(part: str, content: Any, path: Path) -> None:
         names, size = "segments", len(content.segments)
         shapes = dict.fromkeys(("before", "after"), (size,))
     if not 0 < size <= MOST_CHANNELS or (timed and not len(content.time)):
-        raise _wrong(f"has {size} names, not 1 to {MOST_CHANNELS}", f"{part}/{names}", path)
+        raise _wrong_field(f"has {size} names, not 1 to {MOST_CHANNELS}", f"{part}/{names}", path)
     for name, shape in shapes.items():
         value = getattr(content, name)
         if value is not None and np.shape(value) != shape:
-            raise _wrong(f"has shape {np.shape(value)}, not {shape}", f"{part}/{name}", path)
+            raise _wrong_field(f"has shape {np.shape(value)}, not {shape}", f"{part}/{name}", path)
 
 
-def _wrong(what: str, field: str, path: Path) -> InputError:
+def _wrong_field(what: str, field: str, path: Path) -> InputError:
     return InputError(what, source=path, field=field, remedy="write it again")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from excite.report.folder import Document
-from excite.report.html import number
+from excite.report.html import format_number
 
 _SPOILS = {"fatal", "spoils"}
 
 
-def doubt(found: Document, judged: int) -> str:
+def describe_doubt(found: Document, judged: int) -> str:
     """Why it is not good enough though each of so many channels is predicted better; empty where it is."""
     for finding in found["findings"]:
         if finding["severity"] in _SPOILS and not finding["repaired"]:
@@ -20,6 +20,6 @@ def doubt(found: Document, judged: int) -> str:
     if 2 * gaps < judged or not times:
         return ""
     return (
-        f"{gaps} of them leave up to {number(max(times))} times what they leave on the trials that were fitted to; not "
+        f"{gaps} of them leave up to {format_number(max(times))} times what they leave on the trials that were fitted to; not "
         "to be relied on for other motions"
     )

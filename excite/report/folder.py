@@ -132,9 +132,11 @@ def read_folder(folder: Path) -> Findings:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("is no folder", source=folder, remedy=_HELP)
-    documents = {name: _content(folder / f"{name}.json", kind) for name, kind in _KINDS.items()}
+    documents = {name: _folder_document(folder / f"{name}.json", kind) for name, kind in _KINDS.items()}
     made = {
-        name: _origin(folder / f"{name}.json", made) for name, made in documents.items() if made is not None
+        name: _document_origin(folder / f"{name}.json", made)
+        for name, made in documents.items()
+        if made is not None
     }
     arrays = folder / "report_data.npz"
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
@@ -163,14 +165,14 @@ def read_folder(folder: Path) -> Findings:
         if os.path.lexists(folder / "log.yaml"):
             what, remedy = "is a log, which has no page of its own", _OF_LOGS
         raise InputError(what, source=folder, remedy=remedy)
-    record = _record(folder, documents, left_out)
-    robot = None if alone else _robot(folder, documents, record, left_out)
+    record = _folder_record(folder, documents, left_out)
+    robot = None if alone else _folder_robot(folder, documents, record, left_out)
     return Findings(
         folder=folder,
         data=data,
         robot=robot,
         record=record,
-        motions=_motions(folder, _motion_files(documents), robot, left_out),
+        motions=_folder_motions(folder, _motion_files(documents), robot, left_out),
         files=tuple(files),
         made=made,
         left_out=tuple(left_out),
@@ -178,19 +180,19 @@ def read_folder(folder: Path) -> Findings:
     )
 
 
-def _content(path: Path, kind: type[Model]) -> Document | None:
+def _folder_document(path: Path, kind: type[Model]) -> Document | None:
     """A document with every field, those that the file leaves out with their defaults; None where there is none."""
     remedy = f"write it again with excite {_COMMANDS.get(path.stem, path.stem)} --out DIR, or take it out of the folder"
     return read_document(path, kind, remedy=remedy).content() if os.path.lexists(path) else None
 
 
-def _origin(path: Path, document: Document) -> Origin:
+def _document_origin(path: Path, document: Document) -> Origin:
     made = document["made"] or {"command": "", "version": "", "seed": None}
     written = datetime.fromtimestamp(path.stat().st_mtime, UTC)
     return Origin(**made, written=written.strftime("%Y-%m-%d %H:%M UTC"))
 
 
-def _robot(
+def _folder_robot(
     folder: Path, documents: dict[str, Document | None], record: Record | None, left_out: list[str]
 ) -> Robot | None:
     """The robot that the documents name, or that of their record; a robot of one's own is named by its file."""
@@ -214,7 +216,7 @@ def _robot(
     return None
 
 
-def _record(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Record | None:
+def _folder_record(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Record | None:
     """The log of the diagnosis, of the identification, of a person, or the one that was looked through."""
     named = (documents[name] for name in ("diagnosis", "identification", "human", "doctor"))
     document = next(filter(None, named), None)
@@ -233,7 +235,9 @@ def _motion_files(documents: dict[str, Document | None]) -> list[str]:
     return [] if check is None else [entry["file"] for entry in check["motions"] if entry["file"]]
 
 
-def _motions(folder: Path, files: list[str], robot: Robot | None, left_out: list[str]) -> tuple[Motion, ...]:
+def _folder_motions(
+    folder: Path, files: list[str], robot: Robot | None, left_out: list[str]
+) -> tuple[Motion, ...]:
     if robot is None:
         return ()
     motions = []

@@ -25,7 +25,7 @@ class Said:
 Cell = str | float | int | bool | Said | None
 
 
-def number(value: float | None, digits: int = 3) -> str:
+def format_number(value: float | None, digits: int = 3) -> str:
     """A number for reading: ``digits`` significant ones, a dash for None, ∞ for infinity.
 
     >>> number(1234.567), number(0.000123), number(None), number(float("inf"))
@@ -45,12 +45,12 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{mantissa} · 10{raised}".replace("-", "−")
 
 
-def condition(value: float | None) -> float:
+def condition_value(value: float | None) -> float:
     """A condition number from JSON, which writes an infinite one, of what nothing excites, as null."""
     return math.inf if value is None else value
 
 
-def table(headers: Sequence[str], rows: Iterable[Sequence[Cell]], total: Sequence[Cell] = ()) -> str:
+def html_table(headers: Sequence[str], rows: Iterable[Sequence[Cell]], total: Sequence[Cell] = ()) -> str:
     """A table; numbers stand on the right, ``True`` and ``False`` read yes and no.
 
     Args:
@@ -62,8 +62,8 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[Cell]], total: Sequenc
     numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(headers))]
     classes = [' class="number"' if flag else "" for flag in numeric]
     head = "".join(f"<th{kind}>{escape(text)}</th>" for kind, text in zip(classes, headers, strict=True))
-    body = "".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in rows)
-    foot = f"<tfoot><tr>{''.join(_cell(value) for value in total)}</tr></tfoot>" if total else ""
+    body = "".join("<tr>" + "".join(_html_cell(value) for value in row) + "</tr>" for row in rows)
+    foot = f"<tfoot><tr>{''.join(_html_cell(value) for value in total)}</tr></tfoot>" if total else ""
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody>{foot}</table></div>'
 
 
@@ -71,41 +71,43 @@ def _is_number(value: Cell) -> bool:
     return not isinstance(value, (str, bool))
 
 
-def _cell(value: Cell) -> str:
+def _html_cell(value: Cell) -> str:
     if isinstance(value, bool):
         return f'<td class="{"good" if value else "bad"}">{"yes" if value else "no"}</td>'
     if isinstance(value, str):
         return f"<td>{escape(value)}</td>"
     if isinstance(value, int):
         return f'<td class="number" data-v="{value}">{str(value).replace("-", "−")}</td>'
-    said, value = (value.text, value.value) if isinstance(value, Said) else (number(value), value)
+    said, value = (value.text, value.value) if isinstance(value, Said) else (format_number(value), value)
     exact = "" if value is None or not math.isfinite(value) else f' data-v="{value:.9g}"'
     return f'<td class="number"{exact}>{escape(said)}</td>'
 
 
-def folded(summary: str, content: str) -> str:
+def folded_content(summary: str, content: str) -> str:
     """Content behind a line that opens it."""
     return f"<details><summary>{escape(summary)}</summary>{content}</details>"
 
 
-def tile(value: str, label: str, good: bool | None = None) -> str:
+def key_figure(value: str, label: str, good: bool | None = None) -> str:
     """A key figure: the value large, what it is below; ``good`` adds a mark that does not rest on colour."""
     mark = "" if good is None else f' <span class="{"good" if good else "bad"}">{"✓" if good else "✗"}</span>'
     return f'<div class="tile"><b>{escape(value)}{mark}</b><span>{escape(label)}</span></div>'
 
 
-def paragraph(text: str, kind: str = "") -> str:
+def html_paragraph(text: str, kind: str = "") -> str:
     """A paragraph; ``kind`` is a CSS class. What stands between backticks is typed."""
     said = re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
     return f'<p class="{kind}">{said}</p>' if kind else f"<p>{said}</p>"
 
 
-def section(identifier: str, title: str, lead: str, *content: str) -> str:
+def html_section(identifier: str, title: str, lead: str, *content: str) -> str:
     """A titled section that starts with the sentence that says what to see in it."""
     body = "".join(part for part in content if part)
-    return f'<section id="{identifier}"><h2>{escape(title)}</h2>{paragraph(lead, "lead")}{body}</section>'
+    return (
+        f'<section id="{identifier}"><h2>{escape(title)}</h2>{html_paragraph(lead, "lead")}{body}</section>'
+    )
 
 
-def figure(svg: str) -> str:
+def inline_figure(svg: str) -> str:
     """An inline drawing, which scrolls sideways on a narrow screen."""
     return f'<div class="wide"><figure>{svg}</figure></div>'

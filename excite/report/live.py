@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
-from excite.report.replay.packed import packed
+from excite.report.replay.packed import pack_table
 
 # Scripts by what of a page needs them, in the order in which they are run.
 _PLOTS, _REPLAY = "data-chart=", "data-replay="
@@ -31,19 +31,19 @@ _SCRIPTS = {
 _MOST_POINTS = 3000
 
 
-def island(identifier: str, content: Any, title: str = "") -> str:
+def data_island(identifier: str, content: Any, title: str = "") -> str:
     """Data of the page for its scripts: JSON in which no text can end the element."""
     try:
-        text = _written(content)
+        text = _write_json_text(content)
     except ValueError:
-        text = _written(_finite(content))
+        text = _write_json_text(_check_finite(content))
     for char in "<>&\u2028\u2029":
         text = text.replace(char, f"\\u{ord(char):04x}")
     named = f' data-title="{escape(title)}"' if title else ""
     return f'<script type="application/json" id="{identifier}"{named}>{text}</script>'
 
 
-def chart(
+def live_chart(
     identifier: str,
     time: Array,
     panels: Sequence[Mapping[str, Any]],
@@ -62,40 +62,40 @@ def chart(
     drawn = []
     for panel in panels:
         lines = [line for line, _ in panel["series"]]
-        values = packed(np.column_stack([values[shown] for _, values in panel["series"]]))
+        values = pack_table(np.column_stack([values[shown] for _, values in panel["series"]]))
         drawn.append({**panel, "series": lines, "values": values})
-    spec = {"group": identifier, "time": packed(time[shown]), "panels": drawn}
+    spec = {"group": identifier, "time": pack_table(time[shown]), "panels": drawn}
     name = f"{identifier}-data"
     moving = f'<div class="moving plots" data-chart="{name}"></div>'
-    return f'<div class="interactive">{moving}<div class="still">{still}</div>{island(name, spec)}</div>'
+    return f'<div class="interactive">{moving}<div class="still">{still}</div>{data_island(name, spec)}</div>'
 
 
-def replay(identifier: str, robot: Any, tracks: Mapping[str, Any], still: str) -> str:
+def live_replay(identifier: str, robot: Any, tracks: Mapping[str, Any], still: str) -> str:
     """A robot in motion; ``still`` where no script runs or nothing can be drawn, and in print.
 
     Args:
         identifier: unique on the page.
-        robot: of :func:`~excite.report.replay.scene.scene`.
+        robot: of :func:`~excite.report.replay.scene.robot_scene`.
         tracks: by title, of :class:`~excite.report.replay.tracks.Tracks`.
         still: HTML.
     """
     scene, names = f"{identifier}-robot", [f"{identifier}-{i}" for i in range(len(tracks))]
-    data = [island(name, *pair[::-1]) for name, pair in zip(names, tracks.items(), strict=True)]
+    data = [data_island(name, *pair[::-1]) for name, pair in zip(names, tracks.items(), strict=True)]
     moving = f'<div class="moving replay" data-replay="{scene}" data-tracks="{" ".join(names)}"></div>'
     return (
         f'<div class="interactive">{moving}<div class="still">{still}</div>'
-        f"{island(scene, robot)}{''.join(data)}</div>"
+        f"{data_island(scene, robot)}{''.join(data)}</div>"
     )
 
 
-def scripts(body: str) -> str:
+def body_scripts(body: str) -> str:
     """The scripts that a page's body needs."""
-    return "".join(f"<script>{_asset(name)}</script>" for name in _needed(body))
+    return "".join(f"<script>{_read_asset(name)}</script>" for name in _needed_scripts(body))
 
 
-def policy(body: str) -> str:
+def content_policy(body: str) -> str:
     """What the page's reader is told to allow it: its own scripts by their hashes, its own style, and no request."""
-    hashes = " ".join(f"'sha256-{_hash(name)}'" for name in _needed(body))
+    hashes = " ".join(f"'sha256-{_asset_hash(name)}'" for name in _needed_scripts(body))
     rules = (
         f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
         "form-action 'none'"
@@ -103,33 +103,33 @@ def policy(body: str) -> str:
     return f'<meta http-equiv="Content-Security-Policy" content="{rules}">'
 
 
-def style() -> str:
+def plot_style() -> str:
     """The plots' style sheet."""
-    return _asset("uplot.min.css")
+    return _read_asset("uplot.min.css")
 
 
-def _needed(body: str) -> list[str]:
+def _needed_scripts(body: str) -> list[str]:
     return [name for name, signs in _SCRIPTS.items() if any(sign in body for sign in signs)]
 
 
 @cache
-def _asset(name: str) -> str:
+def _read_asset(name: str) -> str:
     return (files("excite.report") / "assets" / name).read_text(encoding="utf-8").strip()
 
 
 @cache
-def _hash(name: str) -> str:
-    return base64.b64encode(hashlib.sha256(_asset(name).encode()).digest()).decode("ascii")
+def _asset_hash(name: str) -> str:
+    return base64.b64encode(hashlib.sha256(_read_asset(name).encode()).digest()).decode("ascii")
 
 
-def _written(content: Any) -> str:
+def _write_json_text(content: Any) -> str:
     """JSON; raises ValueError where a number is not finite, which JSON cannot say."""
     return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
-def _finite(value: Any) -> Any:
+def _check_finite(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: _check_finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [_check_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -7,8 +7,8 @@ from pathlib import Path, PosixPath
 
 from excite.atomic import write_text
 from excite.report.folder import Findings, read_folder
-from excite.report.html import paragraph
-from excite.report.live import policy, scripts
+from excite.report.html import html_paragraph
+from excite.report.live import body_scripts, content_policy
 from excite.report.sections.registry import SECTIONS
 from excite.report.style import style_sheet
 
@@ -47,10 +47,10 @@ def report(folder: str | Path, out: str | Path | None = None) -> Page:
     Raises:
         InputError: no such folder, nothing in it to report on, or a file in it that is malformed.
     """
-    return Page(write_text(Path(out or folder) / "report.html", render(read_folder(Path(folder)))))
+    return Page(write_text(Path(out or folder) / "report.html", render_page(read_folder(Path(folder)))))
 
 
-def render(findings: Findings) -> str:
+def render_page(findings: Findings) -> str:
     """The page as text, the same bytes for the same findings."""
     built = [(part, part.build(findings)) for part in SECTIONS]
     shown = [(part, html) for part, html in built if html]
@@ -62,18 +62,18 @@ def render(findings: Findings) -> str:
     title = f"{robot}: {what[0].lower()}{what[1:]}"
     body = (
         f"<header><p>{what}</p><h1>{escape(robot)}</h1><nav>{links}</nav></header>\n"
-        f"<main>{''.join(html for _, html in shown)}</main>\n{_footer(findings)}\n"
+        f"<main>{''.join(html for _, html in shown)}</main>\n{_page_footer(findings)}\n"
     )
-    return page(title, body)
+    return html_page(title, body)
 
 
-def page(title: str, body: str) -> str:
+def html_page(title: str, body: str) -> str:
     """A whole page, which needs no network, around a body with the scripts that it needs."""
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n{policy(body)}\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n{content_policy(body)}\n'
         f"<title>{escape(title)}</title>\n<style>{style_sheet()}</style>\n</head>\n<body>\n"
-        f"{body}{scripts(body)}\n</body>\n</html>\n"
+        f"{body}{body_scripts(body)}\n</body>\n</html>\n"
     )
 
 
@@ -94,8 +94,10 @@ def robot_title(findings: Findings) -> str:
     )
 
 
-def _footer(findings: Findings) -> str:
+def _page_footer(findings: Findings) -> str:
     missing = "".join(f"<li>{escape(item)}</li>" for item in findings.left_out)
     said = f"<p>Left out, because this folder does not hold it:</p><ul>{missing}</ul>" if missing else ""
-    read = paragraph(f"Made by excite from {', '.join(findings.files)}. Units are SI; angles are radians.")
+    read = html_paragraph(
+        f"Made by excite from {', '.join(findings.files)}. Units are SI; angles are radians."
+    )
     return f"<footer>{said}{read}</footer>"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.report.live import style
+from excite.report.live import plot_style
 from excite.report.theme import css_variables
 
 _STYLE = """
@@ -113,4 +113,4 @@ button { min-width: 5.2em; cursor: pointer; background: var(--identified); color
 
 def style_sheet() -> str:
     """The text of the page's ``<style>``."""
-    return style() + _STYLE
+    return plot_style() + _STYLE

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from excite.report.html import number
+from excite.report.html import format_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,13 +83,13 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def draw(paint: Callable[[Figure], None], height_in: float, width_in: float = WIDTH_IN) -> Figure:
+def draw_figure(paint: Callable[[Figure], None], height_in: float, width_in: float = WIDTH_IN) -> Figure:
     """A figure of that size [inch] in the common style, painted by ``paint``; no display is needed."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(_STYLE), _quiet():
+    with matplotlib.rc_context(_STYLE), _without_font_warnings():
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         FigureCanvasAgg(figure)
         paint(figure)
@@ -97,7 +97,7 @@ def draw(paint: Callable[[Figure], None], height_in: float, width_in: float = WI
     return figure
 
 
-def short(text: str) -> str:
+def shorten_name(text: str) -> str:
     """A name as it stands in a figure, where a long one would leave no room for the curves."""
     return text if len(text) <= _LONGEST_LABEL else text[: _LONGEST_LABEL - 1] + "…"
 
@@ -108,7 +108,7 @@ def _label_logarithms(figure: Figure) -> None:
 
     class Label(LogFormatterSciNotation):
         def __call__(self, x: float, pos: int | None = None) -> str:
-            return number(x, 1) if super().__call__(x, pos) else ""
+            return format_number(x, 1) if super().__call__(x, pos) else ""
 
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
@@ -118,7 +118,7 @@ def _label_logarithms(figure: Figure) -> None:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def _without_font_warnings() -> Iterator[None]:
     """Without matplotlib's remarks on letters that its font lacks (the reader's has them) and on narrow panels."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -132,7 +132,7 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     """The figure as an ``<svg>`` element for inlining, the same bytes each time.
 
     Args:
-        figure: from :func:`draw`.
+        figure: from :func:`draw_figure`.
         name: unique on the page; prefixes the element's ids.
         description: what is to be seen, for readers who cannot see it.
     """
@@ -140,7 +140,7 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = io.StringIO()
-    with matplotlib.rc_context(_STYLE), _quiet():
+    with matplotlib.rc_context(_STYLE), _without_font_warnings():
         figure.set_dpi(_SVG_DPI)
         _lay_out(figure)
         # Not by savefig, which draws all of a figure that was ever laid out once more.
@@ -171,7 +171,7 @@ def to_png(figure: Figure, dpi: int = 150) -> bytes:
     import matplotlib
 
     buffer = io.BytesIO()
-    with matplotlib.rc_context(_STYLE), _quiet():
+    with matplotlib.rc_context(_STYLE), _without_font_warnings():
         figure.savefig(buffer, format="png", dpi=dpi, facecolor=PAPER.light, metadata={"Software": None})
     return buffer.getvalue()
 

@@ -26,7 +26,7 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     Args:
         name_or_path: bundled name (``excite robots`` lists them), folder, or path of a ``robot.yaml``, URDF, xacro
             or MJCF. What a bare model does not say is assumed, and stands in ``robot.description.assumed``; that first
-            description lasts as long as the process, where :func:`kept` does not copy it.
+            description lasts as long as the process, where :func:`keep_description` does not copy it.
         source: how a bare model is to be read, and the file of joint limits that holds for any robot where it is
             tighter than what that states.
 
@@ -43,7 +43,7 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     if described is not None and source.limits is None:
         return described
     # A model's path tells it from others of its name, and may be longer than a name of a folder.
-    folder = _temporary().path / sha256(f"{path.resolve().as_posix()}{source}".encode()).hexdigest()
+    folder = _temporary_folder().path / sha256(f"{path.resolve().as_posix()}{source}".encode()).hexdigest()
     if described is not None and source.limits is not None:
         text = limited_description(described, source.limits)
         return load_described(write_text(folder / "robot.yaml", text))
@@ -53,7 +53,7 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     return load_described(written.description)
 
 
-def kept(robot: Robot, results: Path) -> Robot:
+def keep_description(robot: Robot, results: Path) -> Robot:
     """The robot, its description in a folder of results where it would else go with the process.
 
     Args:
@@ -87,5 +87,5 @@ def as_robot(robot: RobotLike) -> Robot:
 
 
 @cache
-def _temporary() -> TemporaryFolder:
+def _temporary_folder() -> TemporaryFolder:
     return TemporaryFolder()

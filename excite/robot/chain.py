@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 
 
 def is_serial(robot: Robot) -> bool:
@@ -11,4 +11,4 @@ def is_serial(robot: Robot) -> bool:
     model, first = robot.model, 2 if robot.floating else 1
     joints = range(first, model.njoints)
     carried = all(model.parents[joint] == joint - 1 for joint in joints)
-    return carried and not any(slides(model, model.idx_vs[joint]) for joint in joints)
+    return carried and not any(is_prismatic(model, model.idx_vs[joint]) for joint in joints)

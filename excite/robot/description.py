@@ -214,10 +214,10 @@ class RobotDescription(Block):
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:
-        _once([foot.name for foot in self.feet], "feet")
-        _once([sensor.name for sensor in self.sensors.wrench], "sensors.wrench")
+        _check_unique([foot.name for foot in self.feet], "feet")
+        _check_unique([sensor.name for sensor in self.sensors.wrench], "sensors.wrench")
         ties: tuple[TieBlock | TransmissionBlock, ...] = (*self.loops, *self.couplings, *self.transmissions)
-        _once([block.name for block in ties], "loops, couplings and transmissions")
+        _check_unique([block.name for block in ties], "loops, couplings and transmissions")
         feet = {foot.name for foot in self.feet}
         for sensor in self.sensors.wrench:
             if sensor.foot not in feet:
@@ -238,7 +238,7 @@ class RobotDescription(Block):
         return self
 
 
-def _once(names: list[str], field: str) -> None:
+def _check_unique(names: list[str], field: str) -> None:
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"{field}: {name!r} stands twice")
@@ -269,10 +269,10 @@ def read_description(path: Path) -> RobotDescription:
         remedy = first.get("ctx", {}).get("remedy", "see `excite init-robot` for the expected form")
         said = first["msg"].removeprefix("Value error, ")
         # What several fields say together names them itself.
-        found = f", got {_shorten(first['input'])}" if field else ""
+        found = f", got {_shorten_value(first['input'])}" if field else ""
         raise RobotError(f"{said}{found}{more}", source=path, field=field, remedy=str(remedy)) from error
 
 
-def _shorten(value: object, length: int = 60) -> str:
+def _shorten_value(value: object, length: int = 60) -> str:
     text = " ".join(repr(value).split())
     return text if len(text) <= length else text[: length - 1] + "…"

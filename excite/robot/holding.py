@@ -48,12 +48,12 @@ def holding_torques(robot: Robot, joints: Array, data: pin.Data | None = None) -
     data = robot.model.createData() if data is None else data
     tau = np.array([pin.computeGeneralizedGravity(robot.model, data, row).copy() for row in q])
     tau = robot.on_motors(q, tau.reshape(len(q), robot.model.nv))
-    tau[:, _carrying(robot)] = 0.0
+    tau[:, _carrying_velocities(robot)] = 0.0
     return np.asarray(tau.reshape(len(joints), robot.model.nv)[:, robot.n_base_v :])
 
 
 @lru_cache(maxsize=4)
-def _carrying(robot: Robot) -> list[int]:
+def _carrying_velocities(robot: Robot) -> list[int]:
     """Velocities of the joints between a floating base and a foot, and of motors that move these."""
     columns: list[int] = []
     for foot in robot.feet if robot.floating else ():

@@ -64,9 +64,9 @@ def check_joints(
         if block is not None:
             named[f"{field}.joints"] = dict(block.joints)
     for field, full in {"kp": description.controller.kp, "kd": description.controller.kd}.items():
-        _covers(full, driven, f"controller.{field}", path)
+        _check_covers(full, driven, f"controller.{field}", path)
     if description.sensors.noise_torque is not None:
-        _covers(description.sensors.noise_torque, driven, "sensors.noise_torque", path)
+        _check_covers(description.sensors.noise_torque, driven, "sensors.noise_torque", path)
     for field, joints in named.items():
         for joint in joints:
             if joint not in names:
@@ -78,7 +78,7 @@ def check_joints(
                 )
 
 
-def _covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> None:
+def _check_covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> None:
     """A block without default must name every joint."""
     missing = [name for name in names if block.default is None and name not in block.joints]
     if missing:
@@ -108,7 +108,7 @@ def check_range(joint: str, values: tuple[float, ...], slides: bool, field: str,
         raise RobotError(what, source=path, field=field, remedy=remedy)
 
 
-def _kind(model: pin.Model, joint: str) -> str:
+def _joint_kind(model: pin.Model, joint: str) -> str:
     return str(model.joints[model.getJointId(joint)].shortname())
 
 
@@ -121,7 +121,11 @@ def read_limits(
     lower, upper = model.lowerPositionLimit[nq:].copy(), model.upperPositionLimit[nq:].copy()
     for joint, (low, high) in block.position.joints.items():
         check_range(
-            joint, (low, high), "Prismatic" in _kind(model, joint), f"limits.position.joints.{joint}", path
+            joint,
+            (low, high),
+            "Prismatic" in _joint_kind(model, joint),
+            f"limits.position.joints.{joint}",
+            path,
         )
         lower[names.index(joint)], upper[names.index(joint)] = low, high
     lower, upper = lower + block.position.margin, upper - block.position.margin

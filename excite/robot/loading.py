@@ -23,7 +23,7 @@ from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
 from excite.robot.mechanisms.blocks import TieBlock
 from excite.robot.mechanisms.drives import without_motors
-from excite.robot.mechanisms.reading import followers, read_mechanism
+from excite.robot.mechanisms.reading import mimic_couplings, read_mechanism
 from excite.robot.mechanisms.transmissions import add_motors, closures_of
 from excite.robot.per_joint import PerJoint
 from excite.robot.robot import Foot, Robot
@@ -70,9 +70,9 @@ def load_robot(name_or_path: str | Path) -> Robot:
 def build_robot(description: RobotDescription, path: Path) -> Robot:
     """Build the robot of a validated description; ``path`` is the file that it was read from."""
     model_path = urdf_of(description, path)
-    urdf = read_urdf(model_path, _stated(description))
+    urdf = read_urdf(model_path, _stated_changes(description))
     root = ElementTree.fromstring(urdf)
-    fingerprint = _fingerprint(description, model_path, root)
+    fingerprint = _robot_fingerprint(description, model_path, root)
     if description.transmissions:
         add_motors(root, description.transmissions, path)
         urdf = ElementTree.tostring(root, encoding="unicode")
@@ -80,12 +80,12 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     joint_names = tuple(list(model.names)[2 if description.base in FREE_BASES else 1 :])
     rods, gears = closures_of(description.transmissions)
     loops = (*description.loops, *rods)
-    couplings = (*description.couplings, *followers(root, model_path), *gears)
+    couplings = (*description.couplings, *mimic_couplings(root, model_path), *gears)
     ties: tuple[TieBlock, ...] = (*loops, *couplings)
     passive = {name for block in ties for name in block.passive}
     check_joints(description, joint_names, path, frozenset(passive))
     segments = read_segments(model, description, path)
-    upright = _upright(model, description, joint_names)
+    upright = _upright_posture(model, description, joint_names)
     carrying = [link_placement(model, foot.link, path, "feet")[0] for foot in description.feet]
     mechanism = read_mechanism(model, loops, couplings, upright, carrying, path)
     if mechanism is not None:
@@ -114,7 +114,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
             )
     # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
     standing = description.base in ("fixed", "floating")
-    rest = _rest(model, description, upright, feet)
+    rest = _rest_configuration(model, description, upright, feet)
     return Robot(
         name=description.name,
         description=_with_limits_said(_with_ground_said(description), model_path, urdf),
@@ -172,7 +172,7 @@ def _joints_of(block: PerJoint | None) -> set[str]:
     return set() if block is None else set(block.joints)
 
 
-def _fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
+def _robot_fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
     """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
 
     What the description leaves at its default is left out, so that a field that is added later changes no robot; and so
@@ -289,7 +289,7 @@ def urdf_of(description: RobotDescription, path: Path) -> Path:
     return example_robot_data() / description.model.path
 
 
-def _stated(description: RobotDescription) -> Stated:
+def _stated_changes(description: RobotDescription) -> Stated:
     """What the description says that changes how the URDF is read."""
     return Stated(
         floating=description.base in FREE_BASES,
@@ -307,7 +307,7 @@ def _build_model(root: ElementTree.Element, description: RobotDescription, model
     return model
 
 
-def _upright(model: pin.Model, description: RobotDescription, names: tuple[str, ...]) -> Array:
+def _upright_posture(model: pin.Model, description: RobotDescription, names: tuple[str, ...]) -> Array:
     """The posture of the description, the base oriented and at height zero."""
     q = pin.neutral(model)
     offset = 7 if description.base in FREE_BASES else 0
@@ -318,7 +318,9 @@ def _upright(model: pin.Model, description: RobotDescription, names: tuple[str, 
     return np.asarray(q)
 
 
-def _rest(model: pin.Model, description: RobotDescription, upright: Array, feet: tuple[Foot, ...]) -> Array:
+def _rest_configuration(
+    model: pin.Model, description: RobotDescription, upright: Array, feet: tuple[Foot, ...]
+) -> Array:
     """Rest configuration; the lowest sole corner of a standing robot touches the ground."""
     q = upright.copy()
     if description.base in FREE_BASES:

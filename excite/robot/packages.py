@@ -29,24 +29,29 @@ def package_folder(name: str, package_path: Iterable[Path], above: Iterable[Path
             under its name.
     """
     given, outer = tuple(package_path), tuple(above)
-    near, far = ([*_called(name, folders)] for folders in (given, outer))
+    near, far = ([*_folders_named(name, folders)] for folders in (given, outer))
     clone = next(((folder,) for folder in outer if (folder / ".git").exists()), ())
-    said = (place for place in (*near, *far, *outer) if _name(place) == name)
+    said = (place for place in (*near, *far, *outer) if _package_name(place) == name)
     inside = (
-        place for folder in (*given, *clone) for place in _packages(folder, _DEEP) if _name(place) == name
+        place
+        for folder in (*given, *clone)
+        for place in _find_packages(folder, _DEEP)
+        if _package_name(place) == name
     )
-    unsaid_near, unsaid_far = ([place for place in places if _name(place) is None] for places in (near, far))
+    unsaid_near, unsaid_far = (
+        [place for place in places if _package_name(place) is None] for places in (near, far)
+    )
     return next(chain(said, unsaid_near, inside, unsaid_far), None)
 
 
-def _called(name: str, folders: Iterable[Path]) -> Iterator[Path]:
+def _folders_named(name: str, folders: Iterable[Path]) -> Iterator[Path]:
     """Folders of that name, of which each given one may be one, or hold one."""
     for place in (place for folder in folders for place in (folder, folder / name)):
         if place.name == name and place.is_dir():
             yield place
 
 
-def _name(folder: Path) -> str | None:
+def _package_name(folder: Path) -> str | None:
     """The name in a folder's ``package.xml``; None where there is none that can be read."""
     file = folder / _MANIFEST
     if not file.is_file():
@@ -58,7 +63,7 @@ def _name(folder: Path) -> str | None:
     return None if named is None or not named.text else named.text.strip()
 
 
-def _packages(folder: Path, deep: int) -> Iterator[Path]:
+def _find_packages(folder: Path, deep: int) -> Iterator[Path]:
     """Folders with a ``package.xml`` at and below one, hidden ones left out; packages hold no others."""
     if (folder / _MANIFEST).is_file():
         yield folder
@@ -67,4 +72,4 @@ def _packages(folder: Path, deep: int) -> Iterator[Path]:
         return
     for child in sorted(folder.iterdir()):
         if child.is_dir() and not child.name.startswith("."):
-            yield from _packages(child, deep - 1)
+            yield from _find_packages(child, deep - 1)

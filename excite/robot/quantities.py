@@ -92,30 +92,30 @@ class Bounded:
         self, source: type, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
         """Check what stands there, read it as a number, check that."""
-        number = core_schema.no_info_before_validator_function(_written, handler(source))
+        number = core_schema.no_info_before_validator_function(_written_value, handler(source))
         return core_schema.no_info_after_validator_function(self._check, number)
 
     def _check(self, value: float) -> float:
         if not math.isfinite(value):
-            raise _refused("is not finite", f"give a number in {self.unit}")
+            raise _refusal_error("is not finite", f"give a number in {self.unit}")
         if abs(value) > self.most:
-            raise _refused(f"is more than any robot has ({self.most:.4g} {self.unit})", self.cause)
+            raise _refusal_error(f"is more than any robot has ({self.most:.4g} {self.unit})", self.cause)
         if value < 0.0 and self.least != "any":
-            raise _refused("is negative", f"give a number {self.least}")
+            raise _refusal_error("is negative", f"give a number {self.least}")
         if value < 1.0 / MAX_STAND_IN and self.least == "above 0":
-            raise _refused("is 0" if value == 0.0 else "is next to nothing", "give a number above 0")
+            raise _refusal_error("is 0" if value == 0.0 else "is next to nothing", "give a number above 0")
         return value
 
 
-def _written(value: Any) -> Any:
+def _written_value(value: Any) -> Any:
     if isinstance(value, bool):
-        raise _refused("is true or false, not a number", "give a number")
+        raise _refusal_error("is true or false, not a number", "give a number")
     if isinstance(value, str) and not value.isascii():
-        raise _refused("is no number", "write it with the digits 0 to 9")
+        raise _refusal_error("is no number", "write it with the digits 0 to 9")
     return value
 
 
-def _refused(what: str, remedy: str) -> PydanticCustomError:
+def _refusal_error(what: str, remedy: str) -> PydanticCustomError:
     return PydanticCustomError("quantity", "{what}", {"what": what, "remedy": remedy})
 
 

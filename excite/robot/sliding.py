@@ -10,7 +10,7 @@ import pinocchio as pin
 from excite.robot.robot import Robot
 
 
-def slides(model: pin.Model, column: int) -> bool:
+def is_prismatic(model: pin.Model, column: int) -> bool:
     """Whether the joint of one coordinate to which a velocity belongs translates.
 
     Args:
@@ -25,4 +25,4 @@ def slides(model: pin.Model, column: int) -> bool:
 def sliding_joints(robot: Robot) -> frozenset[str]:
     """Names of a robot's joints that slide."""
     model = robot.model
-    return frozenset(n for n in robot.joint_names if slides(model, model.idx_vs[model.getJointId(n)]))
+    return frozenset(n for n in robot.joint_names if is_prismatic(model, model.idx_vs[model.getJointId(n)]))

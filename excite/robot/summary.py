@@ -37,7 +37,7 @@ class RobotSummary:
         return {**asdict(self), "sensors": list(self.sensors)}
 
 
-def summarise(robot: Robot) -> RobotSummary:
+def summarise_robot(robot: Robot) -> RobotSummary:
     """Summary of one robot."""
     sensors = [f"{sensor.name} ({sensor.kind})" for sensor in robot.sensors]
     torque = robot.description.sensors.joint_torque
@@ -56,4 +56,4 @@ def summarise(robot: Robot) -> RobotSummary:
 
 def robot_summaries() -> tuple[RobotSummary, ...]:
     """Summaries of all bundled robots, by name; raises RobotError if one of them is broken."""
-    return tuple(summarise(load_robot(name)) for name in bundled_robots())
+    return tuple(summarise_robot(load_robot(name)) for name in bundled_robots())

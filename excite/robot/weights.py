@@ -37,7 +37,7 @@ def check_weights(model: pin.Model, torque: NDArray[np.float64], path: Path) -> 
     density = typical_density(model)
     if density <= MAX_DENSITY:
         return
-    weight = _weights(model)[-len(torque) :]
+    weight = _joint_loads(model)[-len(torque) :]
     known = np.isfinite(torque) & (torque > 0.0)
     share = float((weight[known] / torque[known]).max(initial=0.0))
     if share > MAX_WEIGHT:
@@ -71,7 +71,7 @@ def typical_density(model: pin.Model) -> float:
     return float(density[order][np.searchsorted(below, 0.5 * below[-1])])
 
 
-def _weights(model: pin.Model) -> NDArray[np.float64]:
+def _joint_loads(model: pin.Model) -> NDArray[np.float64]:
     """Torque or force with which the weight beyond each joint can load it, about, by joint [N·m or N]."""
     data = model.createData()
     pin.centerOfMass(model, data, pin.neutral(model))

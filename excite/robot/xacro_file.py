@@ -28,7 +28,7 @@ def is_xacro(path: Path) -> bool:
     return path.suffix == ".xacro" or _NAMESPACE.encode() in first_bytes(path, 4096)
 
 
-def expanded(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...] = ()) -> str:
+def expand_xacro(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...] = ()) -> str:
     """URDF text of a URDF or xacro file, its mesh paths absolute where the files are found.
 
     Args:
@@ -132,7 +132,7 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
         return str(xacro.process_file(str(path), mappings=dict(arguments)).toxml())
     except Exception as error:
         # Xacro evaluates what files say as Python: they raise whatever they like.
-        cause = _cause(error)
+        cause = _wrapped_error(error)
         if cause is not None:
             raise cause from error
         endless = isinstance(error, RecursionError) or "recursion depth" in str(error)
@@ -146,7 +146,7 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
         raise RobotError(
             f"xacro cannot expand it ({said})",
             source=path,
-            remedy=f"mend it, or give its arguments with --xacro-arg {name}:=value{_arguments(path)}",
+            remedy=f"mend it, or give its arguments with --xacro-arg {name}:=value{_describe_arguments(path)}",
         ) from error
     finally:
         substitution_args._eval_find = known
@@ -164,7 +164,7 @@ def _defines_alone(path: Path) -> RobotError:
     return RobotError(f"only defines macros ({named})", source=path, remedy=remedy)
 
 
-def _arguments(path: Path) -> str:
+def _describe_arguments(path: Path) -> str:
     """Which arguments a file takes that do not follow from others, and what they are without being given."""
     found = [element for element in read_xml(path).iter() if element.tag.endswith("/xacro}arg")]
     free = [arg for arg in found if "$" not in arg.get("default", "")]
@@ -173,7 +173,7 @@ def _arguments(path: Path) -> str:
     return f" (it takes {', '.join(said)}{more})" if said else ""
 
 
-def _cause(error: BaseException | None) -> RobotError | None:
+def _wrapped_error(error: BaseException | None) -> RobotError | None:
     """Our own error among those that xacro wrapped."""
     while error is not None:
         if isinstance(error, RobotError):

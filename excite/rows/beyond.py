@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, near
+from excite.arrays import Array, widen_flags
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import settling_samples
 
@@ -37,15 +37,15 @@ def flags_at(time: Array, flags: NDArray[np.bool_], grid: Array) -> NDArray[np.b
     return np.column_stack([np.interp(grid, time, column) > 0.0 for column in flags.T.astype(float)])
 
 
-def reached(beyond: NDArray[np.bool_], rate_hz: float, cutoff_hz: float) -> NDArray[np.bool_]:
+def reached_samples(beyond: NDArray[np.bool_], rate_hz: float, cutoff_hz: float) -> NDArray[np.bool_]:
     """Samples whose filtered torques hold some of those that were beyond their range, as ``beyond (n, …)``.
 
     As far as half of the filter's transient: what is left of a step there is less than a guess is off by.
     """
-    return near(beyond, settling_samples(rate_hz, cutoff_hz) // 2)
+    return widen_flags(beyond, settling_samples(rate_hz, cutoff_hz) // 2)
 
 
-def bridged(tau: Array, nominal: Array, beyond: NDArray[np.bool_]) -> Array:
+def bridge_torques(tau: Array, nominal: Array, beyond: NDArray[np.bool_]) -> Array:
     """Torques ``(n, n_joints)``, those beyond their range by the nominal model and what it is off by on both sides.
 
     A filter smears what stands there into its neighbours: that is to be no more than the model is wrong by.

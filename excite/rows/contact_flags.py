@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, near
+from excite.arrays import Array, widen_flags
 from excite.errors import LogError
 from excite.logs.log import Trial
 from excite.robot.robot import Robot
@@ -62,4 +62,4 @@ def _near_change(closed: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
     differ = (closed[1:] != closed[:-1]).any(axis=1)
     change[1:] |= differ
     change[:-1] |= differ
-    return near(change, samples)
+    return widen_flags(change, samples)

@@ -11,7 +11,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.regressor.motor_torques import motor_torques
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 
 _STEP = 1e-5
 # What turns speeds of sliding joints into those of turning ones [m].
@@ -45,7 +45,7 @@ class JointSamples:
     def widths(self) -> Array:
         """Velocities over which the joints' Coulomb friction changes sign, ``(n_joints,)`` [rad/s, m/s]."""
         model = self.robot.model
-        return self.width * np.where([slides(model, column) for column in self.joints], _DRUM_M, 1.0)
+        return self.width * np.where([is_prismatic(model, column) for column in self.joints], _DRUM_M, 1.0)
 
     @property
     def velocity(self) -> Array:
@@ -158,7 +158,7 @@ def bending_columns(samples: JointSamples) -> Array:
     data = model.createData()
     pin.rnea(model, data, samples.q[0], samples.v[0], samples.a[0])
     indices = [int(np.searchsorted(model.idx_vs, v, side="right")) - 1 for v in samples.joints]
-    across = np.array([_across(np.reshape(data.joints[i].S, (6, -1))[3:, 0]) for i in indices])
+    across = np.array([_vectors_across(np.reshape(data.joints[i].S, (6, -1))[3:, 0]) for i in indices])
     moments = np.empty((len(samples.q), len(indices), 3))
     turns = np.empty((len(samples.q), len(indices), 3, 3))
     for k in range(len(samples.q)):
@@ -187,7 +187,7 @@ def load_friction_columns(samples: JointSamples) -> Array:
     return samples.own(smooth_sign(samples.v[:, samples.joints], samples.widths) * load)
 
 
-def _across(axis: Array) -> Array:
+def _vectors_across(axis: Array) -> Array:
     """Two unit vectors across an axis, ``(2, 3)``; zeros for a joint that does not turn."""
     if not axis.any():
         return np.zeros((2, 3))

@@ -59,9 +59,9 @@ def filtered_rows(
     """
     rate, cutoff, n = kinematics.rate_hz, filters.cutoff_hz, len(kinematics.time)
     settling = settling_samples(rate, cutoff)
-    step = decimation(rate, filters)
+    step = decimation_factor(rate, filters)
     kept = kept_samples(n, step)
-    use = _eroded(use, kinematics.valid, settling)
+    use = _erode_rows(use, kinematics.valid, settling)
     probe = source(slice(0, 1))
     block = max(4 * settling, int(_BLOCK_BYTES / (8 * probe[0].size)), 1)
     parts = []
@@ -77,12 +77,12 @@ def filtered_rows(
     return TrialRows(np.concatenate(parts), kinematics.time[kept], use[kept])
 
 
-def decimation(rate_hz: float, filters: Filters) -> int:
+def decimation_factor(rate_hz: float, filters: Filters) -> int:
     """Every how manieth sample is kept."""
     return decimation_step(rate_hz, filters.rate_hz)
 
 
-def _eroded(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:
+def _erode_rows(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:
     """Take away what the filter's transient reaches: all of it at the ends, half of it at gaps."""
     half = settling // 2
     if half:

@@ -17,7 +17,7 @@ from excite.regressor.contact_forces import contact_elimination
 from excite.regressor.motor_torques import motor_regressor
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 from excite.rows.beyond import beyond_on_grid
 from excite.rows.contact_flags import away_from_changes, closed_on_grid
 from excite.rows.drive_terms import DRIVE_TERMS, JointSamples
@@ -65,7 +65,7 @@ class JointRows:
         """``N`` for joints that slide, ``N·m`` for those that turn."""
         model = self.robot.model
         columns = (model.idx_vs[model.getJointId(name)] for name in self.channel_names)
-        return tuple("N" if slides(model, column) else "N·m" for column in columns)
+        return tuple("N" if is_prismatic(model, column) else "N·m" for column in columns)
 
     @property
     def drive_names(self) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ LONGEST_GAP_S = 0.1
 _CHOICES = {"clock": ("stamps", "positions"), "differentiation": ("central", "fourier")}
 
 
-def _setting(default: float | int | None, unit: str, low: float, high: float, what: str) -> Any:
+def _numeric_setting(default: float | int | None, unit: str, low: float, high: float, what: str) -> Any:
     """One numeric setting: default, unit, bounds (both allowed) and meaning, declared once."""
     return field(default=default, metadata={"unit": unit, "low": low, "high": high, "what": what})
 
@@ -70,27 +70,31 @@ class ProblemSettings:
             for which a period has to be known.
     """
 
-    cutoff_hz: float | None = _setting(
+    cutoff_hz: float | None = _numeric_setting(
         None, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression"
     )
-    kinematics_cutoff_hz: float | None = _setting(None, "Hz", 0.05, 1e4, "cut-off before differentiation")
-    order: int = _setting(4, "1", 1, 12, "order of the Butterworth filters")
-    rate_hz: float | None = _setting(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
-    coulomb_width: float = _setting(
+    kinematics_cutoff_hz: float | None = _numeric_setting(
+        None, "Hz", 0.05, 1e4, "cut-off before differentiation"
+    )
+    order: int = _numeric_setting(4, "1", 1, 12, "order of the Butterworth filters")
+    rate_hz: float | None = _numeric_setting(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
+    coulomb_width: float = _numeric_setting(
         0.01, "rad/s", 0.0, 10.0, "velocity over which Coulomb friction changes sign"
     )
-    standstill_velocity: float = _setting(0.01, "rad/s", 0.0, 10.0, "speed below which a joint stands")
-    longest_gap_s: float = _setting(LONGEST_GAP_S, "s", 0.0, 1e3, "longest gap that is interpolated")
+    standstill_velocity: float = _numeric_setting(
+        0.01, "rad/s", 0.0, 10.0, "speed below which a joint stands"
+    )
+    longest_gap_s: float = _numeric_setting(LONGEST_GAP_S, "s", 0.0, 1e3, "longest gap that is interpolated")
     drive_terms: tuple[str, ...] | None = None
     drive_gains: Mapping[str, float] = field(default_factory=dict)
     coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     clock: Literal["stamps", "positions"] = "stamps"
-    outlier_sigma: float | None = _setting(
+    outlier_sigma: float | None = _numeric_setting(
         None, "1", 2.0, 1e3, "deviations beyond which a sample is replaced"
     )
-    torque_delay_s: float = _setting(0.0, "s", -10.0, 10.0, "delay of torques behind positions")
-    period_s: float | None = _setting(None, "s", 1e-3, 1e5, "period over which signals are averaged")
-    skip_periods: int = _setting(0, "1", 0, 1000, "periods left out at the start")
+    torque_delay_s: float = _numeric_setting(0.0, "s", -10.0, 10.0, "delay of torques behind positions")
+    period_s: float | None = _numeric_setting(None, "s", 1e-3, 1e5, "period over which signals are averaged")
+    skip_periods: int = _numeric_setting(0, "1", 0, 1000, "periods left out at the start")
     differentiation: Literal["central", "fourier"] = "central"
 
     def filters(self, *, floating: bool, lowpass_hz: float | None = None) -> Filters:

@@ -12,7 +12,7 @@ import numpy as np
 
 from excite.motion.content import with_verdict
 from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.mixture import draw
+from excite.motion.generators.mixture import draw_candidate
 from excite.motion.generators.proposal import Proposal
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
@@ -21,7 +21,7 @@ from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
-from excite.safety.filter_report import FilterOutcome, FilterReport, counted
+from excite.safety.filter_report import FilterOutcome, FilterReport, count_outcomes
 from excite.safety.parameter_set import stated_parameters
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.registry import make_repairs
@@ -63,9 +63,9 @@ class SafetyFilter:
             generator=candidate.generator,
             motion=with_verdict(draft.motion, verdict.to_json(), self._robot.hash) if verdict.safe else None,
             verdict=verdict,
-            rejection=_rejection(draft, verdict),
+            rejection=_rejection_of(draft, verdict),
             seconds=seconds,
-            postures=tuple(_posture(draft.motion, item.time_s) for item in verdict.violations),
+            postures=tuple(_posture_at(draft.motion, item.time_s) for item in verdict.violations),
         )
 
 
@@ -88,7 +88,7 @@ def filter_candidate(robot: Robot, candidate: Candidate | Proposal, *, robust: b
     if not isinstance(candidate, Proposal):
         return _filter_of(robot, robust).filter(candidate)
     start = time.process_time()
-    drawn = draw(robot, candidate)
+    drawn = draw_candidate(robot, candidate)
     seconds = {"draw": time.process_time() - start}
     outcome = _filter_of(robot, robust).filter(drawn)
     return replace(outcome, seconds={**seconds, **outcome.seconds})
@@ -131,7 +131,7 @@ def filter_candidates(
         # Broken geometry shall raise here, before it is read by every worker.
         collision_model(robot)
     outcomes = in_order(
-        _work,
+        _filter_one,
         candidates,
         jobs=jobs,
         shared=(robot, keep, robust),
@@ -139,7 +139,7 @@ def filter_candidates(
         stage="filter",
         progress=progress,
     )
-    return counted(robot, outcomes, whole=keep is None, partial=partial)
+    return count_outcomes(robot, outcomes, whole=keep is None, partial=partial)
 
 
 @lru_cache(maxsize=4)
@@ -147,7 +147,7 @@ def _filter_of(robot: Robot, robust: bool) -> SafetyFilter:
     return SafetyFilter(robot, robust=robust)
 
 
-def _rejection(draft: Draft, verdict: Verdict) -> Rejection | None:
+def _rejection_of(draft: Draft, verdict: Verdict) -> Rejection | None:
     """The rejection that a verdict means; reasons from the check start with ``check_``."""
     if verdict.safe:
         return None
@@ -157,7 +157,7 @@ def _rejection(draft: Draft, verdict: Verdict) -> Rejection | None:
     return draft.rejected("check_not_computed", ", ".join(verdict.not_computed))
 
 
-def _posture(motion: Motion, time_s: float | None) -> tuple[float, ...] | None:
+def _posture_at(motion: Motion, time_s: float | None) -> tuple[float, ...] | None:
     """Configuration of a motion at a time, None where it has none."""
     if time_s is None:
         return None
@@ -171,6 +171,6 @@ def _handed_over(robot: Robot, outcome: FilterOutcome, keep: Keep | None) -> Fil
     return replace(outcome, motion=None, kept=keep(robot, outcome.motion))
 
 
-def _work(shared: tuple[Robot, Keep | None, bool], candidate: Candidate | Proposal) -> FilterOutcome:
+def _filter_one(shared: tuple[Robot, Keep | None, bool], candidate: Candidate | Proposal) -> FilterOutcome:
     robot, keep, robust = shared
     return _handed_over(robot, filter_candidate(robot, candidate, robust=robust), keep)

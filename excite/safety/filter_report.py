@@ -96,10 +96,10 @@ class FilterReport:
         return FilterReport(
             outcomes=(*self.outcomes, *more.outcomes),
             kept=(*self.kept, *more.kept),
-            rejected=_commonest_first(_added(self.rejected, more.rejected)),
-            made=_added(self.made, more.made),
-            accepted=_added(self.accepted, more.accepted),
-            stage_seconds=_added(self.stage_seconds, more.stage_seconds),
+            rejected=_commonest_first(_add_counts(self.rejected, more.rejected)),
+            made=_add_counts(self.made, more.made),
+            accepted=_add_counts(self.accepted, more.accepted),
+            stage_seconds=_add_counts(self.stage_seconds, more.stage_seconds),
             refused=joined_refusals(self.refused, more.refused),
             first_refused=(*self.first_refused, *(self.generated + index for index in more.first_refused)),
             interrupted=self.interrupted or more.interrupted,
@@ -114,7 +114,7 @@ class FilterReport:
         )
 
 
-def counted(
+def count_outcomes(
     robot: Robot, outcomes: Iterable[FilterOutcome], *, whole: bool, partial: bool = False
 ) -> FilterReport:
     """Count outcomes as they come; they are held where the report is to be ``whole``.
@@ -159,7 +159,7 @@ def _commonest_first(reasons: Mapping[str, int]) -> dict[str, int]:
     return dict(sorted(reasons.items(), key=lambda item: (-item[1], item[0])))
 
 
-def _added(one: Mapping[str, _Number], other: Mapping[str, _Number]) -> dict[str, _Number]:
+def _add_counts(one: Mapping[str, _Number], other: Mapping[str, _Number]) -> dict[str, _Number]:
     """Numbers by name, added up; names in the order in which they come."""
     added = dict(one)
     for name, number in other.items():

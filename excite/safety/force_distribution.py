@@ -206,25 +206,25 @@ def _nearest_in_cones(rays, targets, square, weights, residuals):
     along, r, trial = np.empty(rays.shape[1]), np.empty(6), np.empty(6)
     gradient, hessian, step = np.empty(6), np.empty((6, 6)), np.empty(6)
     for k in range(targets.shape[0]):
-        _fill(r, 0.0)
-        _fill(along, 0.0)
-        _fill(weights[k], np.nan)
+        _fill_vector(r, 0.0)
+        _fill_vector(along, 0.0)
+        _fill_vector(weights[k], np.nan)
         residuals[k] = np.inf
         value = 0.0
         for _ in range(_STEPS):
             _newton_system(rays[k], targets[k], square, r, along, gradient, hessian)
-            if _product(gradient, gradient) <= _ARRIVED * _ARRIVED:
+            if _scalar_product(gradient, gradient) <= _ARRIVED * _ARRIVED:
                 for j in range(rays.shape[1]):
                     weights[k, j] = along[j] / square
-                residuals[k] = np.sqrt(_product(r, r))
+                residuals[k] = np.sqrt(_scalar_product(r, r))
                 break
             _cholesky_solve(hessian, gradient, step)
-            slope = _product(gradient, step)
+            slope = _scalar_product(gradient, step)
             length = 1.0
             for _ in range(_HALVINGS):
                 for a in range(6):
                     trial[a] = r[a] - length * step[a]
-                trial_value = _dual(rays[k], targets[k], square, trial, along)
+                trial_value = _dual_value(rays[k], targets[k], square, trial, along)
                 if trial_value <= value - 1e-4 * length * slope + 1e-15:
                     break
                 length *= 0.5
@@ -233,14 +233,14 @@ def _nearest_in_cones(rays, targets, square, weights, residuals):
 
 
 @LazyKernel
-def _fill(vector, value):
+def _fill_vector(vector, value):
     """Set all of a vector to a value."""
     for a in range(vector.shape[0]):
         vector[a] = value
 
 
 @LazyKernel
-def _product(one, other):
+def _scalar_product(one, other):
     """Scalar product of two vectors of six."""
     total = 0.0
     for a in range(6):
@@ -249,7 +249,7 @@ def _product(one, other):
 
 
 @LazyKernel
-def _dual(rays, target, square, r, along):
+def _dual_value(rays, target, square, r, along):
     """The dual's value at ``r``; ``max(0, Gᵀr)`` goes into ``along``."""
     value = 0.0
     for a in range(6):

@@ -115,7 +115,7 @@ class RefusalTally:
             if key not in seen or found.excess > seen[key].excess:
                 seen[key] = found
         for key, found in seen.items():
-            self._found[key] = _together(self._found.get(key), found)
+            self._found[key] = _merge_refused(self._found.get(key), found)
 
     def refused(self) -> tuple[Refused, ...]:
         """All that refuses, the commonest first."""
@@ -154,7 +154,7 @@ class RefusalTally:
             )
 
 
-def tallied(robot: Robot, rejections: Iterable[Rejection]) -> tuple[Refused, ...]:
+def tally_refusals(robot: Robot, rejections: Iterable[Rejection]) -> tuple[Refused, ...]:
     """What refuses candidates of which no verdict says more, the commonest first."""
     tally = RefusalTally(robot)
     for rejection in rejections:
@@ -167,11 +167,11 @@ def joined_refusals(one: Iterable[Refused], other: Iterable[Refused]) -> tuple[R
     found: dict[tuple[str, str], Refused] = {}
     for item in (*one, *other):
         key = (item.reason, item.where)
-        found[key] = _together(found.get(key), item)
+        found[key] = _merge_refused(found.get(key), item)
     return _commonest_first(found.values())
 
 
-def _together(known: Refused | None, found: Refused) -> Refused:
+def _merge_refused(known: Refused | None, found: Refused) -> Refused:
     """The worse of two of the same kind, with the number of candidates of both."""
     if known is None:
         return found

@@ -83,14 +83,14 @@ def find_remedy(
         The change; None if no change lets any of them pass.
     """
     best: Remedy | None = None
-    for group in _groups(refused) if candidates else []:
-        tried = _tried(robot, group, candidates, jobs, robust)
+    for group in _refusal_groups(refused) if candidates else []:
+        tried = _try_remedy(robot, group, candidates, jobs, robust)
         if tried is not None and tried.passes > (0 if best is None else best.passes):
             best = tried
     return best
 
 
-def _tried(
+def _try_remedy(
     robot: Robot,
     group: tuple[Refused, ...],
     candidates: Sequence[Candidate | Proposal],
@@ -103,10 +103,10 @@ def _tried(
     where all of a reason go together, these go too.
     """
     for _ in range(_ROUNDS):
-        lifted = _lifted(robot, group)
+        lifted = _lift_refusal(robot, group)
         if lifted is None:
             return None
-        report = filter_candidates(lifted, candidates, jobs=jobs, keep=_nothing, robust=robust)
+        report = filter_candidates(lifted, candidates, jobs=jobs, keep=_keep_nothing, robust=robust)
         passes = report.generated - sum(report.rejected.values())
         more = tuple(item for item in report.refused if item.reason == group[0].reason)
         if passes or len(group) == 1 or not more:
@@ -116,17 +116,17 @@ def _tried(
     return Remedy(_in_words(group), group[0].reason, places, passes, len(candidates))
 
 
-def _nothing(robot: Robot, motion: Motion) -> None:
+def _keep_nothing(robot: Robot, motion: Motion) -> None:
     """Keeps no motion."""
 
 
-def _groups(refused: Sequence[Refused]) -> list[tuple[Refused, ...]]:
+def _refusal_groups(refused: Sequence[Refused]) -> list[tuple[Refused, ...]]:
     single: list[tuple[Refused, ...]] = [(item,) for item in refused[:_CHANGES]]
     alike = tuple(item for item in refused if item.reason == refused[0].reason) if refused else ()
     return [*single, alike] if len(alike) > 1 else single
 
 
-def _lifted(robot: Robot, group: Sequence[Refused]) -> Robot | None:
+def _lift_refusal(robot: Robot, group: Sequence[Refused]) -> Robot | None:
     """A robot that is not refused for this; None where nothing can be lifted."""
     lift = _LIFTS.get(group[0].reason)
     if lift is None:

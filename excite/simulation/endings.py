@@ -82,7 +82,7 @@ def standing_phases(robot: Robot, planned: Motion) -> dict[str, list[tuple[int, 
     found = {}
     for foot in robot.feet:
         flags = planned.contacts.get(foot.name, np.ones(planned.n_samples, dtype=bool))
-        phases = [(start + settle if start > 0 else 0, end) for start, end in _runs(flags)]
+        phases = [(start + settle if start > 0 else 0, end) for start, end in _true_runs(flags)]
         found[foot.name] = [(start, end) for start, end in phases if end > start]
     return found
 
@@ -93,7 +93,7 @@ def vertical_axis(quaternions: Array) -> Array:
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x**2 + y**2)])
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _true_runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Half-open index ranges over which ``flags`` is True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(start), int(end)) for start, end in zip(edges[::2], edges[1::2], strict=True)]

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.divergence import diverged, without_log_file
+from excite.divergence import has_diverged, without_log_file
 from excite.errors import MotionError
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.robot.robot import Robot
 from excite.simulation.clock import Clock, clock_of
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
-from excite.simulation.machine import Machine, beginning
+from excite.simulation.machine import Machine, beginning_key
 from excite.simulation.plant import Plant
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot
@@ -34,7 +34,7 @@ class DivergedError(MotionError):
     """A simulation that has become infinite."""
 
 
-def execute(
+def execute_motion(
     virtual: VirtualRobot,
     motion: Motion,
     *,
@@ -78,11 +78,11 @@ def execute(
         )
     clock = clock_of(virtual, motion, settle_s)
     machine = Machine(virtual) if machine is None else machine
-    start = _start(robot, motion)
-    positions, velocities = _commands(robot, motion, clock)
+    start = _start_configuration(robot, motion)
+    positions, velocities = _joint_commands(robot, motion, clock)
     kp, kd = virtual.drives.kp, virtual.drives.kd
     controls = positions + velocities * np.divide(kd, kp, out=np.zeros_like(kp), where=kp > 0.0)
-    begun = beginning(start, controls[0], np.array(clock.settle))
+    begun = beginning_key(start, controls[0], np.array(clock.settle))
     # What laws keep is no part of the state.
     known = None if virtual.laws else machine.settled(begun)
     data = mujoco.MjData(machine.model) if known is None else known
@@ -106,23 +106,25 @@ def execute(
             track.sample()
             if stop is not None and stop(track.count - 1, plant):
                 break
-    if diverged(data) or not np.isfinite(track.gain[: track.count]).all():
+    if has_diverged(data) or not np.isfinite(track.gain[: track.count]).all():
         raise DivergedError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
     return track.recording(virtual, motion.name, positions[:: clock.per_sample], clock)
 
 
-def _start(robot: Robot, motion: Motion) -> Array:
+def _start_configuration(robot: Robot, motion: Motion) -> Array:
     """First configuration in MuJoCo's layout."""
     return position_to_mujoco(motion.q[0], floating=robot.floating)
 
 
-def _commands(robot: Robot, motion: Motion, clock: Clock) -> tuple[Array, Array]:
+def _joint_commands(robot: Robot, motion: Motion, clock: Clock) -> tuple[Array, Array]:
     """Joint positions and velocities at every step; drives interpolate the commands that they receive."""
     count = (clock.samples - 1) * clock.per_sample + 1
     time = motion.time[0] + np.minimum(np.arange(count) * clock.step, motion.duration)
     # The base is not commanded.
     joints = motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()
-    fine = interpolate(replace(motion, q=joints[0], v=joints[1], a=joints[2], contacts={}), robot, time)
+    fine = interpolate_motion(
+        replace(motion, q=joints[0], v=joints[1], a=joints[2], contacts={}), robot, time
+    )
     return fine.q, fine.v
 
 

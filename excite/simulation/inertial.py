@@ -102,7 +102,7 @@ def principal_inertia(phi: Array, segment: str, *, accepted: bool = False) -> Pr
     return PrincipalInertia(mass, com, moments, rotation)
 
 
-def possible(phi: Array, segment: str) -> Array:
+def possible_parameters(phi: Array, segment: str) -> Array:
     """Ten parameters as a simulator takes them where the stated ones are accepted: as they are where a body has them.
 
     Args:
@@ -140,7 +140,7 @@ def box_parameters(mass: float, position: Array, size: Array) -> Array:
     return np.asarray(pin.Inertia(mass, np.asarray(position, dtype=float), inertia).toDynamicParameters())
 
 
-def deformed(phi: Array, deformation: Array, density: float) -> Array:
+def deform_parameters(phi: Array, deformation: Array, density: float) -> Array:
     """Parameters of a body after a linear deformation of its matter and a change of density.
 
     The pseudo-inertia J is the second moment of the density over the points ``[x y z 1]`` (Wensing, Kim and

@@ -97,6 +97,6 @@ class _Watch:
         return int(self._data.ncon)
 
 
-def beginning(*parts: Array) -> bytes:
+def beginning_key(*parts: Array) -> bytes:
     """What tells one beginning of a run from others."""
     return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)

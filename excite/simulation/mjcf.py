@@ -15,7 +15,7 @@ from excite.simulation.coordinates import body_name
 from excite.simulation.drives import Drives
 from excite.simulation.inertial import PrincipalInertia, principal_inertia
 from excite.simulation.mjcf_closures import add_closures
-from excite.simulation.mjcf_shapes import GROUND, wxyz
+from excite.simulation.mjcf_shapes import GROUND, mujoco_quaternion
 
 if TYPE_CHECKING:
     import mujoco
@@ -94,7 +94,7 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
     for foot in robot.feet:
         _add_sole(bodies[foot.joint], foot, world)
     if robot.floating and not robot.feet:
-        _hang(spec, bodies[1], robot)
+        _hang_base(spec, bodies[1], robot)
     return spec
 
 
@@ -107,11 +107,11 @@ def _add_body(robot: Robot, bodies: list[mujoco.MjsBody], joint: int, phi: Array
     body = bodies[model.parents[joint]].add_body(
         name=body_name(robot.segments[joint - 1].link),
         pos=placement.translation,
-        quat=wxyz(placement.rotation),
+        quat=mujoco_quaternion(placement.rotation),
         explicitinertial=True,
         mass=inertia.mass,
         ipos=inertia.com,
-        iquat=wxyz(inertia.rotation),
+        iquat=mujoco_quaternion(inertia.rotation),
         inertia=inertia.moments,
     )
     if joint == 1 and robot.floating:
@@ -191,7 +191,7 @@ def _add_drive(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, drives: Dri
 _HOOK = 0.5
 
 
-def _hang(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
+def _hang_base(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
     """Hang the base on a point straight above the centre of mass, about which it swings."""
     import mujoco
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from excite.errors import InputError
 from excite.robot.mechanisms.closures import Closure, Coupling, Loop, Rod
 from excite.robot.robot import Robot
-from excite.simulation.mjcf_shapes import wxyz
+from excite.simulation.mjcf_shapes import mujoco_quaternion
 
 if TYPE_CHECKING:
     import mujoco
@@ -31,15 +31,15 @@ def add_closures(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], robot: Robot
     """
     for closure in () if robot.mechanism is None else robot.mechanism.closures:
         if isinstance(closure, Coupling):
-            equality = _coupled(spec, robot, closure)
+            equality = _add_coupling(spec, robot, closure)
         else:
-            equality = _looped(spec, bodies, closure)
+            equality = _add_loop(spec, bodies, closure)
         equality.solref = [_STEPS * timestep, 1.0]
         equality.solimp = [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0]
         equality.active = True
 
 
-def _looped(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], closure: Closure) -> mujoco.MjsEquality:
+def _add_loop(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], closure: Closure) -> mujoco.MjsEquality:
     import mujoco
 
     if not isinstance(closure, Loop | Rod):
@@ -47,7 +47,7 @@ def _looped(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], closure: Closure)
     names = []
     for number, (joint, place) in enumerate(zip(closure.joints, closure.placements, strict=True)):
         names.append(f"{closure.name}.end.{number}")
-        bodies[joint].add_site(name=names[-1], pos=place.translation, quat=wxyz(place.rotation))
+        bodies[joint].add_site(name=names[-1], pos=place.translation, quat=mujoco_quaternion(place.rotation))
     if isinstance(closure, Rod):
         tendon = spec.add_tendon(name=closure.name)
         for name in names:
@@ -68,7 +68,7 @@ def _looped(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], closure: Closure)
     return equality
 
 
-def _coupled(spec: mujoco.MjSpec, robot: Robot, closure: Coupling) -> mujoco.MjsEquality:
+def _add_coupling(spec: mujoco.MjSpec, robot: Robot, closure: Coupling) -> mujoco.MjsEquality:
     import mujoco
 
     names = [robot.joint_names[column - robot.n_base_v] for _, column in closure.columns]

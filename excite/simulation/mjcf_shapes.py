@@ -35,17 +35,17 @@ def watch_shapes(spec: mujoco.MjSpec, robot: Robot) -> None:
         carrier = body_name(robot.segments[shape.joint - 1].link) if shape.joint else WORLD
         _add_shape(spec, spec.body(carrier), shape)
     for pair in collision_model(robot).collisionPairs:
-        _watch(spec, shapes[pair.first].name, shapes[pair.second].name)
+        _watch_contacts(spec, shapes[pair.first].name, shapes[pair.second].name)
     if not robot.feet:
         return
     soles = {foot.joint for foot in robot.feet}
     low = links_below(robot.model, shapes, robot.rest, 0.0, robot.description.collision.margin)
     for shape in shapes:
         if shape.joint not in soles and shape.link not in low:
-            _watch(spec, GROUND, shape.name)
+            _watch_contacts(spec, GROUND, shape.name)
 
 
-def _watch(spec: mujoco.MjSpec, first: str, second: str) -> None:
+def _watch_contacts(spec: mujoco.MjSpec, first: str, second: str) -> None:
     """Find contacts of two shapes as soon as they overlap."""
     spec.add_pair(geomname1=first, geomname2=second)
 
@@ -64,7 +64,7 @@ def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
         name=shape.name,
         type=kinds[shape.kind],
         pos=shape.placement.translation,
-        quat=wxyz(shape.placement.rotation),
+        quat=mujoco_quaternion(shape.placement.rotation),
         contype=0,
         conaffinity=0,
     )
@@ -81,7 +81,7 @@ def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
         geom.size = [shape.size[0], 0.5 * shape.size[1], 0.0]
 
 
-def wxyz(rotation: Array) -> Array:
+def mujoco_quaternion(rotation: Array) -> Array:
     """Quaternion of a rotation ``(3, 3)`` in MuJoCo's order, ``(4,)``."""
     x, y, z, w = pin.Quaternion(rotation).normalized().coeffs()
     return np.array([w, x, y, z])

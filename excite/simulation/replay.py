@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot
 from excite.simulation.endings import (
@@ -19,7 +19,7 @@ from excite.simulation.endings import (
     standing_phases,
     vertical_axis,
 )
-from excite.simulation.execution import Stop, execute
+from excite.simulation.execution import Stop, execute_motion
 from excite.simulation.machine import Machine
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
@@ -75,7 +75,7 @@ class Replay:
         )
 
 
-def replay(
+def replay_motion(
     subject: Robot | VirtualRobot, motion: Motion, *, mass_error: float = 0.0, friction_error: float = 0.0
 ) -> Replay:
     """Run a motion once, with contacts between the robot's own parts, and say what became of it.
@@ -123,7 +123,7 @@ def watched_run(
     forces: bool = True,
     machine: Machine | None = None,
 ) -> WatchedRun:
-    """Run a motion, note what touches what, stop when the robot falls; errors as in :func:`replay`.
+    """Run a motion, note what touches what, stop when the robot falls; errors as in :func:`replay_motion`.
 
     Args:
         virtual: the robot.
@@ -134,23 +134,23 @@ def watched_run(
         machine: the robot compiled so that touches are watched; compiled for this run alone, if None.
     """
     robot = virtual.robot
-    planned = _planned(robot, motion)
+    planned = _planned_motion(robot, motion)
     machine = Machine(virtual, watch=True) if machine is None else machine
     stop: Stop | None = None
     if robot.floating and robot.feet:
         stop = Fall(planned) if may_slip_m is None else FirstFault(robot, planned, may_slip_m)
-    run = execute(virtual, motion, stop=stop, session_s=session_s, forces=forces, machine=machine)
-    return WatchedRun(run, _judge(robot, planned, run))
+    run = execute_motion(virtual, motion, stop=stop, session_s=session_s, forces=forces, machine=machine)
+    return WatchedRun(run, _judge_replay(robot, planned, run))
 
 
-def _judge(robot: Robot, planned: Motion, run: Recording) -> Replay:
+def _judge_replay(robot: Robot, planned: Motion, run: Recording) -> Replay:
     tilt, sink = np.zeros(1), np.zeros(1)
     if robot.floating and robot.feet:
-        tilt, sink = _departure(run.q, planned.q[: len(run.q)])
+        tilt, sink = _base_departure(run.q, planned.q[: len(run.q)])
     lost = (tilt > FALL_TILT_RAD) | (sink > FALL_HEIGHT_M)
     lost[-1] |= tilt[-1] > FALL_END_TILT_RAD
     fallen = np.flatnonzero(lost)
-    slip, lift = _feet(robot, run, planned)
+    slip, lift = _foot_motions(robot, run, planned)
     return Replay(
         motion=planned.name,
         fell=bool(len(fallen)),
@@ -164,20 +164,22 @@ def _judge(robot: Robot, planned: Motion, run: Recording) -> Replay:
     )
 
 
-def _planned(robot: Robot, motion: Motion) -> Motion:
+def _planned_motion(robot: Robot, motion: Motion) -> Motion:
     """The motion at the instants at which a run is sampled."""
     rate = robot.description.sensors.rate_hz
     n = int(np.floor(motion.duration * rate + 1e-9)) + 1
-    return interpolate(motion, robot, motion.time[0] + np.minimum(np.arange(n) / rate, motion.duration))
+    return interpolate_motion(
+        motion, robot, motion.time[0] + np.minimum(np.arange(n) / rate, motion.duration)
+    )
 
 
-def _departure(q: Array, planned: Array) -> tuple[Array, Array]:
+def _base_departure(q: Array, planned: Array) -> tuple[Array, Array]:
     """Angle between the base's vertical axis and the planned one [rad], and how far it sank [m]."""
     cosine = np.einsum("ni,ni->n", vertical_axis(q[:, 3:7]), vertical_axis(planned[:, 3:7]))
     return np.arccos(np.clip(cosine, -1.0, 1.0)), planned[:, 2] - q[:, 2]
 
 
-def _feet(
+def _foot_motions(
     robot: Robot, run: Recording, planned: Motion
 ) -> tuple[dict[str, tuple[float, ...]], dict[str, tuple[float, ...]]]:
     """Slip and lift of each foot in each of its phases on the ground."""

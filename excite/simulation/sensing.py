@@ -23,7 +23,9 @@ from excite.simulation.virtual_robot import VirtualRobot
 CONTACT_SHARE = 0.005
 
 
-def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random.Generator) -> Trial:
+def sense_recording(
+    virtual: VirtualRobot, recording: Recording, role: str, rng: np.random.Generator
+) -> Trial:
     """What the sensors that ``robot.yaml`` declares say of a run.
 
     Args:

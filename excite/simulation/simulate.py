@@ -17,7 +17,7 @@ from excite.progress import Progress, silent
 from excite.robot.loading import portable_description
 from excite.robot.robot import Robot
 from excite.simulation.replay import Replay, watched_run
-from excite.simulation.sensing import log_header, sense
+from excite.simulation.sensing import log_header, sense_recording
 from excite.simulation.virtual_robot import VirtualRobot
 
 # Pause between two trials of a session [s]: the robot returns and settles.
@@ -104,12 +104,18 @@ def run_experiment(
     starts = np.concatenate([[0.0], np.cumsum([motion.duration + _PAUSE_S for motion in motions])])
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     tasks = (
-        _Run(motion, roles.get(motion.name, "identification"), _child(root, index), float(starts[index]))
+        _Run(motion, roles.get(motion.name, "identification"), _child_seed(root, index), float(starts[index]))
         for index, motion in enumerate(motions)
     )
     done = list(
         in_order(
-            _trial, tasks, jobs=jobs, shared=virtual, total=len(names), stage="simulate", progress=progress
+            _simulate_trial,
+            tasks,
+            jobs=jobs,
+            shared=virtual,
+            total=len(names),
+            stage="simulate",
+            progress=progress,
         )
     )
     trials = [trial for trial, _ in done]
@@ -123,7 +129,7 @@ def run_experiment(
         )
         for trial, start in zip(trials, starts, strict=False)
     )
-    dated = tuple(_dated(trial, header) for trial, header in zip(trials, headers, strict=True))
+    dated = tuple(_date_trial(trial, header) for trial, header in zip(trials, headers, strict=True))
     log = Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=_model_text(virtual.robot))
     return SimulatedRuns(log, tuple(replays))
 
@@ -133,11 +139,11 @@ def _model_text(robot: Robot) -> str:
     return robot.urdf if robot.mechanism is None else portable_description(robot)
 
 
-def _dated(trial: Trial, header: TrialHeader) -> Trial:
+def _date_trial(trial: Trial, header: TrialHeader) -> Trial:
     return replace(trial, session=header.session, start_s=header.start_s)
 
 
-def _child(root: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
+def _child_seed(root: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
     """The child that ``root.spawn`` would give, without changing ``root``."""
     return np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, index), pool_size=root.pool_size)
 
@@ -152,6 +158,6 @@ class _Run:
     session_s: float
 
 
-def _trial(virtual: VirtualRobot, task: _Run) -> tuple[Trial, Replay]:
+def _simulate_trial(virtual: VirtualRobot, task: _Run) -> tuple[Trial, Replay]:
     run = watched_run(virtual, task.motion, task.session_s)
-    return sense(virtual, run.recording, task.role, np.random.default_rng(task.seed)), run.replay
+    return sense_recording(virtual, run.recording, task.role, np.random.default_rng(task.seed)), run.replay

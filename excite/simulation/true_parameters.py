@@ -11,7 +11,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.robot.robot import Robot
-from excite.simulation.inertial import box_parameters, deformed, possible
+from excite.simulation.inertial import box_parameters, deform_parameters, possible_parameters
 
 # A hand or head is the first segment, from the tip inwards, that carries at least this much [kg].
 _LIGHTEST_END = 0.2
@@ -75,7 +75,7 @@ def with_part(truth: TrueParameters, part: AddedPart) -> TrueParameters:
         )
     phi, own = truth.phi.copy(), slice(10 * part.segment, 10 * part.segment + 10)
     # What carries it may have moments in the model that no body has.
-    phi[own] = possible(phi[own], part.link)
+    phi[own] = possible_parameters(phi[own], part.link)
     phi[own] += box_parameters(part.mass, np.array(part.position), np.array(part.size))
     return TrueParameters(phi, (*truth.parts, part), truth.scatter)
 
@@ -112,14 +112,14 @@ def hrp2_like_changes(
     """
     if not robot.feet:
         raise InputError(f"{robot.name} has no feet, hands and trunk", remedy="use scattered_parameters")
-    hands, heads, trunk = _places(robot)
+    hands, heads, trunk = _segment_places(robot)
     weights = [("computer", trunk, 3.4 if heads else 4.0)]
     weights += [("cameras", head, 0.6 / len(heads)) for head in heads]
     weights += [("force sensor and gripper", hand, 1.0 / len(hands)) for hand in hands]
     scale = added_mass / sum(weight for _, _, weight in weights)
     truth = scattered_parameters(robot, rng, scatter=scatter) if scatter > 0.0 else nominal_truth(robot)
     for what, segment, weight in weights:
-        truth = with_part(truth, _placed(robot, rng, what, segment, weight * scale))
+        truth = with_part(truth, _place_part(robot, rng, what, segment, weight * scale))
     return truth
 
 
@@ -140,7 +140,7 @@ def carried_load(robot: Robot, rng: np.random.Generator, *, share: float = 0.12)
     """
     masses = robot.nominal_parameters[::10]
     return with_part(
-        nominal_truth(robot), _placed(robot, rng, "load", int(np.argmax(masses)), share * robot.mass)
+        nominal_truth(robot), _place_part(robot, rng, "load", int(np.argmax(masses)), share * robot.mass)
     )
 
 
@@ -168,13 +168,13 @@ def scattered_parameters(robot: Robot, rng: np.random.Generator, *, scatter: flo
             continue
         if robot.description.model.acknowledged:
             # What is accepted of the model is no body's, as a point mass is not: scattered, it would be refused.
-            block = possible(block, robot.segments[index].name)
+            block = possible_parameters(block, robot.segments[index].name)
         body = pin.Inertia.FromDynamicParameters(block)
         radius = np.sqrt(np.trace(body.inertia) / (2.0 * body.mass))
         linear = np.eye(3) + 0.5 * (stretch + stretch.T)
         affine = np.eye(4)
         affine[:3, :3], affine[:3, 3] = linear, body.lever - linear @ body.lever + shift * radius
-        phi[10 * index : 10 * index + 10] = deformed(block, affine, density)
+        phi[10 * index : 10 * index + 10] = deform_parameters(block, affine, density)
     return TrueParameters(phi, (), scatter)
 
 
@@ -186,9 +186,9 @@ class _Places(NamedTuple):
     trunk: int
 
 
-def _places(robot: Robot) -> _Places:
+def _segment_places(robot: Robot) -> _Places:
     parents = [robot.model.parents[segment.joint] - 1 for segment in robot.segments]
-    paths = [_path(parents, index) for index in range(len(parents))]
+    paths = [_path_to_base(parents, index) for index in range(len(parents))]
     masses = robot.nominal_parameters[::10]
     carried = [sum(masses[j] for j, path in enumerate(paths) if i in path) for i in range(len(parents))]
     feet = {foot.joint - 1 for foot in robot.feet}
@@ -214,7 +214,7 @@ def _is_head(name: str) -> bool:
     return "head" in name.lower() or "neck" in name.lower()
 
 
-def _path(parents: list[int], index: int) -> list[int]:
+def _path_to_base(parents: list[int], index: int) -> list[int]:
     """Segments from one to the base, itself first."""
     path = []
     while index >= 0:
@@ -223,7 +223,7 @@ def _path(parents: list[int], index: int) -> list[int]:
     return path
 
 
-def _placed(robot: Robot, rng: np.random.Generator, what: str, segment: int, mass: float) -> AddedPart:
+def _place_part(robot: Robot, rng: np.random.Generator, what: str, segment: int, mass: float) -> AddedPart:
     """A part behind the trunk's centre of mass, on a back, or at the end of a hand or head (at rest, x ahead, z up)."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.rest)

@@ -43,13 +43,13 @@ def sensor_wrenches(
             pose = data.oMi[sensor.joint] * sensor.placement
             reading = pose.actInv(pin.Force(contacts[sensor.foot][row]))
             for segment in massive[sensor.name]:
-                needed = _needed(data, segment + 1, phi[10 * segment : 10 * segment + 10], gravity)
+                needed = _needed_wrench(data, segment + 1, phi[10 * segment : 10 * segment + 10], gravity)
                 reading -= pose.actInv(data.oMi[segment + 1].act(needed))
             wrenches[sensor.name][row] = reading.vector
     return wrenches
 
 
-def _needed(data: pin.Data, joint: int, phi: Array, gravity: Array) -> pin.Force:
+def _needed_wrench(data: pin.Data, joint: int, phi: Array, gravity: Array) -> pin.Force:
     """Wrench that a moving body needs, about its joint frame's origin and in that frame."""
     inertia = pin.Inertia.FromDynamicParameters(phi)
     twist = data.v[joint]

@@ -6,10 +6,10 @@ from html import escape
 from pathlib import Path
 
 from excite.atomic import write_text
-from excite.report.html import paragraph
-from excite.report.live import replay
-from excite.report.page import page
-from excite.report.replay.scene import scene
+from excite.report.html import html_paragraph
+from excite.report.live import live_replay
+from excite.report.page import html_page
+from excite.report.replay.scene import robot_scene
 from excite.viewer.thing import Thing
 
 _HOW = (
@@ -26,11 +26,13 @@ def record_page(thing: Thing, path: Path) -> Path:
         path: the HTML file.
     """
     tracks = {clip.title: clip.content for clip in thing.clips}
-    still = paragraph("Open this page in a browser that runs scripts and draws WebGL to see it move.", "lead")
-    shown = replay("view", scene(thing.robot), tracks, still)
+    still = html_paragraph(
+        "Open this page in a browser that runs scripts and draws WebGL to see it move.", "lead"
+    )
+    shown = live_replay("view", robot_scene(thing.robot), tracks, still)
     title = thing.robot.description.title
     body = (
         f"<header><p>{escape(thing.title)}</p><h1>{escape(title)}</h1></header>"
-        f'<main><section id="moving">{paragraph(_HOW, "lead moving")}{shown}</section></main>'
+        f'<main><section id="moving">{html_paragraph(_HOW, "lead moving")}{shown}</section></main>'
     )
-    return write_text(Path(path), page(thing.title, body))
+    return write_text(Path(path), html_page(thing.title, body))

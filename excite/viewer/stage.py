@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.report.replay.bodies import bodies
+from excite.report.replay.bodies import visible_bodies
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model, geometry_data
 from excite.viewer.clip import Clip
@@ -54,7 +54,7 @@ class Stage:
         self._add_ground()
         self.frames, self.meshes = self._add_robot("robot", _BODY, None)
         self.ghost_frames, self.ghost_meshes = self._add_robot("ghost", _GHOST, _OPACITY)
-        self._collisions = _collisions(self.robot)
+        self._collisions = _collision_geometry(self.robot)
         self._add_handles()
         self.choose(self.clip.title)
         self._look()
@@ -81,7 +81,7 @@ class Stage:
             scene.add_frame(f"/{name}/{joint}", show_axes=False) for joint in range(self.robot.model.njoints)
         ]
         meshes = []
-        for i, body in enumerate(bodies(self.robot)):
+        for i, body in enumerate(visible_bodies(self.robot)):
             mesh = scene.add_mesh_simple(
                 f"/{name}/{body.joint}/{i}",
                 body.corners.astype(np.float32),
@@ -152,9 +152,11 @@ class Stage:
         with self._lock:
             clip = self.clip
             self.time = float(np.clip(time, 0.0, clip.time[-1]))
-            self.pose(_at(self.robot, clip.time, clip.q, self.time))
+            self.pose(_configuration_at(self.robot, clip.time, clip.q, self.time))
             if clip.ghost is not None:
-                self._place(self.ghost_frames, _at(self.robot, clip.time, clip.ghost[1], self.time))
+                self._place(
+                    self.ghost_frames, _configuration_at(self.robot, clip.time, clip.ghost[1], self.time)
+                )
             self._setting = True
             self.scrubber.value = self.time
             for slider, value in zip(self.sliders, self._joints(), strict=True):
@@ -232,14 +234,14 @@ class Stage:
             self.show(self.time + seconds if self.time < end else 0.0)
 
 
-def _at(robot: Robot, time: Array, q: Array, when: float) -> Array:
+def _configuration_at(robot: Robot, time: Array, q: Array, when: float) -> Array:
     """The configuration at a time, between two frames."""
     after = int(np.clip(np.searchsorted(time, when), 1, len(time) - 1))
     share = (when - time[after - 1]) / (time[after] - time[after - 1])
     return np.asarray(pin.interpolate(robot.model, q[after - 1], q[after], float(np.clip(share, 0.0, 1.0))))
 
 
-def _collisions(robot: Robot) -> tuple[pin.GeometryModel, pin.GeometryData, float, list[str]] | None:
+def _collision_geometry(robot: Robot) -> tuple[pin.GeometryModel, pin.GeometryData, float, list[str]] | None:
     """Geometry, its data, the least distance [m], and each shape's link; None of a robot without geometry."""
     try:
         geometry = collision_model(robot)

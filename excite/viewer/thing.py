@@ -25,7 +25,7 @@ from excite.motion.motion import Motion
 from excite.motion.readers.registry import is_motion
 from excite.report.data import ReportData, load_report_data
 from excite.report.record import Record, read_record
-from excite.report.replay.tracks import tracks
+from excite.report.replay.tracks import motion_tracks
 from excite.report.replay.trial import TrialFrames, trial_frames
 from excite.robot.bringing import load_robot
 from excite.robot.robot import Robot
@@ -60,26 +60,26 @@ def read_thing(path: Path, robot: str | None = None) -> Thing:
     """
     path = Path(path)
     if path.name == "diagnosis.json" or (path / "diagnosis.json").exists():
-        return _diagnosis(path if path.is_dir() else path.parent, robot)
+        return _read_diagnosis(path if path.is_dir() else path.parent, robot)
     if path.name == "log.yaml" or (path / "log.yaml").exists():
-        return _log(path if path.is_dir() else path.parent, robot)
+        return _read_log(path if path.is_dir() else path.parent, robot)
     if path.name == "plan.json" or (path / "plan.json").exists():
-        return _plan(path if path.is_dir() else path.parent, robot)
+        return _read_plan(path if path.is_dir() else path.parent, robot)
     if not os.path.lexists(path):
         raise InputError(
             "is not there", source=path, remedy="give a motion, or the folder of a plan, log or diagnosis"
         )
-    return _motions(path, robot)
+    return _read_motions(path, robot)
 
 
-def _motions(path: Path, robot: str | None) -> Thing:
+def _read_motions(path: Path, robot: str | None) -> Thing:
     if path.is_dir() and not is_motion(path) and not _holds_motions(path):
         raise InputError(
             "holds no motion, plan, log or diagnosis",
             source=path,
             remedy="give a folder that excite plan, export, simulate, convert or diagnose wrote with --out",
         )
-    name = robot or _whose(path)
+    name = robot or _robot_name(path)
     if not name:
         raise InputError(
             "does not say which robot it is for", source=path, remedy="name it with --robot ROBOT"
@@ -89,7 +89,7 @@ def _motions(path: Path, robot: str | None) -> Thing:
     return Thing(path.name, loaded, tuple(_of_motion(loaded, motion) for motion in motions))
 
 
-def _whose(path: Path) -> str:
+def _robot_name(path: Path) -> str:
     """The robot that motions are for, if all say the same: bundled, or kept beside their plan; empty for none."""
     names = {robot_beside(file, motion_robot(file)) for file in motion_paths([path])}
     return names.pop() if len(names) == 1 else ""
@@ -103,7 +103,7 @@ def _holds_motions(folder: Path) -> bool:
         return False
 
 
-def _plan(folder: Path, robot: str | None) -> Thing:
+def _read_plan(folder: Path, robot: str | None) -> Thing:
     plan = read_document(folder / "plan.json", Plan, remedy="write it again with excite plan")
     loaded = load_robot(robot or (str(folder / plan.robot_file) if plan.robot_file else plan.robot))
     motions = [load_motion(folder / entry.motion, loaded) for entry in plan.selected]
@@ -117,7 +117,7 @@ def _plan(folder: Path, robot: str | None) -> Thing:
 
 
 def _of_motion(robot: Robot, motion: Motion) -> Clip:
-    shown = tracks(robot, motion)
+    shown = motion_tracks(robot, motion)
     time = shown.motion.time - shown.motion.time[0]
     q, v = shown.motion.joint_positions(), shown.motion.joint_velocities()
     curves = {
@@ -133,7 +133,7 @@ def _of_motion(robot: Robot, motion: Motion) -> Clip:
     )
 
 
-def _log(folder: Path, robot: str | None) -> Thing:
+def _read_log(folder: Path, robot: str | None) -> Thing:
     log = load_log(folder)
     loaded = nominal_robot(log) if robot is None else robot_for_log(robot, folder)
     record = Record(loaded, log)
@@ -147,7 +147,7 @@ def _of_trial(record: Record, trial: Trial) -> Clip:
     ghost = None if trial.q_cmd is None else ("commanded", trial.q_cmd)
     frames = trial_frames(record.robot, trial.name, trial.time, trial.q, joints, base=trial.base, ghost=ghost)
     curves = dict(_of_joints(joints, trial))
-    return _clip(f"{trial.name} · {trial.role}", frames, curves)
+    return _build_clip(f"{trial.name} · {trial.role}", frames, curves)
 
 
 def _of_joints(joints: tuple[str, ...], trial: Trial) -> Iterator[tuple[str, tuple[Curve, ...]]]:
@@ -166,7 +166,7 @@ def _of_joints(joints: tuple[str, ...], trial: Trial) -> Iterator[tuple[str, tup
         yield name, tuple(curves)
 
 
-def _diagnosis(folder: Path, robot: str | None) -> Thing:
+def _read_diagnosis(folder: Path, robot: str | None) -> Thing:
     document = read_document(
         folder / "diagnosis.json", Diagnosis, remedy="write it again with excite diagnose"
     ).content()
@@ -183,8 +183,8 @@ def _diagnosis(folder: Path, robot: str | None) -> Thing:
         if (folder / "report_data.npz").exists()
         else ReportData()
     )
-    curves = dict(_residuals(data))
-    clips = list(_simulated(record, data, bool(document["effects"]), curves))
+    curves = dict(_residual_curves(data))
+    clips = list(_simulated_clips(record, data, bool(document["effects"]), curves))
     if not clips:
         trial = record.trial(data.gap.trial if data.gap else "")
         clip = _of_trial(record, trial)
@@ -192,7 +192,7 @@ def _diagnosis(folder: Path, robot: str | None) -> Thing:
     return Thing(f"{folder.name}: {document['sentence'] or document['verdict']}", record.robot, tuple(clips))
 
 
-def _residuals(data: ReportData) -> Iterator[tuple[str, tuple[Curve, ...]]]:
+def _residual_curves(data: ReportData) -> Iterator[tuple[str, tuple[Curve, ...]]]:
     """By joint, what the model leaves of its reading, before and after the effects."""
     gap = data.gap
     if gap is None:
@@ -209,7 +209,9 @@ def _residuals(data: ReportData) -> Iterator[tuple[str, tuple[Curve, ...]]]:
         yield name, (Curve(title, time, left), Curve(f"reading [{unit}]", time, both))
 
 
-def _simulated(record: Record, data: ReportData, closed: bool, curves: dict[str, Any]) -> Iterator[Clip]:
+def _simulated_clips(
+    record: Record, data: ReportData, closed: bool, curves: dict[str, Any]
+) -> Iterator[Clip]:
     path = data.path
     if path is None or not set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names):
         return
@@ -231,8 +233,8 @@ def _simulated(record: Record, data: ReportData, closed: bool, curves: dict[str,
             for i, joint in enumerate(path.joints)
             if joint not in BASE_POSE
         }
-        yield _clip(f"{path.trial} · {name}", frames, apart)
+        yield _build_clip(f"{path.trial} · {name}", frames, apart)
 
 
-def _clip(title: str, frames: TrialFrames, curves: dict[str, tuple[Curve, ...]]) -> Clip:
+def _build_clip(title: str, frames: TrialFrames, curves: dict[str, tuple[Curve, ...]]) -> Clip:
     return Clip(title, np.asarray(frames.time), frames.q, frames.ghost, curves, frames.to_json())

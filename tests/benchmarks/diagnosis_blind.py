@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import median
 
 from excite.blind.make import load_answers, make_cases
-from excite.blind.score import BlindScore, score
+from excite.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.diagnose import diagnose
 from tests.benchmarks.table import Row
 
@@ -38,7 +38,7 @@ def scored(seed: int = SEED, cases: int = CASES) -> BlindScore:
             started = time.process_time()
             documents[case.name] = diagnose(case).to_json()
             seconds[case.name] = time.process_time() - started
-        return score(load_answers(folder), documents, seconds)
+        return score_diagnoses(load_answers(folder), documents, seconds)
 
 
 def percentages(result: BlindScore) -> Callable[[str], float]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.blind.make import load_answers, make_cases
-from excite.blind.score import BlindScore, score
+from excite.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import ExciteError
@@ -188,7 +188,7 @@ def compared(where: Path, documents: dict[str, dict[str, Any]], refused: tuple[s
         if document["effects"] and document["simulation"] and document["simulation"]["before"]
     }
     answers = {name: answer for name, answer in load_answers(where).items() if name in documents}
-    return Blind(score(answers, documents, {}), ratios, refused)
+    return Blind(score_diagnoses(answers, documents, {}), ratios, refused)
 
 
 def rows() -> list[Row]:

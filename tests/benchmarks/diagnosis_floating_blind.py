@@ -14,7 +14,7 @@ import numpy as np
 from excite.blind.floating.case import build_floating_case
 from excite.blind.floating.draw import floating_draft
 from excite.blind.hidden import Answer
-from excite.blind.score import BlindScore, score
+from excite.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.floating.answer.gap import residual_of
 from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
 from excite.diagnosis.floating.equations.band import in_band
@@ -61,7 +61,7 @@ def scored(seed: int = SEED, cases: int = CASES, first: int = 0) -> tuple[BlindS
                 truly = truly_closed(analysis, load_log(quiet))
                 covered.append(bool(interval[0] <= truly <= interval[1]))
             sys.stderr.write(f"{name} diagnosed in {seconds[name]:.0f} s\n")
-    return score(answers, documents, seconds), covered
+    return score_diagnoses(answers, documents, seconds), covered
 
 
 def truly_closed(analysis: Analysis, quiet: Log) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
 from excite.blind.case import recordings_of
-from excite.blind.draw import ROBOTS, draft
+from excite.blind.draw import ROBOTS, draft_case
 from excite.blind.make import _NOISE_TAU, _prepare, _session
 from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.arm.judged import judged_record
@@ -34,7 +34,7 @@ from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.execution import execute
+from excite.simulation.execution import execute_motion
 from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
 from tests.benchmarks.table import Row
@@ -121,7 +121,7 @@ def cases_of(seed: int, cases: int) -> Iterator[Case]:
     """
     for number, child in enumerate(np.random.SeedSequence(seed).spawn(cases)):
         rng = np.random.default_rng(child)
-        plan = replace(draft(number, rng, ROBOTS), faults=())
+        plan = replace(draft_case(number, rng, ROBOTS), faults=())
         if plan.kind in {"none", "unknown"} or "friction_drift" in dict(plan.effects):
             continue
         arm = arm_of(load_robot(plan.robot), plan.fixed, rng)
@@ -135,7 +135,7 @@ def cases_of(seed: int, cases: int) -> Iterator[Case]:
             for motion in arm_of(load_robot(plan.robot), plan.fixed, rng).motions[: 2 * PAIRS - len(more)]:
                 name, start = f"trial_{len(recordings) + len(more):02d}", len(recordings) + len(more)
                 session = start * (TRIAL_S + PAUSE_S)
-                run = execute(virtual, replace(motion, name=name), session_s=session, memory=memory)
+                run = execute_motion(virtual, replace(motion, name=name), session_s=session, memory=memory)
                 for reading in virtual.readings:
                     run = reading(run)
                 more.append(run)

@@ -18,7 +18,7 @@ from excite.identification.estimators.quadratic.hqp import HierarchicalProgram, 
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.loading import load_robot
 from tests.benchmarks.table import Row
@@ -44,7 +44,7 @@ def rows() -> list[Row]:
         duration=_SAMPLES_A_TRIAL / 50.0,
         rate=50.0,
     )
-    condensed = iterate_weights(regression(problem))
+    condensed = iterate_weights(condense_problem(problem))
     size = f"{len(robot.segments)} bodies, {problem.n_rows} rows"
     table = [*base, *_hierarchical(problem, condensed, size)]
     for name, solve, settings in (

@@ -12,7 +12,7 @@ import numpy as np
 
 from excite.excitation.optimisation.family import FourierFamily, WaypointFamily
 from excite.excitation.optimisation.limits import JointLimits
-from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise
+from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import measured_columns, regressor_rows
@@ -33,7 +33,7 @@ def rows() -> list[Row]:
 def _timed(task: ExcitationTask, settings: SearchSettings) -> tuple[SearchResult, float]:
     """The result, and half of the processor time [s]."""
     start = time.process_time()
-    result = optimise(task, settings)
+    result = optimise_excitation(task, settings)
     return result, 0.5 * (time.process_time() - start)
 
 

@@ -20,8 +20,8 @@ from excite.human.body import segment_box
 from excite.human.identified import identify_person
 from excite.human.measure import MeasureSettings, measure_person, measure_recordings, write_person
 from excite.human.segments import NAMES
-from excite.human.virtual.exercise import perform, repeated
-from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.exercise import perform_exercise, repeat_exercise
+from excite.human.virtual.laboratory import record_performance, record_standing
 from excite.human.virtual.person import Belt, VirtualSubject, draw_subject
 from excite.human.weight.added_mass import locate_added_mass
 from excite.human.weight.weight_candidate import AddedMass
@@ -65,9 +65,12 @@ def long_trial_row() -> Row:
     who = draw_subject(rng)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        short = write_c3d(record(who, perform(who.body, 5.0, seed=3), rng), folder / "short.c3d")
+        short = write_c3d(
+            record_performance(who, perform_exercise(who.body, 5.0, seed=3), rng), folder / "short.c3d"
+        )
         trial = write_c3d(
-            record(who, perform(who.body, 60.0, rate_hz=200.0, seed=3), rng), folder / "trial.c3d"
+            record_performance(who, perform_exercise(who.body, 60.0, rate_hz=200.0, seed=3), rng),
+            folder / "trial.c3d",
         )
         # Compiled once, as on a user's second trial.
         _segments(who, short, folder / "first")
@@ -88,15 +91,18 @@ def _segments(who: VirtualSubject, trial: Path, folder: Path) -> None:
 def experiment(rng: np.random.Generator, motion: int) -> tuple[Belt, AddedMass]:
     """A session without and one with a belt; returns the truth and what was found."""
     who = draw_subject(rng)
-    show = perform(who.body, SECONDS, seed=motion)
+    show = perform_exercise(who.body, SECONDS, seed=motion)
     segment = NAMES[rng.integers(len(NAMES))]
     mass = float(rng.uniform(1.0, 3.0))
     box = segment_box(who.body, NAMES.index(segment))
     place = box.mean(axis=0) + 0.25 * (box[1] - box[0]) * rng.uniform(-1.0, 1.0, 3)
     belt = Belt(segment, mass, tuple(place.tolist()))
-    again = repeated(who.body, show, rng)
-    sessions = [record(who, show, rng, name="without"), record(who, again, rng, belt, name="with")]
-    person = measure_recordings(who.body.subject, sessions, [standing(who, rng)], MeasureSettings())
+    again = repeat_exercise(who.body, show, rng)
+    sessions = [
+        record_performance(who, show, rng, name="without"),
+        record_performance(who, again, rng, belt, name="with"),
+    ]
+    person = measure_recordings(who.body.subject, sessions, [record_standing(who, rng)], MeasureSettings())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "log"
         write_person(person, folder)

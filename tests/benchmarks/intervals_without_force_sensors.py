@@ -15,7 +15,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.identification.judgement.statistics import base_statistics
 from excite.identification.problem import IdentificationProblem, build_problem
-from excite.identification.regression import iterate_weights, regression
+from excite.identification.regression import condense_problem, iterate_weights
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.motion.generators.registry import make_generator
@@ -75,7 +75,7 @@ def covered(robot: Robot, performed: list[Motion], draws: int) -> Array:
     held = []
     for draw in range(draws):
         problem = replace(blank, y=exact + noise[:, draw])
-        found = base_statistics(iterate_weights(regression(problem)))
+        found = base_statistics(iterate_weights(condense_problem(problem)))
         held.append(np.abs(found.estimate - found.base.values(blank.prior)) < found.half_width())
     return np.array(held)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from excite.campaign.experiment import virtual_robot
 from excite.campaign.journal import Journal
 from excite.robot.loading import load_robot
-from excite.simulation.replay import replay
+from excite.simulation.replay import replay_motion
 from tests.benchmarks.table import Row
 
 
@@ -45,7 +45,9 @@ def _planning(folder: Path) -> list[Row]:
         raise FileNotFoundError(folder / "iteration_1" / "plan.json")
     virtual = virtual_robot(robot, 0)
     motions = (*planned.chosen, *planned.validation)
-    upright = sum(replay(subject, motion).on_its_feet for subject in (robot, virtual) for motion in motions)
+    upright = sum(
+        replay_motion(subject, motion).on_its_feet for subject in (robot, virtual) for motion in motions
+    )
     safe = sum(motion["safe"] for motion in check["motions"])
     return [
         Row.at_least("G1: accepted candidates", plan["candidates"]["accepted"], 100),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.atomic import atomic_path
-from excite.report.theme import IDENTIFIED, MUTED, NOMINAL, draw, to_png
+from excite.report.theme import IDENTIFIED, MUTED, NOMINAL, draw_figure, to_png
 from tests.benchmarks.table import Row
 from tests.benchmarks.tree_memory import TreeMemory
 
@@ -176,4 +176,4 @@ def _draw(g1: dict[int, Work], joints: dict[str, Work], start: float, each: floa
         right.set_ylim(0.0, 1.25e3 * max(work.repairs for work in joints.values()) / _COUNT)
 
     with atomic_path(IMAGE) as temporary:
-        temporary.write_bytes(to_png(draw(paint, 2.6), dpi=100))
+        temporary.write_bytes(to_png(draw_figure(paint, 2.6), dpi=100))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import excite
-from excite.campaign.expected.prediction import predict
+from excite.campaign.expected.prediction import predict_statistics
 from tests.benchmarks.table import Row
 
 _FACTOR = 1.5
@@ -24,7 +24,7 @@ def rows() -> list[Row]:
     for name, method in _METHODS.items():
         robot = excite.load_robot(name)
         motions = excite.load_motions(name)
-        predicted = predict(robot, motions)
+        predicted = predict_statistics(robot, motions)
         rsd = predicted.essential_rsd()
         std = dict(zip(predicted.base.labels, predicted.std, strict=True))
         roles = {motion.name: "identification" for motion in motions}

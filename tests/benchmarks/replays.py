@@ -7,7 +7,7 @@ from itertools import cycle
 from excite.campaign.plan import plan
 from excite.campaign.planned import Plan
 from excite.robot.loading import load_robot
-from excite.simulation.replay import Replay, replay
+from excite.simulation.replay import Replay, replay_motion
 from tests.benchmarks.table import Row
 
 _ROBOTS = ("g1", "g1_no_ft", "talos", "hrp2like", "go2")
@@ -30,7 +30,7 @@ def _replayed(made: Plan) -> list[Row]:
     name = made.robot.name
     errors = zip(made.motions, cycle(_ERRORS), strict=False)
     runs: list[Replay] = [
-        replay(made.robot, m, mass_error=mass, friction_error=mu) for m, (mass, mu) in errors
+        replay_motion(made.robot, m, mass_error=mass, friction_error=mu) for m, (mass, mu) in errors
     ]
     fell, touched = sum(run.fell for run in runs), sum(run.self_collided for run in runs)
     title = f"{name}: {len(runs)} chosen motions replayed, mass and friction ±5 %"

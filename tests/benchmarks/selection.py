@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 import excite
-from excite.campaign.choice import candidates
-from excite.campaign.expected.prediction import predict
-from excite.excitation.conditioning import conditioning
-from excite.excitation.selection import SELECTIONS, Candidates, select
+from excite.campaign.choice import selection_candidates
+from excite.campaign.expected.prediction import predict_statistics
+from excite.excitation.conditioning import compute_conditioning
+from excite.excitation.selection import SELECTIONS, Candidates, select_motions
 from tests.benchmarks.table import Row
 
 _ROBOTS = (("ur10", 40), ("g1", 50))
@@ -21,13 +21,13 @@ def rows() -> list[Row]:
     for name, count in _ROBOTS:
         robot = excite.load_robot(name)
         plan = excite.plan(robot, n_candidates=count, seed=1, jobs=2)
-        pool = candidates(robot, plan.pool, plan.conditioning.base)
+        pool = selection_candidates(robot, plan.pool, plan.conditioning.base)
         found = {}
         for rule in SELECTIONS:
-            chosen = list(select(rule, pool).indices)
+            chosen = list(select_motions(rule, pool).indices)
             motions = [plan.accepted[i] for i in chosen]
-            judged = conditioning(robot, [plan.factors[i] for i in chosen], plan.conditioning.base)
-            rsd = list(predict(robot, motions).essential_rsd().values())
+            judged = compute_conditioning(robot, [plan.factors[i] for i in chosen], plan.conditioning.base)
+            rsd = list(predict_statistics(robot, motions).essential_rsd().values())
             found[rule] = judged.log_det
             worst = max(segment.condition for segment in judged.segments)
             table.append(
@@ -38,7 +38,9 @@ def rows() -> list[Row]:
                     None,
                 )
             )
-        best = _best_random(pool, float(pool.durations[list(select("best_three", pool).indices)].sum()))
+        best = _best_random(
+            pool, float(pool.durations[list(select_motions("best_three", pool).indices)].sum())
+        )
         table.append(
             Row.at_least(
                 f"{name}: log-determinant of the greedy choice against the best of {_RANDOM} random ones",
@@ -57,5 +59,7 @@ def _best_random(pool: Candidates, budget_s: float) -> float:
         for index in random.permutation(len(pool.durations)):
             if pool.durations[chosen].sum() + pool.durations[index] <= budget_s:
                 chosen.append(int(index))
-        best = max(best, conditioning(pool.robot, [pool.factors[i] for i in chosen], pool.base).log_det)
+        best = max(
+            best, compute_conditioning(pool.robot, [pool.factors[i] for i in chosen], pool.base).log_det
+        )
     return best

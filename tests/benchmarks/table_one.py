@@ -12,10 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from excite.campaign.choice import Rule, candidates, choose
+from excite.campaign.choice import Rule, choose_motions, selection_candidates
 from excite.campaign.pool import Keeper, Pool, ranked_segments
-from excite.excitation.conditioning import conditioning
-from excite.excitation.selection import select
+from excite.excitation.conditioning import compute_conditioning
+from excite.excitation.selection import select_motions
 from excite.motion.generators.mixture import plan_candidates
 from excite.progress import silent
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
@@ -44,8 +44,8 @@ def rows() -> list[Row]:
     bars = np.minimum(CONDITION_NUMBERS, _WORST)
     pool = _pool(robot)
     rule = Rule("segments", _SECONDS, dict(zip(segments, bars.tolist(), strict=True)))
-    choice = choose(robot, pool, base, rule, 2, silent)
-    best = select("best_three", candidates(robot, choice.pool, base)).indices
+    choice = choose_motions(robot, pool, base, rule, 2, silent)
+    best = select_motions("best_three", selection_candidates(robot, choice.pool, base)).indices
     chosen = choice.selection.indices
     found, three = (_conditions(robot, choice.pool, base, segments, pick) for pick in (chosen, best))
     steps = ladder(robot, base, choice.pool.motions.only(chosen))
@@ -105,6 +105,6 @@ def _conditions(
     robot: Robot, pool: Pool, base: BaseParameters, segments: Sequence[str], chosen: Sequence[int]
 ) -> np.ndarray:
     """Condition numbers over several motions, in the table's order, ``(31,)``."""
-    judged = conditioning(robot, pool.factors.only(chosen), base)
+    judged = compute_conditioning(robot, pool.factors.only(chosen), base)
     found = {segment.segment: segment.condition for segment in judged.segments}
     return np.array([found[segment] for segment in segments])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from excite.blind.board import board
+from excite.blind.board import score_board
 from excite.blind.entry.answers import read_entry
 from excite.blind.hidden import Answer, HiddenEffect, JointGap
 from excite.blind.score import score_entry
@@ -184,6 +184,6 @@ def test_entries_are_scored_by_the_command_side_by_side(tmp_path: Path) -> None:
 def test_a_figure_without_a_case_is_a_dash(tmp_path: Path) -> None:
     answers = {"case_000": NONE}
     result = score_entry(answers, read_entry(entry(tmp_path, case_000=said()), answers))
-    title, _, line = board({"a|b": result}).splitlines()
+    title, _, line = score_board({"a|b": result}).splitlines()
     cells = dict(zip(title.split(" | "), line.split(" | "), strict=True))
     assert (cells["| entry"], cells["none kept"], cells["placed"]) == ("| a/b", "100 %", "–")

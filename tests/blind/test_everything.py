@@ -12,7 +12,7 @@ import pytest
 import excite.blind.arm
 import excite.blind.make
 from excite.blind.everything.case import build_mixture
-from excite.blind.everything.draw import FEWEST, LARGEST, MOST, SMALLEST, Ingredient, Mixture, mixture
+from excite.blind.everything.draw import FEWEST, LARGEST, MOST, SMALLEST, Ingredient, Mixture, draw_mixture
 from excite.blind.everything.shares import true_shares
 from excite.blind.hidden import Answer
 from excite.blind.make import load_answers, make_cases
@@ -72,7 +72,7 @@ def test_a_bias_and_a_gain_take_the_gap_of_their_joints(short_trials: None) -> N
 
 
 def test_three_to_eight_effects_are_drawn_from_nothing_to_large_and_none_twice_at_a_place() -> None:
-    drawn = [mixture(np.random.default_rng(k), ("jaco2",)) for k in range(200)]
+    drawn = [draw_mixture(np.random.default_rng(k), ("jaco2",)) for k in range(200)]
     counts = {len(one.ingredients) for one in drawn}
     assert counts == set(range(FEWEST, MOST + 1))
     sizes = [item.size for one in drawn for item in one.ingredients]
@@ -90,7 +90,7 @@ def test_same_seed_same_bytes_and_the_answers_lie_beside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def few(rng: np.random.Generator, robots: tuple[str, ...]) -> Mixture:
-        plan = mixture(rng, robots)
+        plan = draw_mixture(rng, robots)
         return replace(plan, ingredients=plan.ingredients[:2])
 
     monkeypatch.setattr(excite.blind.make, "mixture", few)

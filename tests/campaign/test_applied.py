@@ -159,7 +159,7 @@ def test_a_joint_that_slides_has_units_of_its_own(tmp_path: Path) -> None:
         f"<joint name='turn' type='revolute'><parent link='cart'/><child link='bar'/>{limit}</joint></robot>"
     )
     changes = RobotChanges(coulomb={"lift": 3.0, "turn": 2.0}, armature={"lift": 4.0})
-    said = apply._written(changes, bringing.load_robot(str(tmp_path / "arm.urdf")))
+    said = apply._describe_changes(changes, bringing.load_robot(str(tmp_path / "arm.urdf")))
     assert said == ["coulomb [N·m]: turn 2", "coulomb [N]: lift 3", "armature [kg]: lift 4"]
 
 

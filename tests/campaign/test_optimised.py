@@ -13,7 +13,7 @@ from excite.campaign.candidates.search import Asked
 from excite.campaign.candidates.series import SeriesSettings
 from excite.campaign.plan import plan
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise
+from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
 from excite.robot.loading import load_robot
@@ -26,7 +26,7 @@ def test_series_aim_at_joints_in_turn_and_take_the_period_asked_for(
     """Of a search that stops early at its first optimum: how good it is does not matter here."""
 
     def quick(task: ExcitationTask, search: SearchSettings, **told: object) -> SearchResult:
-        return optimise(task, replace(search, kicks=0, effort=0.02), **told)
+        return optimise_excitation(task, replace(search, kicks=0, effort=0.02), **told)
 
     monkeypatch.setattr(optimised, "optimise", quick)
     aimed = ("wrist_2_joint", "elbow_joint")

@@ -10,8 +10,8 @@ import pytest
 
 import excite
 from excite.campaign.expected.forecast import Forecast
-from excite.campaign.expected.outlook import predictable
-from excite.campaign.expected.prediction import predict
+from excite.campaign.expected.outlook import is_predictable
+from excite.campaign.expected.prediction import predict_statistics
 from excite.campaign.planned import Plan
 from excite.identification.noise.equation_noise import equation_noise
 from excite.identification.noise.trial_grid import trial_grids
@@ -68,7 +68,9 @@ def test_predicted_rsd_is_found_within_a_factor(ur10: Robot, small_plan: Plan) -
 def test_four_times_the_same_motions_halve_every_deviation(ur10: Robot, small_plan: Plan) -> None:
     once = small_plan.motions[:3]
     again = [motion.renamed(f"{motion.name}_{turn}") for turn in range(4) for motion in once]
-    np.testing.assert_allclose(predict(ur10, again).std, 0.5 * predict(ur10, once).std, rtol=1e-6)
+    np.testing.assert_allclose(
+        predict_statistics(ur10, again).std, 0.5 * predict_statistics(ur10, once).std, rtol=1e-6
+    )
 
 
 def test_plan_says_what_to_expect_of_each_base_parameter(ur10: Robot, small_plan: Plan) -> None:
@@ -119,6 +121,6 @@ def test_a_forecast_tells_more_motion_from_too_much_motion() -> None:
 def test_a_robot_that_does_not_state_its_noise_gets_no_prediction(ur10: Robot, small_plan: Plan) -> None:
     sensors = ur10.description.sensors.model_copy(update={"noise_torque": None})
     silent = replace(ur10, description=ur10.description.model_copy(update={"sensors": sensors}))
-    assert not predictable(silent)
+    assert not is_predictable(silent)
     without = replace(small_plan, robot=silent)
     assert without.to_json()["base_parameters"] == [] and without.to_json()["forecast"] is None

@@ -15,14 +15,14 @@ from excite.campaign.on_disk import OnDisk
 from excite.campaign.plan import plan
 from excite.campaign.planned import Plan
 from excite.campaign.rank import rank
-from excite.campaign.rehearsal import loaded_robot, rehearse
+from excite.campaign.rehearsal import loaded_robot, rehearse_motions
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Rejection
-from excite.simulation.replay import replay
+from excite.simulation.replay import replay_motion
 from excite.simulation.virtual_robot import VirtualRobot
 
 FALLEN = Rejection("any", "fell_in_rehearsal", "base")
@@ -112,7 +112,7 @@ def test_chosen_motions_of_a_humanoid_were_rehearsed(g1: Robot, standing_plan: P
     generators = {motion.metadata.generator for motion in standing_plan.accepted}
     assert generators == {"random_joint", "leg_swing", "squat"}
     assert standing_plan.conditioning.n_base_parameters == 199
-    assert replay(g1, standing_plan.motions[0]).on_its_feet
+    assert replay_motion(g1, standing_plan.motions[0]).on_its_feet
 
 
 def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot, standing_plan: Plan) -> None:
@@ -122,7 +122,7 @@ def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot,
     ankles = [g1.n_base_q + g1.joint_index(f"{side}_ankle_pitch_joint") for side in ("left", "right")]
     leaning[:, waist] += 0.5
     leaning[:, ankles] += 0.4
-    stands, falls = rehearse(g1, [motion, replace(motion, q=leaning)])
+    stands, falls = rehearse_motions(g1, [motion, replace(motion, q=leaning)])
     assert stands is None and falls is not None
     assert falls.reason == "fell_in_rehearsal" and falls.time_s is not None
     assert falls.where == "base" or falls.where.endswith("at its torque limit")
@@ -144,7 +144,7 @@ def test_what_a_motion_does_not_stand_is_said_with_where_and_how_much(
             return replace(found, recording=record, replay=replace(found.replay, **changes))
 
         monkeypatch.setattr(rehearsal, "watched_run", run)
-        (refused,) = rehearse(g1, [motion])
+        (refused,) = rehearse_motions(g1, [motion])
         assert refused is not None
         return refused
 
@@ -178,7 +178,7 @@ def test_a_motion_near_falling_has_to_stand_without_the_load_too(
             return replace(found, replay=changed)
 
         monkeypatch.setattr(rehearsal, "watched_run", run)
-        return tuple(refused is None for refused in rehearse(g1, [motion]))
+        return tuple(refused is None for refused in rehearse_motions(g1, [motion]))
 
     assert verdict(0.01, 0.0, unloaded_stands=False) == (True,)
     assert verdict(0.01, 0.1, unloaded_stands=False) == verdict(0.06, 0.0, unloaded_stands=False) == (False,)
@@ -214,7 +214,7 @@ def test_a_one_leg_stance_carries_a_load_of_which_the_model_does_not_know(
     for offset in ((0.0, 0.05, 0.1), (0.0, -0.05, 0.1)):
         carrying = loaded_robot(g1, offset)
         assert carrying.truth.added_mass == pytest.approx(0.15 * g1.mass)
-        assert replay(carrying, swings[0]).on_its_feet
+        assert replay_motion(carrying, swings[0]).on_its_feet
 
 
 def test_where_few_are_safe_more_candidates_are_drawn(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

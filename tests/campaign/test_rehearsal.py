@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.campaign.rehearsal import AT_LIMIT, MOST_SLIP_M, rehearse, rehearse_alone
+from excite.campaign.rehearsal import AT_LIMIT, MOST_SLIP_M, rehearse_alone, rehearse_motions
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
@@ -49,7 +49,7 @@ def test_a_drive_at_its_limit_without_a_load_refuses_the_motion(g1: Robot, squat
     (verdict,) = report.verdicts
     assert not report.safe and verdict.reason.startswith(f"{AT_LIMIT} of ")
     assert verdict.violations[0].limit == torque[g1.joint_index(verdict.violations[0].where)]
-    (refused,) = rehearse(weak, [squat], load=0.001)
+    (refused,) = rehearse_motions(weak, [squat], load=0.001)
     assert refused is not None and refused.reason == AT_LIMIT
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from excite.campaign.result import Campaign
-from excite.campaign.targets import Earlier, Reason, joints_to_aim_at, misses
-from excite.report.conclusions.conclusion import conclusion
+from excite.campaign.targets import Earlier, Reason, joints_to_aim_at, missed_targets
+from excite.report.conclusions.conclusion import draw_conclusion
 from excite.report.folder import read_folder
 from excite.robot.robot import Robot
 
@@ -45,7 +45,7 @@ def test_a_deviation_that_does_not_fall_is_not_helped_by_motion(
     ur10: Robot, before: tuple[tuple[float, float], ...], now: float, reason: Reason
 ) -> None:
     earlier = [Earlier(seconds, {NAME: rsd}) for seconds, rsd in before]
-    (found,) = misses(ur10, [Estimate(NAME, now)], (), 6.0, seconds=100.0, earlier=earlier)  # type: ignore[list-item]
+    (found,) = missed_targets(ur10, [Estimate(NAME, now)], (), 6.0, seconds=100.0, earlier=earlier)  # type: ignore[list-item]
     assert found.reason is reason
     assert bool(joints_to_aim_at(ur10, [found])) is (reason is Reason.MORE_MOTION)
 
@@ -73,6 +73,6 @@ def test_more_motion_is_proposed_where_it_helps(
     assert last["helped"] == [m.parameter for m in result.missed if m.reason.helped_by_motion]
     last |= {"not_met": [NAME, "Ixx(wrist_1_link)"], "helped": helped}
     (folder / "campaign.json").write_text(json.dumps(document))
-    found = conclusion(read_folder(folder))
+    found = draw_conclusion(read_folder(folder))
     assert found is not None and said in found.found and found.command[0] == command
     assert found.good is False

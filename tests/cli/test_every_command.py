@@ -18,7 +18,7 @@ from excite.campaign.candidates.registry import SEARCHES
 from excite.campaign.schemas import schema_names
 from excite.cli.main import _run, app
 from excite.cli.session.examples import EXAMPLES
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit_result
 from excite.excitation.optimisation.criterion import CRITERIA
 from excite.excitation.selection import SELECTIONS
 from excite.export.registry import EXPORTERS
@@ -146,9 +146,9 @@ def test_what_comes_next_is_a_line_of_its_own_and_never_in_a_document(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     then = command_line("rank", "ur10", Path("my plan"))
-    emit("done", {"a": 1}, as_json=False, then=then)
+    emit_result("done", {"a": 1}, as_json=False, then=then)
     assert capsys.readouterr().out == "done\nthen: excite rank ur10 'my plan'\n"
-    emit("done", {"a": 1}, as_json=True, then=then)
+    emit_result("done", {"a": 1}, as_json=True, then=then)
     assert json.loads(capsys.readouterr().out) == {"a": 1}
 
 

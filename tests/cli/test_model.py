@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import excite
 from excite.cli.main import app
-from excite.cli.model import _share, _shown
+from excite.cli.model import _relative_change, _shown_changes
 from excite.export.simulators.comparison import Change
 from excite.logs.files import save_log
 from tests.diagnosis.two_joints import moved, two_joint_log
@@ -29,12 +29,17 @@ def test_digits_are_no_changes_of_what_was_zero() -> None:
         Change("arm", "Ixy", "kg·m²", 0.0, 1e-9),
         Change("elbow", "viscous", "N·m·s/rad", 0.0, 1e-6),
     )
-    assert [(row.place, row.parameter) for row in _shown(rows)] == [("arm", "com_z"), ("elbow", "viscous")]
+    assert [(row.place, row.parameter) for row in _shown_changes(rows)] == [
+        ("arm", "com_z"),
+        ("elbow", "viscous"),
+    ]
 
 
 def test_a_change_of_next_to_nothing_is_no_share_of_it() -> None:
     """A centre of mass of 2e-8 m that became 2 mm had grown by 10171486.6 %."""
-    said = [_share(Change("arm", "com_x", "m", before, 0.002)) for before in (0.0, 2e-8, 0.001, 0.0016)]
+    said = [
+        _relative_change(Change("arm", "com_x", "m", before, 0.002)) for before in (0.0, 2e-8, 0.001, 0.0016)
+    ]
     assert said == ["", "", " (+100.0 %)", " (+25.0 %)"]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import UnclearError
 from excite.conversion.mapping import Map
 from tests.conversion import written
@@ -67,4 +67,4 @@ def test_factors_by_joint_settle_them(source, data, arm, tmp_path):
     ],
 )
 def test_letters_of_axes_and_of_a_motors_field(name, quantity):
-    assert clue(name, JOINTS).quantity == quantity
+    assert read_clue(name, JOINTS).quantity == quantity

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from excite.conversion.guess import guess
+from excite.conversion.guess import guess_columns
 from excite.conversion.machine import load_machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import merged_names
@@ -21,7 +21,7 @@ CASES, LEAST = 20, 19
 
 def understood(case: Drawn) -> bool:
     (recording,) = read_source(case.file)
-    found = guess(merged_names(recording), load_machine(case.robot), Map())
+    found = guess_columns(merged_names(recording), load_machine(case.robot), Map())
     columns = {item.target: item.source for item in found.mapped}
     right = all(
         np.isclose(item.factor, case.factors[item.channel], rtol=1e-6)

@@ -10,8 +10,8 @@ import pytest
 from scipy.io import savemat
 
 import excite
-from excite.conversion.columns.joints import Placed, first_number, place
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.joints import Placed, first_number, place_columns
+from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import UnclearError
 from tests.conversion import written
 from tests.conversion.test_habits import table
@@ -30,8 +30,8 @@ QUADRUPED = [f"{leg}_{part}_joint" for leg in ("FL", "FR", "RL", "RR") for part 
 
 
 def placed(columns: list[str], joints: list[str]) -> Placed:
-    clues = {column: clue(column, joints) for column in columns}
-    return place(columns, clues, joints, first_number(list(clues.values())))
+    clues = {column: read_clue(column, joints) for column in columns}
+    return place_columns(columns, clues, joints, first_number(list(clues.values())))
 
 
 def words(pattern: str, joints: list[str], *changes: tuple[str, str]) -> dict[str, str]:

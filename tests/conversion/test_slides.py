@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.mapping import Map
 from excite.errors import ExciteError
 from tests.conversion import written
@@ -100,12 +100,12 @@ def test_a_force_of_the_lift_stands_beside_torques_of_joints_called_in_words(tmp
     "name", ["Left Elbow Torque", "LeftElbowTorque", "left-elbow torque", "LEFT_ELBOW/torque"]
 )
 def test_words_of_a_joints_name_are_parted_in_any_way(name):
-    assert clue(name, ["left_elbow", "elbow"]).exact == "left_elbow"
+    assert read_clue(name, ["left_elbow", "elbow"]).exact == "left_elbow"
 
 
 def test_numbers_of_a_joints_name_are_as_they_are_written():
     # Another program counts from another number.
-    assert clue("joint 1 pos", ["joint_1", "joint_2"]).exact == ""
+    assert read_clue("joint 1 pos", ["joint_1", "joint_2"]).exact == ""
 
 
 def test_joints_whose_torque_was_not_found_are_named(tmp_path):
@@ -170,5 +170,5 @@ def test_a_unit_that_joints_cannot_have_is_asked_about(unit, line, tmp_path):
 
 
 def test_a_joints_name_with_a_unit_of_velocity_is_one():
-    said = clue("haa_dps", ["haa", "hfe"])
+    said = read_clue("haa_dps", ["haa", "hfe"])
     assert (said.quantity, said.unit) == ("v", "deg/s")

@@ -13,7 +13,7 @@ import pytest
 from scipy.io import savemat
 
 import excite
-from excite.conversion.columns.anonymous import understand
+from excite.conversion.columns.anonymous import understand_columns
 from excite.conversion.guesses import UnclearError
 from excite.conversion.machine import load_machine
 from excite.conversion.mapping import Map
@@ -170,7 +170,7 @@ def test_blocks_without_known_names_are_told_by_what_postures_make_of_them(arm):
     external = 0.1 * rng.standard_normal(data["q"].shape)
     names = [f"{word}{k + 1}" for word in ("mp", "ip", "et", "mt") for k in range(3)]
     values = np.column_stack([data["q"], data["q_cmd"], external, data["tau"]])
-    found = understand(values, data["time"], load_machine(arm), JOINTS, names)
+    found = understand_columns(values, data["time"], load_machine(arm), JOINTS, names)
     assert found is not None and found.channels["tau"] == [9, 10, 11]
 
 

@@ -13,7 +13,7 @@ import excite
 from excite.conversion.columns.naming.unit_grammar import parse_unit
 from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, unit_named
 from excite.conversion.columns.units import TO_SI
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import UnclearError
 from excite.conversion.mapping import Map
 from tests.conversion import written
@@ -62,7 +62,7 @@ def test_units_are_read_by_their_parts(kind: str, size: float, text: str) -> Non
 )
 @pytest.mark.parametrize(("kind", "size", "text"), ALL)
 def test_names_state_units_in_any_spelling(kind: str, size: float, text: str, style: str) -> None:
-    said = clue(style.format(joint="elbow", word=WORDS[kind], unit=text), written.JOINTS)
+    said = read_clue(style.format(joint="elbow", word=WORDS[kind], unit=text), written.JOINTS)
     assert (said.quantity, said.exact) == (kind, "elbow")
     assert TO_SI[said.unit] == pytest.approx(size, rel=1e-6)
 
@@ -70,7 +70,7 @@ def test_names_state_units_in_any_spelling(kind: str, size: float, text: str, st
 @pytest.mark.parametrize("text", SINGLE)
 def test_single_words_are_units(text: str) -> None:
     kind, size = SINGLE[text]
-    said = clue(f"elbow_{'pos' if kind == 'q' else 'current'}_{text}", written.JOINTS)
+    said = read_clue(f"elbow_{'pos' if kind == 'q' else 'current'}_{text}", written.JOINTS)
     assert (said.quantity, TO_SI[said.unit]) == (kind, pytest.approx(size))
 
 
@@ -84,9 +84,9 @@ def test_what_is_no_unit_of_a_joint_is_none(text: str) -> None:
 
 def test_letters_of_a_name_are_no_seconds() -> None:
     """The side of a leg, or ticks a second, were velocities in seconds."""
-    assert clue("elbow_vel_s", written.JOINTS).unit == ""
-    assert clue("elbow_vel_ticks/s", written.JOINTS).unit == ""
-    assert clue("elbow_vel_rads", written.JOINTS).unit == "rad/s"
+    assert read_clue("elbow_vel_s", written.JOINTS).unit == ""
+    assert read_clue("elbow_vel_ticks/s", written.JOINTS).unit == ""
+    assert read_clue("elbow_vel_rads", written.JOINTS).unit == "rad/s"
 
 
 def table(file: Path, names: dict[str, np.ndarray]) -> Path:

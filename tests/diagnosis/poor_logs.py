@@ -8,14 +8,14 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.blind.arm import Arm, arm_of
-from excite.blind.forms import OWN_TERMS, hide
+from excite.blind.forms import OWN_TERMS, hide_effect
 from excite.blind.hidden import HiddenEffect
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.execution import execute
+from excite.simulation.execution import execute_motion
 from excite.simulation.sensing import log_header
 from excite.simulation.virtual_robot import VirtualRobot
 
@@ -95,7 +95,7 @@ class Case:
     def run(self, motion: Motion, name: str, role: str, repeats: str | None = None) -> None:
         """Run a motion and log it."""
         start = self.headers[-1].start_s + float(self.trials[-1].time[-1]) + PAUSE_S if self.trials else 0.0
-        recording = execute(self.virtual, motion.renamed(name), session_s=start, memory=self.memory)
+        recording = execute_motion(self.virtual, motion.renamed(name), session_s=start, memory=self.memory)
         for reading in self.virtual.readings:
             recording = reading(recording)
         self.headers.append(TrialHeader(file=f"{name}.parquet", role=role, start_s=start, repeats=repeats))
@@ -162,7 +162,7 @@ def build(recipe: Recipe, rng: np.random.Generator) -> Case:
     )
     if "coulomb_friction" in recipe.lacks:
         arm = replace(arm, virtual=without_coulomb(arm.virtual, recipe.effect))
-    virtual, answer = hide(arm.virtual, arm, recipe.effect, "plain", joint, recipe.size, rng)
+    virtual, answer = hide_effect(arm.virtual, arm, recipe.effect, "plain", joint, recipe.size, rng)
     modelled = ("rigid_body_fixed" if recipe.fixed else "rigid_body", *OWN_TERMS)
     modelled = tuple(word for word in modelled if word not in recipe.lacks)
     case = Case(virtual, answer, modelled, np.zeros(robot.n_joints), {}, [], [], int(rng.integers(1 << 31)))

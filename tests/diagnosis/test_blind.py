@@ -11,13 +11,13 @@ import yaml
 
 from excite.blind.arm import arm_of
 from excite.blind.case import build_case, recordings_of
-from excite.blind.detectability import DETECTABLE, detectability
+from excite.blind.detectability import DETECTABLE, effect_detectability
 from excite.blind.draw import Draft
-from excite.blind.forms import hide
+from excite.blind.forms import hide_effect
 from excite.blind.hidden import Answer, HiddenEffect
 from excite.blind.make import answers_file, load_answers, make_cases
 from excite.blind.parameter_error import parameter_error
-from excite.blind.score import score, score_case
+from excite.blind.score import score_case, score_diagnoses
 from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import InputError
@@ -97,7 +97,7 @@ def test_two_effects_are_counted_each() -> None:
         "a", answer, _document("effect", ("coulomb_asymmetry", "joint4"), ("backlash", "joint2"))
     )
     assert (both.found, both.hidden, both.extras) == (2, 2, 0)
-    figures = score({"a": answer}, {"a": _document("effect", ("backlash", "joint2"))}, {}).figures()
+    figures = score_diagnoses({"a": answer}, {"a": _document("effect", ("backlash", "joint2"))}, {}).figures()
     assert figures["double_found"] == 0.5
 
 
@@ -113,7 +113,7 @@ def test_an_effect_below_the_noise_is_called_hardly_detectable() -> None:
         for d in (0.01, 3.0)
     )
     documents = {"a": _document("none"), "b": _document("effect", ("torque_bias", "joint2"))}
-    result = score({"a": lost, "b": clear}, documents, {})
+    result = score_diagnoses({"a": lost, "b": clear}, documents, {})
     assert result.figures()["single_named"] == 0.5
     assert result.detectable.figures()["single_named"] == 1.0
     assert result.to_json()["figures_detectable"]["cases"] == 1
@@ -121,9 +121,9 @@ def test_an_effect_below_the_noise_is_called_hardly_detectable() -> None:
 
 def test_detectability_grows_with_the_effect_and_falls_with_noise() -> None:
     def clear(size: float, noise: float) -> float:
-        changed, _ = hide(arm.virtual, arm, "torque_gain", "plain", 1, size, np.random.default_rng(4))
+        changed, _ = hide_effect(arm.virtual, arm, "torque_gain", "plain", 1, size, np.random.default_rng(4))
         sigma = noise * (0.01 * plain[0].tau_motor.std(axis=0) + 1e-3)
-        return detectability(arm.virtual.robot, recordings_of(changed, arm), plain, modelled, sigma)
+        return effect_detectability(arm.virtual.robot, recordings_of(changed, arm), plain, modelled, sigma)
 
     arm = arm_of(load_robot("iiwa14"), True, np.random.default_rng(3))
     arm = replace(arm, motions=arm.motions[:1])
@@ -185,7 +185,7 @@ def test_median_errors_are_of_effects_found_at_their_place() -> None:
     document = _document("effect", ("torque_bias", "joint2"), ("backlash", "joint5"))
     for item, name in zip(document["effects"], ("bias", "width"), strict=True):
         item["parameters"] = {name: {"value": 1.2, "std": None, "unit": "1"}}
-    result = score({"a": answer}, {"a": document}, {})
+    result = score_diagnoses({"a": answer}, {"a": document}, {})
     assert result.parameter_errors == {"torque_bias": {"median": pytest.approx(0.2), "count": 1}}
     assert "error of torque bias" in result.summary()
 
@@ -194,5 +194,5 @@ def test_brier_is_the_mean_square_of_what_was_stated_too_much() -> None:
     sure, wrong = (_document("effect", ("torque_bias", place)) for place in ("joint2", "joint2"))
     sure["candidates"][0]["probability"], wrong["candidates"][0]["probability"] = 0.9, 0.7
     answers = {"a": _answer(("torque_bias", "joint2")), "b": _answer(("backlash", "joint2"))}
-    result = score(answers, {"a": sure, "b": wrong}, {})
+    result = score_diagnoses(answers, {"a": sure, "b": wrong}, {})
     assert result.brier == pytest.approx(0.5 * (0.1**2 + 0.7**2))

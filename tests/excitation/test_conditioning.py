@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, MotionError
-from excite.excitation.conditioning import conditioning, motion_factor, stack_factors
+from excite.excitation.conditioning import compute_conditioning, motion_factor, stack_factors
 from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.robot import Robot
@@ -42,7 +42,7 @@ def test_condition_numbers_are_those_of_the_stacked_regressor(
     factors = [motion_factor(robot, motion, 50.0) for motion in motions]
     rows = np.vstack([pinocchio_rows(robot, motion.resampled(robot, 50.0)) for motion in motions])
     base = structural_base_parameters(robot)
-    found = conditioning(robot, factors, base)
+    found = compute_conditioning(robot, factors, base)
     assert found.rank == found.n_base_parameters == base.rank
     assert found.factor.n_rows == len(rows)
     np.testing.assert_allclose(
@@ -76,7 +76,7 @@ def test_base_parameters_at_hand_leave_the_factor_as_it_is(tmp_path: Path) -> No
 
 def test_segments_of_an_arm_use_their_independent_columns(panda: Robot) -> None:
     factor = motion_factor(panda, sines(panda, "motion", 0))
-    found = conditioning(panda, [factor])
+    found = compute_conditioning(panda, [factor])
     # The first link turns about a vertical axis: Izz alone.
     assert found.segments[0].n_columns == 1
     assert found.segments[0].condition == pytest.approx(1.0)
@@ -87,14 +87,14 @@ def test_segments_of_an_arm_use_their_independent_columns(panda: Robot) -> None:
 
 def test_segments_beyond_ankle_sensors_are_left_out(g1: Robot) -> None:
     factor = motion_factor(g1, sines(g1, "motion", 0), 25.0)
-    names = [s.segment for s in conditioning(g1, [factor]).segments]
+    names = [s.segment for s in compute_conditioning(g1, [factor]).segments]
     feet = [g1.segments[s].name for sensor in g1.sensors for s in sensor.excludes]
     assert len(feet) == 2
     assert names == [s.name for s in g1.segments if s.name not in feet]
 
 
 def test_a_motion_that_lacks_rank_has_an_infinite_condition_number(panda: Robot) -> None:
-    found = conditioning(panda, [motion_factor(panda, sines(panda, "one joint", 0, moving=[3]))])
+    found = compute_conditioning(panda, [motion_factor(panda, sines(panda, "one joint", 0, moving=[3]))])
     assert found.rank < found.n_base_parameters
     assert found.full == np.inf
     assert found.log_det == -np.inf
@@ -109,14 +109,14 @@ def test_a_motion_that_lacks_rank_has_an_infinite_condition_number(panda: Robot)
 
 def test_one_more_motion_never_lowers_the_information(panda: Robot) -> None:
     factors = [motion_factor(panda, sines(panda, f"motion{i}", i)) for i in range(4)]
-    values = [conditioning(panda, factors[:n]).log_det for n in (1, 2, 3, 4)]
+    values = [compute_conditioning(panda, factors[:n]).log_det for n in (1, 2, 3, 4)]
     assert values == sorted(values)
 
 
 def test_a_rigid_offset_of_time_changes_nothing(panda: Robot) -> None:
     motion = sines(panda, "motion", 0)
     late = replace(motion, time=motion.time + 3.0)
-    a, b = (conditioning(panda, [motion_factor(panda, m)]).full for m in (motion, late))
+    a, b = (compute_conditioning(panda, [motion_factor(panda, m)]).full for m in (motion, late))
     assert a == pytest.approx(b, rel=1e-6)
 
 
@@ -143,4 +143,4 @@ def test_faults(panda: Robot, g1: Robot) -> None:
     with pytest.raises(InputError, match="different"):
         stack_factors([motion_factor(panda, motion, 50.0), motion_factor(panda, motion, 25.0)])
     with pytest.raises(InputError, match="other columns"):
-        conditioning(panda, [motion_factor(panda, motion)], structural_base_parameters(g1))
+        compute_conditioning(panda, [motion_factor(panda, motion)], structural_base_parameters(g1))

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from excite.errors import UnknownNameError
-from excite.excitation.conditioning import MotionFactor, conditioning, motion_factor, stack_factors
-from excite.excitation.greedy import LogDeterminant, TotalDeviation, greedy_choice, information
+from excite.excitation.conditioning import MotionFactor, compute_conditioning, motion_factor, stack_factors
+from excite.excitation.greedy import LogDeterminant, TotalDeviation, candidate_information, greedy_choice
 from excite.excitation.precision import nominal_values, predicted_std, row_noise
 from excite.excitation.ranking import rank
-from excite.excitation.selection import SELECTIONS, Candidates, select
+from excite.excitation.selection import SELECTIONS, Candidates, select_motions
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines
@@ -55,14 +55,16 @@ def random_choices(durations: np.ndarray, budget_s: float, count: int) -> list[l
 
 
 def log_det(candidates: Candidates, chosen: list[int]) -> float:
-    return conditioning(candidates.robot, [candidates.factors[i] for i in chosen], candidates.base).log_det
+    return compute_conditioning(
+        candidates.robot, [candidates.factors[i] for i in chosen], candidates.base
+    ).log_det
 
 
 @pytest.mark.parametrize("budget_s", [8.0, 13.0, 20.0])
 def test_no_random_choice_of_the_same_duration_has_a_larger_log_determinant(
     candidates: Candidates, budget_s: float
 ) -> None:
-    known = information(candidates.factors, candidates.base)
+    known = candidate_information(candidates.factors, candidates.base)
     chosen = greedy_choice(known, LogDeterminant(), candidates.durations, budget_s)
     assert candidates.durations[list(chosen)].sum() <= budget_s + 1e-9
     greedy = log_det(candidates, list(chosen))
@@ -72,7 +74,7 @@ def test_no_random_choice_of_the_same_duration_has_a_larger_log_determinant(
 
 
 def test_as_good_as_trying_every_choice(candidates: Candidates) -> None:
-    known = information(candidates.factors, candidates.base)
+    known = candidate_information(candidates.factors, candidates.base)
     # The last three cost too much.
     price = np.where(np.arange(12) < 9, 1.0, 9.0)
     chosen = greedy_choice(known, LogDeterminant(), price, 3.0)
@@ -90,14 +92,14 @@ def test_the_choice_by_rsd_has_the_least_of_the_three(candidates: Candidates) ->
 
     totals = {}
     for rule in SELECTIONS:
-        chosen = select(rule, candidates).indices
-        assert chosen == select(rule, candidates).indices
+        chosen = select_motions(rule, candidates).indices
+        assert chosen == select_motions(rule, candidates).indices
         totals[rule] = total([weighted[i] for i in chosen])
     assert totals["rsd"] <= min(totals.values())
 
 
 def test_gradients_are_those_of_the_criteria(candidates: Candidates) -> None:
-    known = information(candidates.factors, candidates.base)
+    known = candidate_information(candidates.factors, candidates.base)
     matrix, step = known.of(range(6)), 1e-4 * known.single[7]
     scale = np.maximum(np.abs(nominal_values(candidates.robot, candidates.base)), 0.01)
     for criterion in (LogDeterminant(), TotalDeviation(known.back, scale)):
@@ -107,11 +109,12 @@ def test_gradients_are_those_of_the_criteria(candidates: Candidates) -> None:
 
 def test_best_three_is_what_greedy_choices_are_compared_with(candidates: Candidates) -> None:
     seconds = {
-        rule: candidates.durations[list(select(rule, candidates).indices)].sum() for rule in SELECTIONS
+        rule: candidates.durations[list(select_motions(rule, candidates).indices)].sum()
+        for rule in SELECTIONS
     }
     assert max(seconds["log_det"], seconds["rsd"]) <= seconds["best_three"] + 1e-9
 
 
 def test_unknown_rule(candidates: Candidates) -> None:
     with pytest.raises(UnknownNameError, match=r"unknown selection 'worst'; choose one of best_three"):
-        select("worst", candidates)
+        select_motions("worst", candidates)

@@ -16,8 +16,8 @@ from excite.excitation.optimisation.criterion import CRITERIA, make_criterion
 from excite.excitation.optimisation.family import FourierFamily, MotionFamily, WaypointFamily
 from excite.excitation.optimisation.limits import JointLimits, linear_rows, peak_shares
 from excite.excitation.optimisation.objective import Objective
-from excite.excitation.optimisation.program import solve
-from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise
+from excite.excitation.optimisation.program import solve_program
+from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation
 from excite.excitation.optimisation.segments import closest_points
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.excitation.optimisation.torques import TorqueLimits
@@ -38,7 +38,9 @@ def iiwa() -> Robot:
 
 @pytest.fixture(scope="module")
 def found(iiwa: Robot) -> SearchResult:
-    return optimise(ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=0, seed=1), jobs=1)
+    return optimise_excitation(
+        ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=0, seed=1), jobs=1
+    )
 
 
 def _slope(function: Callable[[Array], Array | float], x: Array, way: Array) -> Array:
@@ -191,9 +193,9 @@ def test_motion_is_safe_by_the_independent_check_and_uses_its_limits(
 
 def test_value_is_the_condition_number_of_the_motion(found: SearchResult, iiwa: Robot) -> None:
     """Recomputed from the samples by another route: one R factor, the structural base parameters."""
-    from excite.excitation.conditioning import conditioning
+    from excite.excitation.conditioning import compute_conditioning
 
-    report = conditioning(iiwa, [motion_factor(iiwa, found.best.motion, 200.0)])
+    report = compute_conditioning(iiwa, [motion_factor(iiwa, found.best.motion, 200.0)])
     assert found.n_base == report.n_base_parameters
     assert found.best.value == pytest.approx(report.full, rel=0.02)
 
@@ -216,7 +218,7 @@ def test_solver_keeps_linear_rows_and_reaches_a_known_minimum(iiwa: Robot) -> No
     layout = ExcitationTask(iiwa, FAMILY).layout()
     rows = linear_rows(layout, _limits(iiwa), FAMILY.grid(12.0))
     target = 3.0 * np.random.default_rng(7).normal(size=layout.size)
-    solution = solve(
+    solution = solve_program(
         lambda x: (0.5 * float((x - target) @ (x - target)), x - target),
         rows,
         np.zeros(layout.size),
@@ -237,7 +239,9 @@ def test_interrupt_keeps_the_best_so_far(iiwa: Robot) -> None:
         if done == 1:
             raise KeyboardInterrupt
 
-    result = optimise(ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=4), progress=interrupt)
+    result = optimise_excitation(
+        ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=4), progress=interrupt
+    )
     assert result.interrupted
     assert len(result.found) == 1
     assert result.best.verdict.safe
@@ -254,7 +258,7 @@ def test_interrupt_inside_the_solver_reaches_the_caller(iiwa: Robot) -> None:
         return float(x @ x), 2.0 * x
 
     with pytest.raises(KeyboardInterrupt):
-        solve(
+        solve_program(
             objective,
             linear_rows(layout, _limits(iiwa), FAMILY.grid(8.0)),
             np.ones(layout.size),
@@ -264,7 +268,9 @@ def test_interrupt_inside_the_solver_reaches_the_caller(iiwa: Robot) -> None:
 
 @pytest.mark.slow
 def test_result_does_not_depend_on_the_number_of_processes(found: SearchResult, iiwa: Robot) -> None:
-    other = optimise(ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=0, seed=1), jobs=2)
+    other = optimise_excitation(
+        ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=0, seed=1), jobs=2
+    )
     for one, two in zip(found.found, other.found, strict=True):
         assert one.motion.q.tobytes() == two.motion.q.tobytes()
         assert one.value == two.value
@@ -274,11 +280,11 @@ def test_limits_without_room_are_one_clear_error(iiwa: Robot) -> None:
     velocity = iiwa.limits.velocity.copy()
     velocity[2] = 0.0
     with pytest.raises(NoSolutionError, match=r"joint3.*velocity"):
-        optimise(ExcitationTask(iiwa, FAMILY, limits=_limits(iiwa, velocity=velocity)))
+        optimise_excitation(ExcitationTask(iiwa, FAMILY, limits=_limits(iiwa, velocity=velocity)))
     start = np.zeros(7)
     start[1] = 3.0
     with pytest.raises(NoSolutionError, match=r"joint2.*starts at 3"):
-        optimise(ExcitationTask(iiwa, FAMILY, start=start))
+        optimise_excitation(ExcitationTask(iiwa, FAMILY, start=start))
 
 
 def test_bad_settings_are_named(iiwa: Robot) -> None:
@@ -289,6 +295,6 @@ def test_bad_settings_are_named(iiwa: Robot) -> None:
     with pytest.raises(InputError, match="harmonics"):
         FourierFamily(8.0, 2)
     with pytest.raises(InputError, match="amplitude_sums"):
-        optimise(ExcitationTask(iiwa, FAMILY, amplitude_sums=True))
+        optimise_excitation(ExcitationTask(iiwa, FAMILY, amplitude_sums=True))
     with pytest.raises(InputError, match="independent"):
-        optimise(ExcitationTask(iiwa, FAMILY, independent=np.arange(57)))
+        optimise_excitation(ExcitationTask(iiwa, FAMILY, independent=np.arange(57)))

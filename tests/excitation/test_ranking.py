@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.excitation.conditioning import conditioning, motion_factor
+from excite.excitation.conditioning import compute_conditioning, motion_factor
 from excite.excitation.ranking import Ranking, rank
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines
@@ -17,7 +17,7 @@ def test_ranking_is_each_motions_own_conditioning(panda: Robot) -> None:
     factors = [motion_factor(panda, motion) for motion in motions]
     ranking = rank(panda, factors)
     for m, factor in enumerate(factors):
-        own = conditioning(panda, [factor]).segments
+        own = compute_conditioning(panda, [factor]).segments
         np.testing.assert_array_equal(ranking.condition[m], [s.condition for s in own])
     last = ranking.segments[-1]
     best = ranking.best(last)

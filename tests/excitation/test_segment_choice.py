@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from excite.excitation.conditioning import MotionFactor, conditioning, motion_factor
+from excite.excitation.conditioning import MotionFactor, compute_conditioning, motion_factor
 from excite.excitation.segment_choice import choose_by_segments, segment_information
 from excite.excitation.sub_regressors import segment_columns
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
@@ -36,7 +36,7 @@ def factors(panda: Robot) -> list[MotionFactor]:
 
 
 def worst(panda: Robot, factors: list[MotionFactor], base: BaseParameters, chosen: tuple[int, ...]) -> dict:
-    judged = conditioning(panda, [factors[i] for i in chosen], base)
+    judged = compute_conditioning(panda, [factors[i] for i in chosen], base)
     return {segment.segment: segment.condition for segment in judged.segments}
 
 

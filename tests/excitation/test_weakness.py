@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.excitation.conditioning import MotionFactor, conditioning, motion_factor
-from excite.excitation.weakness import gains, unexcited, weak_directions
+from excite.excitation.conditioning import MotionFactor, compute_conditioning, motion_factor
+from excite.excitation.weakness import motion_gains, unexcited_parameters, weak_directions
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import measured_columns, regressor_rows
 from excite.regressor.factor import r_factor
@@ -38,7 +38,9 @@ def test_joints_that_rest_leave_their_friction_unexcited(panda: Robot) -> None:
     motions = [
         sines(panda, f"motion{i}", i, moving=[j for j in range(7) if j not in still]) for i in range(2)
     ]
-    found = unexcited(conditioning(panda, [motion_factor(panda, motion) for motion in motions]))
+    found = unexcited_parameters(
+        compute_conditioning(panda, [motion_factor(panda, motion) for motion in motions])
+    )
     labels = {parameter.label for parameter in found}
     friction = {label for label in labels if label.startswith(("viscous", "coulomb"))}
     assert friction == {f"{term}({panda.joint_names[j]})" for term in ("viscous", "coulomb") for j in still}
@@ -48,7 +50,7 @@ def test_joints_that_rest_leave_their_friction_unexcited(panda: Robot) -> None:
 
 def test_nothing_is_unexcited_when_all_joints_move(panda: Robot) -> None:
     factors = [motion_factor(panda, sines(panda, f"motion{i}", i)) for i in range(3)]
-    assert unexcited(conditioning(panda, factors)) == ()
+    assert unexcited_parameters(compute_conditioning(panda, factors)) == ()
 
 
 def test_a_humanoid_on_its_feet_with_still_legs_lacks_leg_parameters(g1: Robot) -> None:
@@ -57,21 +59,23 @@ def test_a_humanoid_on_its_feet_with_still_legs_lacks_leg_parameters(g1: Robot) 
         for j, name in enumerate(g1.joint_names)
         if "leg" not in name and name.startswith(("left_s", "waist"))
     ]
-    found = unexcited(conditioning(g1, [motion_factor(g1, sines(g1, "arm", 0, moving=arms), 25.0)]))
+    found = unexcited_parameters(
+        compute_conditioning(g1, [motion_factor(g1, sines(g1, "arm", 0, moving=arms), 25.0)])
+    )
     assert any("knee" in parameter.label for parameter in found)
     assert len(found) > 50
 
 
 def test_gain_is_the_change_of_the_stacked_conditioning(panda: Robot) -> None:
     first, second = (motion_factor(panda, sines(panda, f"motion{i}", i)) for i in range(2))
-    before, after = conditioning(panda, [first]), conditioning(panda, [first, second])
-    (gain,) = gains(before, [second])
+    before, after = compute_conditioning(panda, [first]), compute_conditioning(panda, [first, second])
+    (gain,) = motion_gains(before, [second])
     assert gain.motion == "motion1"
     assert gain.log_det == pytest.approx(after.log_det - before.log_det, rel=1e-9)
     assert gain.full == pytest.approx(after.full, rel=1e-9)
     assert gain.rank == 0
-    lame = conditioning(panda, [motion_factor(panda, sines(panda, "lame", 0, moving=[2, 3]))])
-    (gain,) = gains(lame, [second])
+    lame = compute_conditioning(panda, [motion_factor(panda, sines(panda, "lame", 0, moving=[2, 3]))])
+    (gain,) = motion_gains(lame, [second])
     assert gain.rank == lame.n_base_parameters - lame.rank > 0
     assert gain.log_det is None
 
@@ -118,13 +122,13 @@ def standing(robot: Robot, feet: tuple[str, ...], n: int) -> MotionFactor:
 def test_double_support_leaves_leg_parameters_unexcited_and_one_leg_stances_do_not(g1: Robot) -> None:
     plates = replace(g1, sensors=tuple(replace(sensor, excludes=()) for sensor in g1.sensors))
     for robot, lacking in ((plates, 21), (g1, 7)):
-        both = conditioning(robot, [standing(robot, ("left_foot", "right_foot"), 150)])
+        both = compute_conditioning(robot, [standing(robot, ("left_foot", "right_foot"), 150)])
         assert both.n_base_parameters - both.rank == lacking
-        labels = {parameter.label for parameter in unexcited(both)}
+        labels = {parameter.label for parameter in unexcited_parameters(both)}
         assert all("hip" in label or "ankle" in label for label in labels)
         # A sole at rest shows nothing of its foot's inertia; ankle sensors leave the foot out altogether.
         feet = {label for label in labels if "ankle_roll" in label}
         assert ("Ixy(left_ankle_roll_link)" in feet) == (robot is plates)
-        one_leg = conditioning(robot, [standing(robot, (foot.name,), 100) for foot in robot.feet])
+        one_leg = compute_conditioning(robot, [standing(robot, (foot.name,), 100) for foot in robot.feet])
         assert one_leg.rank == one_leg.n_base_parameters
-        assert unexcited(one_leg) == ()
+        assert unexcited_parameters(one_leg) == ()

@@ -19,8 +19,8 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_file, check_motion
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import drive_torques
-from excite.safety.repairs.route import route
-from excite.safety.repairs.transfers import transfer
+from excite.safety.repairs.route import find_route
+from excite.safety.repairs.transfers import plan_transfer
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def arm() -> Robot:
 
 def moved_to(robot: Robot, end: np.ndarray, start: np.ndarray, name: str = "away") -> Motion:
     """A motion from rest to rest between two postures, neither of them the robot's own."""
-    part = transfer(robot, start, end, 125.0)
+    part = plan_transfer(robot, start, end, 125.0)
     return Motion(name, robot.name, robot.joint_names, 3.0 + part.time, part.q, part.v, part.a)
 
 
@@ -64,7 +64,7 @@ def test_the_way_goes_round_the_robots_own_bodies(arm: Robot, tmp_path: Path) ->
     folded = np.array([-1.58, -2.79, 1.62, 2.7, -1.64, -2.02])
     straight = check_motion(arm, moved_to(arm, folded, arm.rest))
     assert {violation.kind for violation in straight.violations} == {"self_collision"}
-    there = route(arm, arm.rest, folded, np.random.default_rng(0))
+    there = find_route(arm, arm.rest, folded, np.random.default_rng(0))
     assert there is not None and len(there) > 2
     np.testing.assert_array_equal([there[0], there[-1]], [arm.rest, folded])
     bend = moved_to(arm, folded + 0.02, folded, "bend")
@@ -79,7 +79,7 @@ def test_the_way_goes_round_the_robots_own_bodies(arm: Robot, tmp_path: Path) ->
 @pytest.mark.parametrize("size", [0.3, 0.02, 1e-3, 1e-6])
 def test_ways_of_any_length_keep_their_share_of_the_limits(size: float, arm: Robot) -> None:
     way = size * np.array([1.0, -0.3, 0.2, 0.0, 0.5, 1.0])
-    part = transfer(arm, arm.rest, arm.rest + way, 125.0)
+    part = plan_transfer(arm, arm.rest, arm.rest + way, 125.0)
     assert (np.abs(part.v) <= 0.501 * arm.limits.velocity).all()
     assert (np.abs(part.a) <= 0.501 * arm.limits.acceleration).all()
     np.testing.assert_allclose(part.q[-1], arm.rest + way, atol=1e-12)

@@ -11,7 +11,7 @@ import pytest
 from excite.export.models.differences import find_differences
 from excite.identification.judgement.statistics import base_statistics
 from excite.identification.judgement.uncertainty import parameter_uncertainty
-from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot
 from tests.export.identified import identification_of
 from tests.identification.synthetic import arm_rows, assemble
@@ -52,7 +52,7 @@ def test_uncertainty_is_that_of_data_and_prior_together() -> None:
     measured = 1.05 * rows @ robot.nominal_parameters + rng.normal(size=len(rows))
     names = [f"p{k}" for k in range(60)]
     problem = assemble(robot, [rows], [measured], robot.joint_names, np.ones(6), time, names)
-    statistics = base_statistics(iterate_weights(regression(problem)))
+    statistics = base_statistics(iterate_weights(condense_problem(problem)))
     spread = np.full(6, 0.5)
     found = parameter_uncertainty(problem, statistics, spread)
     prior = prior_std(problem, spread)

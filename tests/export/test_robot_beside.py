@@ -16,7 +16,7 @@ from excite.cli.main import _run
 from excite.export.export import export_motions
 from excite.export.whose import robot_beside
 from excite.motion.files import save_motion
-from excite.robot.bringing import kept, load_robot
+from excite.robot.bringing import keep_description, load_robot
 from excite.viewer.thing import read_thing
 from tests.robot.small import ARM
 from tests.simulation.motions import standing
@@ -25,7 +25,7 @@ from tests.simulation.motions import standing
 def _planned(folder: Path) -> Path:
     """A plan's folder: motions in one, the model's first description in another."""
     (folder / "mine.urdf").write_text(ARM, encoding="utf-8")
-    robot = kept(load_robot(folder / "mine.urdf"), folder / "plan")
+    robot = keep_description(load_robot(folder / "mine.urdf"), folder / "plan")
     (folder / "plan" / "motions").mkdir()
     save_motion(standing(robot), folder / "plan" / "motions" / "still.parquet")
     return folder / "plan"

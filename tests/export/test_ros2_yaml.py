@@ -17,7 +17,7 @@ from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_file
-from excite.safety.repairs.transfers import transfer
+from excite.safety.repairs.transfers import plan_transfer
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def test_other_yaml_is_no_motion(arm: Robot) -> None:
 def test_several_goals_end_where_the_joints_stand_still_and_are_one_motion(tmp_path: Path) -> None:
     robot = load_robot("ur10")
     start = robot.rest + 0.3
-    part = transfer(robot, start, start + 0.2, 125.0)
+    part = plan_transfer(robot, start, start + 0.2, 125.0)
     away = Motion("away", robot.name, robot.joint_names, part.time, part.q, part.v, part.a)
     path = export_motion(
         away, robot, "ros2-yaml", tmp_path / "away", approach=True, settings={"segments": "rests"}

@@ -9,8 +9,8 @@ import pytest
 
 from excite.human.measure import MeasuredPerson, measure_recordings
 from excite.human.recording import Recording
-from excite.human.virtual.exercise import Performance, perform
-from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.exercise import Performance, perform_exercise
+from excite.human.virtual.laboratory import record_performance, record_standing
 from excite.human.virtual.person import VirtualSubject, draw_subject
 
 
@@ -29,8 +29,10 @@ def session() -> Session:
     """Five seconds of motion with half of the usual noise, and standing."""
     rng = np.random.default_rng(5)
     who = draw_subject(rng)
-    show = perform(who.body, 5.0, seed=2)
-    return Session(who, show, record(who, show, rng, noise=0.5), standing(who, rng, noise=0.5))
+    show = perform_exercise(who.body, 5.0, seed=2)
+    return Session(
+        who, show, record_performance(who, show, rng, noise=0.5), record_standing(who, rng, noise=0.5)
+    )
 
 
 @pytest.fixture(scope="session")

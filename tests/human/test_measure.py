@@ -14,7 +14,7 @@ from excite.human.measure import write_person
 from excite.human.plates.ground_reaction import ReactionTable, ground_reactions
 from excite.human.segments import JOINT_NAMES
 from excite.human.urdf import urdf_text
-from excite.human.virtual.exercise import perform
+from excite.human.virtual.exercise import perform_exercise
 from excite.human.virtual.laboratory import ground_wrench
 from excite.human.virtual.person import true_model
 from excite.logs.files import load_log
@@ -73,7 +73,7 @@ def test_log_is_read_back_with_its_robot(person, tmp_path):
 def test_ground_reaction_of_the_true_body_is_that_of_inverse_dynamics(session, person, tmp_path):
     """True motion and parameters: both curves against pinocchio's, in the world, about a point of the ground."""
     body = session.who.body
-    show = perform(session.who.body, 20.0, seed=8)
+    show = perform_exercise(session.who.body, 20.0, seed=8)
     wrench = ground_wrench(true_model(body), show)
     header = person.log.header
     plates = [np.array(sensor.xyz) for sensor in header.sensors]

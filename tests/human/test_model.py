@@ -15,7 +15,7 @@ from excite.human.markers.inverse_kinematics import MarkerModel
 from excite.human.markers.tree_loops import marker_equations, solve_tree
 from excite.human.osim import osim_text
 from excite.human.posture.joint_angles import base_pose, frame_turn, joint_angles, pose_of
-from excite.human.posture.skeleton import place, point_jacobian
+from excite.human.posture.skeleton import place_segments, point_jacobian
 from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS
 from excite.human.subject import Subject
 from excite.human.urdf import robot_yaml, urdf_text
@@ -41,7 +41,7 @@ def test_pinocchio_and_the_skeleton_agree(tmp_path):
     robot = load_robot(tmp_path / "robot.yaml")
     assert robot.n_joints == 34 and robot.mass == pytest.approx(70.0)
     base, angles = postures(4)
-    placed = place(pose_of(base, angles), BODY.offsets)
+    placed = place_segments(pose_of(base, angles), BODY.offsets)
     data = robot.model.createData()
     order = [7 + robot.joint_names.index(name) for name in JOINT_NAMES]
     for i in range(4):
@@ -70,14 +70,15 @@ def test_jacobian_against_finite_differences():
     pose = pose_of(base, angles)
     segment = np.array([2, 5, 14, 8])
     local = np.random.default_rng(0).normal(size=(4, 3)) * 0.1
-    placed = place(pose, BODY.offsets)
+    placed = place_segments(pose, BODY.offsets)
     exact = point_jacobian(placed, placed.points(segment, local), segment)
     h = 1e-6
     for column in range(40):
         step = np.zeros((2, 40))
         step[:, column] = h
         ahead, behind = (
-            place(pose.moved(sign * step), BODY.offsets).points(segment, local) for sign in (1.0, -1.0)
+            place_segments(pose.moved(sign * step), BODY.offsets).points(segment, local)
+            for sign in (1.0, -1.0)
         )
         assert exact[..., column] == pytest.approx((ahead - behind) / (2 * h), abs=1e-8)
 
@@ -107,7 +108,7 @@ def test_the_step_along_the_tree_is_the_dense_one():
     """Normal matrix and gradient from composite bodies, and their solution, against the Jacobian's."""
     rng = np.random.default_rng(2)
     base, angles = postures(1, seed=4)
-    placed = place(pose_of(base, angles), BODY.offsets)
+    placed = place_segments(pose_of(base, angles), BODY.offsets)
     segment = np.arange(45) % 15
     points = placed.points(segment, 0.1 * rng.normal(size=(45, 3)))
     target, weight = points + 0.01 * rng.normal(size=points.shape), rng.uniform(0.0, 2.0, 45)

@@ -13,8 +13,8 @@ from excite.cli.main import app
 from excite.errors import InputError
 from excite.human.identified import split_trials
 from excite.human.subject import Subject
-from excite.human.virtual.exercise import perform, repeated
-from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.exercise import perform_exercise, repeat_exercise
+from excite.human.virtual.laboratory import record_performance, record_standing
 from excite.human.virtual.person import Belt, draw_subject
 from excite.human.virtual.session import simulate_person
 from excite.human.weight.weight_candidate import AddedMass, Candidate
@@ -45,11 +45,11 @@ def test_trials_with_and_without_a_weight_are_kept_apart(person):
 def test_a_belt_is_found_from_files(tmp_path):
     rng = np.random.default_rng(12)
     who = draw_subject(rng)
-    show = perform(who.body, 20.0, seed=4)
+    show = perform_exercise(who.body, 20.0, seed=4)
     belt = Belt("left_foot", 2.0, (0.05, 0.0, -0.03))
-    base = record(who, show, rng)
-    loaded = record(who, repeated(who.body, show, rng), rng, belt)
-    static = replace(standing(who, rng), plates=base.plates)
+    base = record_performance(who, show, rng)
+    loaded = record_performance(who, repeat_exercise(who.body, show, rng), rng, belt)
+    static = replace(record_standing(who, rng), plates=base.plates)
     recordings = {"base": base, "belt": loaded, "standing": static}
     files = [write_c3d(recording, tmp_path / f"{name}.c3d") for name, recording in recordings.items()]
     out = tmp_path / "out"

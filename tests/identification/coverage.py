@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.identification.judgement.statistics import BaseStatistics, base_statistics
 from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
@@ -189,7 +189,7 @@ class Experiment:
         """A problem condensed; the same as doing it anew, only faster."""
         problem = self.problem(seed)
         if self.encoder > 0.0:
-            return regression(problem)
+            return condense_problem(problem)
         y = problem.y
         width = problem.n_params + 1
         factors = np.zeros((self.n_channels, width, width))

@@ -18,10 +18,10 @@ from excite.identification.estimators.conic.conic import (
     ConicProblem,
     conic_distance,
     interior_point,
-    refined,
+    refine_answer,
 )
 from excite.identification.estimators.conic.lmi import PhysicallyConsistent
-from excite.identification.estimators.entropic.entropic_newton import newton
+from excite.identification.estimators.entropic.entropic_newton import newton_steps
 from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer, EntropicProblem
 from excite.identification.estimators.entropic.geometric import entropic_divergence, pullback_metric
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
@@ -92,7 +92,7 @@ def test_refinement_reaches_rounding():
     problem = ConicProblem(target, nothing, (cones,))
     rough = interior_point(problem, 1e-3)
     exact = cones.projected(target[None])[0]
-    better = refined(problem, rough)
+    better = refine_answer(problem, rough)
     assert np.abs(better.z - exact).max() < 1e-12 < np.abs(rough.z - exact).max()
     assert conic_distance(problem, rough) >= np.linalg.norm(rough.z - exact)
 
@@ -183,7 +183,7 @@ class TestLyingSolvers:
     @pytest.mark.parametrize("lie", ["nominal", "ignores", "nan"])
     def test_entropic_is_caught(self, lie, problem):
         def liar(entropic: EntropicProblem) -> EntropicAnswer:
-            true = newton(entropic)
+            true = newton_steps(entropic)
             if lie == "nominal":
                 return EntropicAnswer(np.zeros_like(true.z), np.zeros_like(true.multipliers))
             if lie == "ignores":
@@ -260,7 +260,7 @@ class TestGeometricDistances:
             for e in np.eye(n)
         ]
         np.testing.assert_allclose(entropic.hessian(z), curves, atol=1e-6)
-        found = newton(entropic)
+        found = newton_steps(entropic)
         assert np.abs(entropic.gradient(found.z)).max() < 1e-9
 
     @pytest.mark.parametrize("regulariser", ["pullback", "entropic"])

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.identification.constraints.inertia_cone import icosphere, quadratic_rows
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.inertia_cone import icosphere_corners, quadratic_rows
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators.quadratic.projection import distance_to_optimum
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement.consistency import check_consistency
@@ -49,7 +49,7 @@ class TestConsistency:
 class TestSphere:
     @pytest.mark.parametrize(("level", "count"), [(0, 12), (1, 42), (5, 10242)])
     def test_corners(self, level, count):
-        points = icosphere(level)
+        points = icosphere_corners(level)
         assert len(points) == count
         np.testing.assert_allclose(np.linalg.norm(points, axis=1), 1.0)
         assert len(np.unique(points.round(9), axis=0)) == count
@@ -57,7 +57,7 @@ class TestSphere:
     def test_rows_are_the_quadratic_form(self):
         """Eq. (14) of Jovic et al. 2016."""
         ten = pin.Inertia.Random().toDynamicParameters()
-        vectors = icosphere(1)
+        vectors = icosphere_corners(1)
         expected = np.einsum("vi,ij,vj->v", vectors, inertia_matrices(ten)[0], vectors)
         np.testing.assert_allclose(quadratic_rows(vectors) @ ten[4:], expected, rtol=1e-9, atol=1e-12)
 
@@ -66,7 +66,7 @@ class TestProjection:
     def test_known_corner(self):
         half = LinearConstraints(np.eye(2), np.array([1.0, -5.0]), ("a:x", "a:y"))
         equal = LinearConstraints(np.array([[1.0, 1.0]]) / np.sqrt(2), np.array([0.0]), ("b:sum",), 1)
-        rows = stack([half, equal], 2)
+        rows = stack_constraints([half, equal], 2)
         answer = project(np.array([0.0, 2.0]), rows)
         np.testing.assert_allclose(answer.z, [1.0, -1.0], atol=1e-12)
         assert distance_to_optimum(np.array([0.0, 2.0]), rows, answer) < 1e-7

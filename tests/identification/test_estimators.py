@@ -11,7 +11,7 @@ import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.constraints.inertia_cone import icosphere
+from excite.identification.constraints.inertia_cone import icosphere_corners
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.least_squares.ls import LeastSquares, LsSettings
 from excite.identification.estimators.method_settings import estimator_settings
@@ -21,7 +21,7 @@ from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.inertia import inertia_matrices
 from excite.identification.judgement.consistency import check_consistency
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from tests.identification.dual_active_set import project
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
 
@@ -114,7 +114,7 @@ def test_qp_without_active_constraints_is_ridge_regression(g1):
     problem = wrench_problem(g1, g1.nominal_parameters, seed=4, trials=1, duration=6.0, noise=0.05)
     wide = equivalent_boxes(g1, growth=40.0)
     settings = QpSettings(com_boxes=wide, inertia_floor=0.0, prior_spread=0.01, total_mass=None, alpha=3.0)
-    rows = iterate_weights(regression(problem))
+    rows = iterate_weights(condense_problem(problem))
     found = QuadraticProgram().estimate(problem, settings)
     scales = prior_std(problem, 0.01)
     weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[problem.channel]
@@ -149,7 +149,7 @@ class TestConstraintsOfTheProgram:
     def test_all_sphere_vectors_hold(self, problem):
         """Eq. (13) of Jovic et al. 2016 on its 10 242 vectors, evaluated directly."""
         parameters = QuadraticProgram().estimate(problem, QpSettings()).parameters
-        vectors = icosphere(5)
+        vectors = icosphere_corners(5)
         assert vectors.shape == (10242, 3)
         values = np.einsum("vi,sij,vj->sv", vectors, inertia_matrices(parameters), vectors)
         assert values.min() > 0.0

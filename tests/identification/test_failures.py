@@ -13,14 +13,14 @@ from typer.testing import CliRunner
 from excite.cli.main import app
 from excite.errors import NoSolutionError
 from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.constraints.inertia_cone import icosphere
+from excite.identification.constraints.inertia_cone import icosphere_corners
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.conic.adaptive import Adaptive
 from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
 from excite.identification.estimators.conic.cls3 import DensityRealisable
 from excite.identification.estimators.conic.conic import interior_point
 from excite.identification.estimators.conic.lmi import PhysicallyConsistent
-from excite.identification.estimators.entropic.entropic_newton import newton
+from excite.identification.estimators.entropic.entropic_newton import newton_steps
 from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer
 from excite.identification.estimators.least_squares import ls, robust, wls
 from excite.identification.estimators.least_squares import map as map_module
@@ -116,7 +116,7 @@ def linear_violation(problem: IdentificationProblem, parameters: np.ndarray) -> 
 )
 def test_best_point_meets_the_constraints(estimator, standing):
     mass = float(modified_g1_parameters(standing.robot)[::10].sum())
-    regulariser = "euclidean" if getattr(estimator, "_entropic", newton) is newton else "entropic"
+    regulariser = "euclidean" if getattr(estimator, "_entropic", newton_steps) is newton_steps else "entropic"
     settings = dict(SETTINGS, regulariser=regulariser, total_mass=mass, bound_width=20.0)
     with pytest.raises(NoSolutionError) as caught:
         estimated(estimator, standing, **settings)
@@ -132,7 +132,7 @@ def test_best_point_meets_the_constraints(estimator, standing):
     if estimator.consistent:
         assert np.linalg.eigvalsh(pseudo_inertia_matrices(best.parameters)).min() > -1e-9
     else:
-        vectors = icosphere(3)
+        vectors = icosphere_corners(3)
         inertia = inertia_matrices(best.parameters)
         assert np.einsum("vi,sij,vj->sv", vectors, inertia, vectors).min() > 0.0
     # What fits no better than the nominal model is not the best that is known.

@@ -13,7 +13,7 @@ from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify_problem
 from excite.identification.judgement.changes import find_changes
 from excite.identification.judgement.statistics import base_statistics
-from excite.identification.regression import iterate_weights, regression
+from excite.identification.regression import condense_problem, iterate_weights
 from excite.identification.result import SCHEMA
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
 
@@ -95,7 +95,7 @@ def test_summary_names_the_changes(result):
 
 def test_unchanged_robot_has_no_changed_segments(g1, feet):
     problem = wrench_problem(g1, g1.nominal_parameters, seed=5, trials=2, cutoff=8.0, unmeasured=feet)
-    rows = iterate_weights(regression(problem))
+    rows = iterate_weights(condense_problem(problem))
     assert find_changes(rows, base_statistics(rows).noise).segments == ()
 
 
@@ -103,7 +103,7 @@ def test_unchanged_robot_has_no_changed_segments(g1, feet):
 def test_changed_segments_at_ten_times_the_noise(g1, feet, seed):
     true = modified_g1_parameters(g1)
     problem = wrench_problem(g1, true, seed=seed, trials=2, noise=10.0, cutoff=8.0, unmeasured=feet)
-    rows = iterate_weights(regression(problem))
+    rows = iterate_weights(condense_problem(problem))
     found = find_changes(rows, base_statistics(rows).noise)
     assert {item.link for item in found.segments} == set(CHANGED)
 

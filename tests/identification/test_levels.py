@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from excite.errors import NoSolutionError
 from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
 from excite.identification.estimators.least_squares import robust
@@ -33,7 +33,7 @@ from excite.identification.estimators.quadratic.hqp import (
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.physical.known_bounds import KnownBounds
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot
 from tests.identification.synthetic import arm_problem
 
@@ -131,7 +131,7 @@ def test_rows_of_a_family_count_as_if_they_were_listed():
             levels = [Level("1", first), Level("2", second)]
             family = Listed(many)
             whole = list(levels)
-            whole[place] = Level("both", stack([levels[place].constraints, many], N))
+            whole[place] = Level("both", stack_constraints([levels[place].constraints, many], N))
             other = solve_hierarchy(tuple(whole), matrix, measured, ActiveSetProjector())
             if other.slacks[place]:
                 continue
@@ -162,7 +162,7 @@ def test_a_start_does_not_change_the_optimum():
 def test_what_is_pinned_stays_and_what_is_added_gives_way_to_the_point():
     rng = np.random.default_rng(0)
     x = rng.normal(size=N)
-    state = HierarchyState(x, np.eye(N), stack([], N))
+    state = HierarchyState(x, np.eye(N), stack_constraints([], N))
     rows = unit_rows(rng, 3, 0.0)
     state.pin(rows)
     assert state.basis.shape == (N, N - 3)
@@ -211,7 +211,7 @@ def test_the_first_level_holds_or_there_is_no_result(slacks, at, status):
 def test_without_levels_it_is_weighted_least_squares_nearest_to_nominal(arm):
     settings = HqpSettings()
     found = HierarchicalProgram(levels=lambda *_: ()).estimate(arm, settings)
-    rows = iterate_weights(regression(arm))
+    rows = iterate_weights(condense_problem(arm))
     scaled = scaled_parameters(rows, settings)
     weighted = arm.Y / rows.std[arm.channel, None]
     expected = np.linalg.lstsq(
@@ -225,7 +225,7 @@ def test_without_levels_it_is_weighted_least_squares_nearest_to_nominal(arm):
 
 def test_levels_are_those_of_the_paper(arm):
     settings = HqpSettings(sphere_epsilon=1e-3, mirror=None)
-    rows = iterate_weights(regression(arm))
+    rows = iterate_weights(condense_problem(arm))
     scaled = scaled_parameters(rows, settings)
     first, second = paper_levels(rows, settings, scaled)
     assert {label.split(":")[0] for label in first.constraints.labels} == {"non_negative", "com_box"}
@@ -263,7 +263,7 @@ def test_violations_active_rows_and_residual_are_those_of_the_parameters(arm):
 
 def test_bounds_are_spreads_about_nominal_or_those_given(arm):
     settings = Cls1Settings(bound_width=2.0, prior_spread=0.3)
-    rows = iterate_weights(regression(arm))
+    rows = iterate_weights(condense_problem(arm))
     lower, upper = parameter_bounds(rows, settings)
     spread = prior_std(arm, settings.spreads(arm.robot))
     masses = np.arange(arm.n_params) % 10 == 0

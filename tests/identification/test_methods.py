@@ -10,7 +10,7 @@ import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.bounds import within_bounds
-from excite.identification.constraints.inertia_cone import icosphere
+from excite.identification.constraints.inertia_cone import icosphere_corners
 from excite.identification.constraints.mass_range import masses_in_range
 from excite.identification.constraints.mirror import mirrored_pairs, mirrored_parameters
 from excite.identification.constraints.sphere import SphereRows
@@ -75,7 +75,7 @@ class TestHierarchicalProgram:
         settings = HqpSettings()
         found = HierarchicalProgram().estimate(standing, settings)
         moving = [k for k in range(30) if k not in standing.unmeasured]
-        vectors = icosphere(5)
+        vectors = icosphere_corners(5)
         assert vectors.shape == (10242, 3)
         inertia = inertia_matrices(found.parameters)[moving]
         values = np.einsum("vi,sij,vj->sv", vectors, inertia, vectors)
@@ -201,7 +201,7 @@ class TestRows:
 
     def test_sphere_rows_are_half_the_vectors_and_cuts_are_violated_rows(self, arm):
         sphere = SphereRows(arm, 0.01, 3)
-        assert 2 * len(sphere.vectors) == len(icosphere(3))
+        assert 2 * len(sphere.vectors) == len(icosphere_corners(3))
         cuts = sphere.cuts(arm.prior, 1e-9)
         assert (cuts.matrix @ arm.prior < cuts.bound).all() and len(cuts.bound)
         raised = sphere.lifted(arm.prior)

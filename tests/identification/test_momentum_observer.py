@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, LogError
-from excite.identification.momentum_observer import momentum_and_rate, momentum_residual, observe
+from excite.identification.momentum_observer import momentum_and_rate, momentum_residual, observe_momentum
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, LogHeader, Trial
 from excite.robot.loading import load_robot
@@ -53,7 +53,7 @@ def test_terms_are_those_of_pinocchio(panda, motion):
 
 def test_no_contact_no_residual(panda, motion):
     time, q, v, torque = motion
-    found = observe(panda, time, q, v, torque, panda.nominal_parameters, gain=GAIN)
+    found = observe_momentum(panda, time, q, v, torque, panda.nominal_parameters, gain=GAIN)
     assert max(found.largest().values()) < 1e-4
 
 
@@ -62,7 +62,7 @@ def test_contact_shows_through_a_first_order_lag(panda, motion):
     time, q, v, torque = motion
     pushed = torque.copy()
     pushed[time >= 1.0, 3] -= 3.0
-    found = observe(panda, time, q, v, pushed, panda.nominal_parameters, gain=GAIN).residual
+    found = observe_momentum(panda, time, q, v, pushed, panda.nominal_parameters, gain=GAIN).residual
     expected = np.where(time >= 1.0, 3.0 * (1.0 - np.exp(-GAIN * (time - 1.0))), 0.0)
     assert np.abs(found[:, 3] - expected).max() < 3.0 * GAIN / RATE
     assert np.abs(np.delete(found, 3, axis=1)).max() < 1e-4
@@ -71,7 +71,9 @@ def test_contact_shows_through_a_first_order_lag(panda, motion):
 def test_uneven_time_stamps(panda, motion):
     time, q, v, torque = motion
     kept = np.sort(np.random.default_rng(0).choice(len(time), len(time) // 2, replace=False))
-    found = observe(panda, time[kept], q[kept], v[kept], torque[kept], panda.nominal_parameters, gain=GAIN)
+    found = observe_momentum(
+        panda, time[kept], q[kept], v[kept], torque[kept], panda.nominal_parameters, gain=GAIN
+    )
     assert max(found.largest().values()) < 5e-3
 
 
@@ -79,14 +81,14 @@ def test_wrong_mass_shows(panda, motion):
     time, q, v, torque = motion
     wrong = panda.nominal_parameters.copy()
     wrong[-10:] *= 1.5
-    found = observe(panda, time, q, v, torque, wrong, gain=GAIN)
+    found = observe_momentum(panda, time, q, v, torque, wrong, gain=GAIN)
     assert max(found.largest().values()) > 0.1
 
 
 def test_parameters_of_no_body_are_no_obstacle(panda, motion):
     """Minimum-norm least squares may leave masses of zero."""
     time, q, v, torque = (part[:50] for part in motion)
-    found = observe(panda, time, q, v, torque, 0.0 * panda.nominal_parameters, gain=GAIN)
+    found = observe_momentum(panda, time, q, v, torque, 0.0 * panda.nominal_parameters, gain=GAIN)
     assert np.isfinite(found.residual).all()
 
 
@@ -136,12 +138,12 @@ class TestOverALog:
 @pytest.mark.parametrize("gain", [0.0, -1.0, float("nan")])
 def test_bad_gain(panda, motion, gain):
     with pytest.raises(InputError, match="gain"):
-        observe(panda, *(part[:5] for part in motion), panda.nominal_parameters, gain=gain)
+        observe_momentum(panda, *(part[:5] for part in motion), panda.nominal_parameters, gain=gain)
 
 
 def test_bad_samples(panda, motion):
     time, q, v, torque = (part[:5] for part in motion)
     with pytest.raises(InputError, match="does not increase"):
-        observe(panda, time[::-1], q, v, torque, panda.nominal_parameters, gain=GAIN)
+        observe_momentum(panda, time[::-1], q, v, torque, panda.nominal_parameters, gain=GAIN)
     with pytest.raises(InputError, match="shapes"):
-        observe(panda, time, q, v[:3], torque, panda.nominal_parameters, gain=GAIN)
+        observe_momentum(panda, time, q, v[:3], torque, panda.nominal_parameters, gain=GAIN)

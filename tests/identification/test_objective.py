@@ -9,7 +9,7 @@ import pytest
 
 from excite.errors import InputError, UnknownNameError
 from excite.identification.constraints.body import pseudo_inertia_cones
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, finite_or_raised, no_solution
 from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
@@ -27,7 +27,7 @@ from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, prior_std, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot
 from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
@@ -43,7 +43,7 @@ def problem() -> IdentificationProblem:
 
 @pytest.fixture(scope="module")
 def rows(problem) -> Regression:
-    return iterate_weights(regression(problem))
+    return iterate_weights(condense_problem(problem))
 
 
 SETTINGS = PullSettings(alpha=2.5, prior_spread=0.3)
@@ -216,7 +216,7 @@ def test_a_projection_and_its_multipliers_are_stationary():
     assert (answer.multipliers[2:] >= 0.0).all() and (answer.multipliers[:2] < 0.0).any()
     assert np.allclose(answer.multipliers * slack, 0.0, atol=1e-12)
     assert distance_to_optimum(target, constraints, answer) < 1e-7
-    free = project(target, stack([], len(target)))
+    free = project(target, stack_constraints([], len(target)))
     assert free is not None and np.array_equal(free.z, target) and len(free.multipliers) == 0
 
 
@@ -364,7 +364,7 @@ def test_what_is_known_is_feasible_or_said_not_to_be(problem, rows, objective):
     def within(z: np.ndarray) -> dict[str, float]:
         return {"away": max(float(np.linalg.norm(z)) - 1e-3, 0.0)}
 
-    nothing = stack([], problem.n_params)
+    nothing = stack_constraints([], problem.n_params)
     best = best_known("qp", rows, objective, nothing, [], within)
     assert best.status is SolveStatus.NOT_OPTIMAL
     assert np.linalg.norm(objective.coordinates(best.parameters)) == pytest.approx(1e-3, abs=1e-7)

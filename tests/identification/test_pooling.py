@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError
-from excite.identification.sessions.pooling import between_variance, pool
+from excite.identification.sessions.pooling import between_variance, pool_estimates
 
 K = 6
 
@@ -29,7 +29,7 @@ def test_intervals_hold_the_mean_and_the_next_session(n_sessions, between):
     of_mean, of_next = [], []
     for _ in range(60):
         mean, following, values, covariances = simulated(rng, n_sessions, between)
-        found = pool(values, covariances)
+        found = pool_estimates(values, covariances)
         of_mean.append((found.mean_interval[0] < mean) & (mean < found.mean_interval[1]))
         of_next.append((found.next_interval[0] < following) & (following < found.next_interval[1]))
     assert np.mean(of_mean) > 0.91
@@ -45,7 +45,7 @@ def test_sessions_that_agree_give_the_textbook_mean():
     _, _, _, covariances = simulated(rng, 5, 0.0)
     mean = np.arange(K, dtype=float)
     values = mean + 1e-9 * rng.standard_normal((5, K))
-    found = pool(values, covariances)
+    found = pool_estimates(values, covariances)
     assert (found.between == 0.0).all() and (found.inconsistency == 0.0).all()
     information = np.linalg.inv(covariances).sum(axis=0)
     np.testing.assert_allclose(found.covariance, np.linalg.inv(information), rtol=1e-8)
@@ -70,11 +70,14 @@ def test_units_do_not_matter():
     rng = np.random.default_rng(5)
     _, _, values, covariances = simulated(rng, 4, 1.0)
     size = 10.0 ** np.arange(-4, 2)
-    plain, scaled = pool(values, covariances), pool(values * size, covariances * np.outer(size, size))
+    plain, scaled = (
+        pool_estimates(values, covariances),
+        pool_estimates(values * size, covariances * np.outer(size, size)),
+    )
     np.testing.assert_allclose(scaled.mean, plain.mean * size, rtol=1e-8)
     np.testing.assert_allclose(scaled.next_interval, plain.next_interval * size, rtol=1e-8)
 
 
 def test_one_session_is_refused():
     with pytest.raises(InputError, match="at least two"):
-        pool(np.zeros((1, K)), np.eye(K)[None])
+        pool_estimates(np.zeros((1, K)), np.eye(K)[None])

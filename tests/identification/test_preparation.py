@@ -10,7 +10,7 @@ import pytest
 from excite.errors import InputError, LogError
 from excite.identification.alignment import estimate_torque_delay
 from excite.identification.explanation import explain_signals
-from excite.identification.preparation import advanced, prepare_trial
+from excite.identification.preparation import advance_torques, prepare_trial
 from excite.identification.problem import build_problem
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix
@@ -146,7 +146,7 @@ def test_a_delay_of_torques_is_estimated_and_taken_out(robot: Robot, delay: floa
 def test_shifting_takes_all_forces_and_no_positions(robot: Robot) -> None:
     trial = made_log(robot).trials[0]
     trial = replace(trial, wrenches={"foot": np.column_stack([np.sin(trial.time)] * 6)})
-    shifted = advanced(trial, 0.0123)
+    shifted = advance_torques(trial, 0.0123)
     assert shifted.q is trial.q
     inner = slice(10, -10)
     expected = np.sin(trial.time + 0.0123)[inner]

@@ -8,7 +8,7 @@ import pytest
 
 from excite.arrays import Array, Moved
 from excite.identification.problem import IdentificationProblem
-from excite.identification.rollout import HORIZON_S, departures
+from excite.identification.rollout import HORIZON_S, model_departures
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -68,7 +68,7 @@ def test_an_arm_goes_where_forward_dynamics_take_it(panda: Robot) -> None:
     time, q, v, a = moving(panda)
     true, model = with_payload(panda, 0.3), panda.model
     problem = problem_of(panda, joint_torque_regressor(model, q, v, a), true, time, panda.joint_names)
-    found = departures(problem, panda.nominal_parameters, time, Moved(q, v, a))
+    found = model_departures(problem, panda.nominal_parameters, time, Moved(q, v, a))
     assert found is not None
 
     model = model.copy()
@@ -87,7 +87,7 @@ def test_an_arm_goes_where_forward_dynamics_take_it(panda: Robot) -> None:
     ends = np.arange(stretch - 1, len(time) - 1, stretch)
     assert np.abs(apart[ends]).max() > 0.01
     np.testing.assert_allclose(found[ends], apart[ends], atol=0.01 * np.abs(apart[ends]).max())
-    np.testing.assert_allclose(departures(problem, true, time, Moved(q, v, a)), 0.0, atol=1e-9)
+    np.testing.assert_allclose(model_departures(problem, true, time, Moved(q, v, a)), 0.0, atol=1e-9)
 
 
 def test_the_base_of_a_standing_robot_falls_as_fast_as_the_ground_lacks_force(g1: Robot) -> None:
@@ -96,7 +96,7 @@ def test_the_base_of_a_standing_robot_falls_as_fast_as_the_ground_lacks_force(g1
     heavy = 1.1 * g1.nominal_parameters
     rows = base_link_regressor(g1.model, q, v, a)
     problem = problem_of(g1, rows, g1.nominal_parameters, time, ("fx", "fy", "fz", "tx", "ty", "tz"))
-    found = departures(problem, heavy, time, Moved(q, v, a))
+    found = model_departures(problem, heavy, time, Moved(q, v, a))
     assert found is not None
     # A body that weighs a tenth more than the ground carries falls with an eleventh of g.
     end = round(HORIZON_S * RATE) - 1
@@ -110,7 +110,7 @@ def test_rows_that_are_missing_leave_the_record_as_it_is(panda: Robot) -> None:
     rows = joint_torque_regressor(panda.model, q, v, a)
     kept = (time < 0.22) | (time > 0.28)
     problem = problem_of(panda, rows[kept], with_payload(panda, 0.3), time[kept], panda.joint_names)
-    found = departures(problem, panda.nominal_parameters, time, Moved(q, v, a))
+    found = model_departures(problem, panda.nominal_parameters, time, Moved(q, v, a))
     assert found is not None
     stretch = (time / HORIZON_S + 1e-9).astype(int)
     assert not found[stretch == 2].any()
@@ -125,4 +125,4 @@ def test_parameters_of_no_bodies_go_nowhere(panda: Robot, mass: float) -> None:
     )
     wrong = panda.nominal_parameters.copy()
     wrong[10] = mass
-    assert departures(problem, wrong, time, Moved(q, v, a)) is None
+    assert model_departures(problem, wrong, time, Moved(q, v, a)) is None

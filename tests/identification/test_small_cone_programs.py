@@ -9,7 +9,7 @@ import pytest
 
 from excite.errors import NoSolutionError
 from excite.identification.constraints.cones import Cones, triangle_of
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.conic import conic_estimate as module
 from excite.identification.estimators.conic.conic import (
@@ -18,14 +18,14 @@ from excite.identification.estimators.conic.conic import (
     conic_distance,
     conic_violations,
     interior_point,
-    refined,
+    refine_answer,
 )
 from excite.identification.estimators.conic.conic_estimate import conic_estimate, consistent_or_raised
 from excite.identification.estimators.fallback import estimate_at
 from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.settings import PullSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 from excite.robot.loading import load_robot
 from tests.identification.synthetic import arm_problem
 
@@ -46,7 +46,7 @@ def nothing(problem: ConicProblem) -> ConicAnswer:
     return ConicAnswer(problem.target + 100.0, np.zeros(count))
 
 
-FREE = stack([], 4)
+FREE = stack_constraints([], 4)
 # Target, and the nearest point of the cone: inside, opposite, and outside at (t + ‖v‖)/2 · (1, v/‖v‖).
 ARROWS = [
     ((5.0, 3.0, 0.0, 4.0 - 1e-3), (5.0, 3.0, 0.0, 4.0 - 1e-3)),
@@ -60,7 +60,7 @@ ARROWS = [
 def test_the_nearest_point_of_an_arrow(target, expected):
     problem = ConicProblem(np.array(target), FREE, (arrow(),))
     for start in (interior_point(problem), interior_point(problem, 1e-3), nothing(problem)):
-        found = refined(problem, start)
+        found = refine_answer(problem, start)
         assert found.z == pytest.approx(expected, abs=1e-9)
         # Of a cone at the origin, the multiplier is what is missing.
         assert found.multipliers == pytest.approx(np.array(expected) - target, abs=1e-9)
@@ -72,7 +72,7 @@ def test_an_arrow_cut_by_a_plane():
     """``z₀ = 1`` leaves the unit ball: the nearest point is on the ray to the target."""
     problem = ConicProblem(np.array([7.0, 6.0, 0.0, 8.0]), rows([[1, 0, 0, 0]], [1], 1), (arrow(),))
     for start in (interior_point(problem), nothing(problem)):
-        found = refined(problem, start)
+        found = refine_answer(problem, start)
         assert found.z == pytest.approx([1.0, 0.6, 0.0, 0.8], abs=1e-9)
         # The cone pushes back by what is missing, first entry as long as the others together; the plane does the rest.
         assert found.multipliers == pytest.approx([-6.0 - 9.0, 9.0, -5.4, 0.0, -7.2], abs=1e-7)
@@ -83,7 +83,7 @@ def test_bounds_that_are_reached_and_bounds_that_are_not():
     box = rows([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, -1]], [1, -1, -2, 3])
     problem = ConicProblem(np.array([0.0, 0.0, 5.0, 5.0]), box, ())
     for start in (interior_point(problem), nothing(problem), interior_point(problem, 1e-2)):
-        found = refined(problem, start)
+        found = refine_answer(problem, start)
         assert found.z == pytest.approx([1.0, 0.0, 2.0, -3.0], abs=1e-12)
         assert found.multipliers == pytest.approx([1.0, 0.0, 3.0, 8.0], abs=1e-10)
 
@@ -92,7 +92,7 @@ def test_rows_said_twice_are_met_once():
     """Multipliers of redundant rows are not unique; the point is, and their sum."""
     twice = rows([[1, 0, 0, 0]] * 3 + [[0, 1, 0, 0]] * 2, [2, 2, 2, 1, 1], 3)
     problem = ConicProblem(np.array([-1.0, 0.0, 0.5, 0.0]), twice, (arrow(), arrow()))
-    found = refined(problem, interior_point(problem))
+    found = refine_answer(problem, interior_point(problem))
     assert found.z == pytest.approx([2.0, 1.0, 0.5, 0.0], abs=1e-8)
     assert found.multipliers[:3].sum() == pytest.approx(3.0, abs=1e-7)
     assert found.multipliers[3:5].sum() == pytest.approx(1.0, abs=1e-7)
@@ -103,17 +103,17 @@ def test_the_nearest_positive_matrix_keeps_the_positive_eigenvalues():
     basis = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     given, kept = (basis @ np.diag(values) @ basis.T for values in ([2.0, -1.0, 0.5], [2.0, 0.0, 0.5]))
     cones = Cones(3, np.eye(6)[None], np.zeros((1, 6)), ("body:a",))
-    problem = ConicProblem(shape.vectors(given), stack([], 6), (cones,))
+    problem = ConicProblem(shape.vectors(given), stack_constraints([], 6), (cones,))
     for start in (interior_point(problem), nothing(problem)):
-        found = refined(problem, start)
+        found = refine_answer(problem, start)
         assert np.allclose(shape.matrices(found.z), kept, atol=1e-12)
     assert conic_violations(problem, problem.target) == {"body": pytest.approx(1.0)}
 
 
 def test_an_answer_is_never_made_worse():
     problem = ConicProblem(np.array([1.0, 0.0, 3.0, 4.0]), FREE, (arrow(),))
-    best = refined(problem, interior_point(problem))
-    again = refined(problem, best)
+    best = refine_answer(problem, interior_point(problem))
+    again = refine_answer(problem, best)
     assert conic_distance(problem, again) <= conic_distance(problem, best)
     assert np.allclose(again.z, best.z, atol=1e-15)
 
@@ -150,7 +150,7 @@ def arm() -> IdentificationProblem:
 
 @pytest.fixture(scope="module")
 def weighted(arm) -> Regression:
-    return iterate_weights(regression(arm))
+    return iterate_weights(condense_problem(arm))
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +169,7 @@ def moved_by(step: float, scale: float = 1.0):
     """A solver whose answer is off by a step along the first row, with scaled multipliers."""
 
     def solver(problem: ConicProblem) -> ConicAnswer:
-        true = refined(problem, interior_point(problem))
+        true = refine_answer(problem, interior_point(problem))
         return ConicAnswer(true.z + step * problem.linear.matrix[0], scale * true.multipliers)
 
     return solver

@@ -8,9 +8,9 @@ import pytest
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.conic import conic
-from excite.identification.estimators.conic.conic import conic_distance, interior_point, refined
+from excite.identification.estimators.conic.conic import conic_distance, interior_point, refine_answer
 from excite.identification.estimators.entropic.entropic import entropic_distance
-from excite.identification.estimators.entropic.entropic_newton import cholesky, newton
+from excite.identification.estimators.entropic.entropic_newton import newton_steps, safe_cholesky
 from excite.identification.estimators.entropic.entropic_problem import EntropicProblem
 from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
 from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
@@ -42,7 +42,7 @@ def test_small_weights_take_no_more_steps_than_large_ones(weight):
         for n_equal in (0, 1, 2):
             problem = entropic_problem(seed, weight, n_equal)
             Counted.points = 0
-            found = newton(Counted(problem.target, problem.maps, problem.weights, problem.linear))
+            found = newton_steps(Counted(problem.target, problem.maps, problem.weights, problem.linear))
             assert found is not None and Counted.points <= 22
             assert entropic_distance(problem, found) < 1e-4
 
@@ -50,7 +50,7 @@ def test_small_weights_take_no_more_steps_than_large_ones(weight):
 def test_matrices_that_rounding_has_made_singular_are_no_error():
     """Bodies at the edge of what can exist: whatever comes back is feasible, and good or refused by its distance."""
     problem = entropic_problem(2, 1e4, 2)
-    found = newton(problem)
+    found = newton_steps(problem)
     if found is not None:
         assert np.isfinite(found.z).all()
         assert max(problem.violations(found.z).values()) < 1e-7
@@ -59,24 +59,24 @@ def test_matrices_that_rounding_has_made_singular_are_no_error():
 
 def test_a_cholesky_factor_is_that_of_the_matrix_itself_where_it_has_one():
     given = np.array([[4.0, 2.0], [2.0, 10.0]])
-    factor = cholesky(given)
+    factor = safe_cholesky(given)
     assert factor is not None and np.tril(factor[0]) == pytest.approx(np.array([[2.0, 0.0], [1.0, 3.0]]))
     assert factor[1] is True, "it is the lower one"
     assert given.tolist() == [[4.0, 2.0], [2.0, 10.0]], "and the matrix stays as it was"
     # Indefinite by 1e-9 of its size: the last hair helps; by 1e-6 it is no rounding.
     near, far = (np.array([[1.0, 1.0], [1.0, 1.0 - size]]) for size in (1e-9, 1e-6))
-    assert cholesky(near) is not None and cholesky(far) is None
+    assert safe_cholesky(near) is not None and safe_cholesky(far) is None
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-10])
 def test_refinement_takes_few_steps(tolerance, monkeypatch):
     """Newton's steps converge quadratically: an answer to three digits needs three of them."""
-    steps, jacobian = [], conic._jacobian
-    monkeypatch.setattr(conic, "_jacobian", lambda *given: steps.append(0) or jacobian(*given))
+    steps, jacobian = [], conic._projection_jacobian
+    monkeypatch.setattr(conic, "_projection_jacobian", lambda *given: steps.append(0) or jacobian(*given))
     for seed in range(6):
         problem = conic_problem(seed)
         steps.clear()
-        found = refined(problem, interior_point(problem, tolerance))
+        found = refine_answer(problem, interior_point(problem, tolerance))
         assert 0 < len(steps) <= 4 and conic_distance(problem, found) < 1e-6
 
 

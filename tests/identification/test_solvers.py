@@ -9,19 +9,19 @@ import pytest
 from scipy.optimize import minimize
 
 from excite.identification.constraints.cones import Cones, triangle_of
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators.conic.conic import (
     ConicAnswer,
     ConicProblem,
     conic_distance,
     conic_violations,
     interior_point,
-    refined,
-    stacked,
+    refine_answer,
+    stack_rows,
 )
 from excite.identification.estimators.conic.conic_estimate import _is_ray
 from excite.identification.estimators.entropic.entropic import entropic_distance
-from excite.identification.estimators.entropic.entropic_newton import cholesky, newton
+from excite.identification.estimators.entropic.entropic_newton import newton_steps, safe_cholesky
 from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer, EntropicProblem
 from excite.identification.estimators.entropic.geometric import (
     entropic_divergence,
@@ -103,7 +103,7 @@ def test_newton_reaches_the_optimum(weight, n_equal):
     """Stationary, feasible and complementary: with a convex objective that is the optimum."""
     for seed in range(3):
         problem = entropic_problem(seed, weight, n_equal)
-        found = newton(problem)
+        found = newton_steps(problem)
         assert found is not None
         e, linear = n_equal, problem.linear
         slack = linear.matrix @ found.z - linear.bound
@@ -125,12 +125,12 @@ def test_newton_says_when_no_body_meets_the_rows(weight):
         problem = entropic_problem(seed, weight)
         row = problem.linear.matrix[1:2]
         opposed = LinearConstraints(np.vstack([row, -row]), np.array([1.0, 1.0]), ("a", "b"))
-        assert newton(replace(problem, linear=opposed)) is None
+        assert newton_steps(replace(problem, linear=opposed)) is None
 
 
 def test_newton_without_rows_is_smooth_minimisation():
-    problem = replace(entropic_problem(4, 0.7), linear=stack([], 12))
-    found = newton(problem)
+    problem = replace(entropic_problem(4, 0.7), linear=stack_constraints([], 12))
+    found = newton_steps(problem)
 
     def outside(z):
         inside = np.linalg.eigvalsh(problem.relative(z)).min() > 0.0
@@ -142,15 +142,15 @@ def test_newton_without_rows_is_smooth_minimisation():
 
 
 def test_distance_from_the_entropic_optimum_is_that_of_the_local_metric():
-    problem = replace(entropic_problem(2, 0.5), linear=stack([], 12))
-    best = newton(problem)
+    problem = replace(entropic_problem(2, 0.5), linear=stack_constraints([], 12))
+    best = newton_steps(problem)
     rng = np.random.default_rng(0)
     step = 1e-4 * rng.normal(size=12)
     moved = EntropicAnswer(best.z + step, best.multipliers)
     expected = np.sqrt(step @ problem.hessian(best.z) @ step)
     assert entropic_distance(problem, moved) == pytest.approx(expected, rel=1e-2)
     tied = entropic_problem(2, 0.5)
-    best = newton(tied)
+    best = newton_steps(tied)
     slack = tied.linear.matrix @ best.z - tied.linear.bound
     loose = int(np.argmax(slack[1:])) + 1
     assert slack[loose] > 0.01
@@ -169,11 +169,11 @@ def test_distance_from_the_entropic_optimum_is_that_of_the_local_metric():
 def test_cholesky_grows_a_hair_where_rounding_needs_it():
     rng = np.random.default_rng(0)
     root = rng.normal(size=(5, 5))
-    factor = cholesky(root @ root.T)
+    factor = safe_cholesky(root @ root.T)
     assert factor is not None and np.allclose(np.tril(factor[0]) @ np.tril(factor[0]).T, root @ root.T)
     flat = np.outer(root[0], root[0]) + 1e-3 * np.outer(root[1], root[1])
-    assert cholesky(flat - 1e-15 * np.trace(flat) * np.eye(5)) is not None
-    assert cholesky(-np.eye(3)) is None
+    assert safe_cholesky(flat - 1e-15 * np.trace(flat) * np.eye(5)) is not None
+    assert safe_cholesky(-np.eye(3)) is None
 
 
 # --- Distances between bodies
@@ -258,8 +258,8 @@ def conic_problem(seed: int, n_equal: int = 1) -> ConicProblem:
 def test_refined_answers_are_stationary_feasible_and_complementary(n_equal):
     for seed in range(4):
         problem = conic_problem(seed, n_equal)
-        answer = refined(problem, interior_point(problem, 1e-6))
-        matrix, offset = stacked(problem)
+        answer = refine_answer(problem, interior_point(problem, 1e-6))
+        matrix, offset = stack_rows(problem)
         dual = answer.multipliers
         assert np.allclose(answer.z - problem.target, matrix.T @ dual, atol=1e-11)
         values = matrix @ answer.z + offset
@@ -278,11 +278,11 @@ def test_refined_answers_are_stationary_feasible_and_complementary(n_equal):
 
 def test_an_unconstrained_optimum_is_left_where_it_is():
     problem = conic_problem(0, 0)
-    matrix, offset = stacked(problem)
+    matrix, offset = stack_rows(problem)
     inside = problem.target.copy()
     for cones in problem.cones:
         assert cones.margin(cones.values(inside)).shape == (len(cones.labels),)
-    free = replace(problem, linear=stack([], 9), cones=())
+    free = replace(problem, linear=stack_constraints([], 9), cones=())
     assert np.allclose(interior_point(free).z, problem.target)
     assert conic_distance(free, ConicAnswer(problem.target + 0.5, np.zeros(0))) == pytest.approx(1.5)
     assert matrix.shape == (4 + 12 + 4, 9) and offset.shape == (20,)
@@ -316,8 +316,8 @@ def test_the_distance_of_an_answer_is_never_too_small():
     rng = np.random.default_rng(0)
     for seed in range(3):
         problem = conic_problem(seed)
-        best = refined(problem, interior_point(problem))
-        matrix, offset = stacked(problem)
+        best = refine_answer(problem, interior_point(problem))
+        matrix, offset = stack_rows(problem)
         assert conic_distance(problem, best) < 1e-5
         for size in (1e-2, 0.3):
             dual = best.multipliers * (1.0 + size * rng.uniform(-1.0, 1.0))
@@ -464,8 +464,12 @@ def test_repeated_and_implied_rows_change_nothing():
         plain = project(target, rows)
         if plain is None:
             continue
-        twice = stack([rows, LinearConstraints(rows.matrix[:1], rows.bound[:1], ("tie:x",), 1)], 5)
-        twice = stack([twice, LinearConstraints(rows.matrix[2:], rows.bound[2:], rows.labels[2:])], 5)
+        twice = stack_constraints(
+            [rows, LinearConstraints(rows.matrix[:1], rows.bound[:1], ("tie:x",), 1)], 5
+        )
+        twice = stack_constraints(
+            [twice, LinearConstraints(rows.matrix[2:], rows.bound[2:], rows.labels[2:])], 5
+        )
         found = ActiveSetProjector()(target, twice)
         assert found is not None
         assert np.allclose(found.z, plain.z, atol=1e-9)

@@ -40,7 +40,7 @@ from excite.identification.inertia import inertia_matrices
 from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.physical.known_bounds import KnownBounds
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot
 from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
@@ -251,7 +251,7 @@ def test_qp_refuses_an_answer_off_the_optimum(arm):
 
 def test_hqp_starts_where_all_vectors_hold_and_cuts_what_does_not(arm):
     settings = HqpSettings(sphere_epsilon=0.05, sphere_subdivisions=2, mirror=None)
-    rows = iterate_weights(regression(arm))
+    rows = iterate_weights(condense_problem(arm))
     scaled = scaled_parameters(rows, settings)
     first, _ = paper_levels(rows, settings, scaled)
     family = first.family

@@ -13,7 +13,7 @@ from excite.identification.judgement.statistics import base_statistics
 from excite.identification.noise.correlated import NoiseModel, estimate_noise, whitened_factor
 from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import iterate_weights, regression
+from excite.identification.regression import condense_problem, iterate_weights
 from tests.identification.coverage import CASES, Case, Experiment
 
 PLAIN, FILTERED = Case(None, 100.0), Case(5.0, 100.0)
@@ -58,7 +58,7 @@ def test_noise_that_is_coloured_before_the_filter_is_recognised():
 def test_white_noise_gives_the_textbook_formula():
     """Eq. (7) of Xu et al. 2020, evaluated directly on the rows."""
     problem = problem_of(PLAIN, 0)
-    found = base_statistics(regression(problem))
+    found = base_statistics(condense_problem(problem))
     columns = problem.Y[:, found.base.independent]
     residual = problem.y - columns @ np.linalg.lstsq(columns, problem.y, rcond=None)[0]
     variance = residual @ residual / (len(residual) - columns.shape[1])
@@ -67,13 +67,13 @@ def test_white_noise_gives_the_textbook_formula():
     np.testing.assert_allclose(
         found.rsd_percent(found.estimate), 100 * found.std / np.abs(found.estimate), rtol=1e-12
     )
-    weighted = base_statistics(iterate_weights(regression(problem)))
+    weighted = base_statistics(iterate_weights(condense_problem(problem)))
     np.testing.assert_allclose(weighted.std, weighted.white_std, rtol=0.1)
 
 
 def test_filtered_noise_widens_the_intervals():
     problem = problem_of(FILTERED, 0)
-    found = base_statistics(iterate_weights(regression(problem)))
+    found = base_statistics(iterate_weights(condense_problem(problem)))
     assert np.median(found.std / found.white_std) > 2.0
     # Few independent numbers: Student's quantile is wider than the normal one.
     ratio = found.half_width() / found.std
@@ -133,7 +133,7 @@ def share_of_signal(statistics, kept, values):
 def test_essential_parameters_follow_the_rule_of_the_paper_in_shares_of_the_channels():
     """Xu et al. 2020, end of II.A: below 0.01 and above 40 %, the greatest RSD first, re-estimating."""
     problem = problem_of(PLAIN, 1)
-    statistics = base_statistics(iterate_weights(regression(problem)))
+    statistics = base_statistics(iterate_weights(condense_problem(problem)))
     found = essential_parameters(statistics)
     rsd = statistics.rsd_percent(statistics.estimate)
     everyone = np.arange(len(rsd))
@@ -141,7 +141,7 @@ def test_essential_parameters_follow_the_rule_of_the_paper_in_shares_of_the_chan
     assert found.removed[0] == int(np.argmax(np.where(candidates, rsd, -1.0)))
     left = share_of_signal(statistics, found.kept, found.values)
     assert not ((left < 0.01) & (found.rsd_percent > 40.0)).any()
-    std = iterate_weights(regression(problem)).std
+    std = iterate_weights(condense_problem(problem)).std
     columns = problem.Y[:, statistics.base.independent[found.kept]] / std[problem.channel, None]
     expected = np.linalg.lstsq(columns, problem.y / std[problem.channel], rcond=None)[0]
     np.testing.assert_allclose(found.values, expected, rtol=1e-5, atol=1e-9)
@@ -152,7 +152,7 @@ def test_which_parameters_are_essential_does_not_depend_on_the_unit_of_mass(unit
     problem = problem_of(PLAIN, 1)
     other = replace(problem, y=unit * problem.y, prior=unit * problem.prior, weights=problem.weights / unit)
     kept, again = (
-        essential_parameters(base_statistics(iterate_weights(regression(one)))).kept
+        essential_parameters(base_statistics(iterate_weights(condense_problem(one)))).kept
         for one in (problem, other)
     )
     assert 0 < len(kept) < problem.n_params

@@ -12,7 +12,7 @@ import pytest
 from excite.errors import LogError
 from excite.identification.constraints.mass import measured_total_mass
 from excite.identification.problem import build_problem
-from excite.identification.regression import iterate_weights, regression
+from excite.identification.regression import condense_problem, iterate_weights
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.motion.generators.registry import make_generator
@@ -66,7 +66,7 @@ def test_truth_leaves_nothing_but_the_torques_noise(toy: Robot, loaded: VirtualR
 
 
 def test_joint_torques_and_an_imu_weigh_the_robot(toy: Robot, log: Log) -> None:
-    mass = measured_total_mass(iterate_weights(regression(build_problem(toy, log))))
+    mass = measured_total_mass(iterate_weights(condense_problem(build_problem(toy, log))))
     assert mass.identifiable
     assert mass.value == pytest.approx(toy.mass + _LOAD, rel=0.01)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.logs.signals.align import Lag, Shifted, peak
+from excite.logs.signals.align import Lag, Shifted, find_peak
 
 
 def estimate_lag(measured: Array, predicted: Array, rate_hz: float, max_lag_s: float = 0.1) -> Lag:
@@ -41,7 +41,7 @@ def estimate_lag(measured: Array, predicted: Array, rate_hz: float, max_lag_s: f
         gain = float((part * model).sum() / np.sqrt((part**2).sum() * (model**2).sum()))
         return Shifted(gain, part - model, np.gradient(model, axis=0) * rate_hz)
 
-    return peak(correlation, reach, rate_hz)
+    return find_peak(correlation, reach, rate_hz)
 
 
 def _normalised(values: Array) -> Array:

@@ -7,7 +7,7 @@ import pytest
 
 from excite.errors import InputError, LogError, UnknownNameError
 from excite.logs.signals.butterworth import lowpass
-from excite.logs.signals.clock import find_clock, misfit, regular_clock
+from excite.logs.signals.clock import cubic_misfit, find_clock, regular_clock
 from excite.logs.signals.coupling import coupling_matrix, joint_positions, joint_torques
 from excite.logs.signals.decimate import decimation_step, kept_samples
 from excite.logs.signals.differentiate import wrapped_derivatives
@@ -82,8 +82,8 @@ def test_unknown_jitter_is_estimated_beside_noise(jitter: float) -> None:
 def test_misfit_of_white_noise_is_its_deviation_and_cubics_have_none() -> None:
     stamps = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 4000))
     noise = np.random.default_rng(4).normal(size=(4000, 1))
-    assert misfit(stamps, noise).std() == pytest.approx(1.0, rel=0.05)
-    assert np.abs(misfit(stamps / 4000, (stamps / 4000)[:, None] ** 3)).max() < 1e-9
+    assert cubic_misfit(stamps, noise).std() == pytest.approx(1.0, rel=0.05)
+    assert np.abs(cubic_misfit(stamps / 4000, (stamps / 4000)[:, None] ** 3)).max() < 1e-9
     gap = np.delete(TIME, slice(500, 540))
     np.testing.assert_allclose(regular_clock(gap), gap, atol=1e-9)
 

@@ -8,7 +8,7 @@ import pytest
 
 from excite import load_robot
 from excite.errors import MotionError
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.motion.quintics import base_step, move_base
 from excite.robot.robot import Robot
 
@@ -45,7 +45,7 @@ def test_between_samples_a_motion_follows_quintics_of_pinocchio_s_steps(
     robot: Robot, tumbling: Motion
 ) -> None:
     time = np.sort(np.random.default_rng(6).uniform(tumbling.time[0], tumbling.time[-1], 200))
-    found = interpolate(tumbling, robot, time)
+    found = interpolate_motion(tumbling, robot, time)
     for i, t in enumerate(time):
         k = int(np.searchsorted(tumbling.time, t, side="right")) - 1
         h, s = tumbling.time[k + 1] - tumbling.time[k], t - tumbling.time[k]
@@ -60,7 +60,7 @@ def test_between_samples_a_motion_follows_quintics_of_pinocchio_s_steps(
 
 
 def test_at_its_own_samples_a_motion_is_what_it_was(robot: Robot, tumbling: Motion) -> None:
-    found = interpolate(tumbling, robot, tumbling.time)
+    found = interpolate_motion(tumbling, robot, tumbling.time)
     for one, other in zip(found.q, tumbling.q, strict=True):
         assert np.allclose(pin.difference(robot.model, one, other), 0.0, atol=1e-8)
     assert np.allclose(found.v, tumbling.v, atol=1e-8) and np.allclose(found.a, tumbling.a, atol=1e-8)
@@ -85,4 +85,4 @@ def test_a_base_s_step_is_pinocchio_s(angle: float) -> None:
 
 def test_another_robot_s_motion_is_refused(robot: Robot, tumbling: Motion) -> None:
     with pytest.raises(MotionError, match="moves other joints than iiwa14"):
-        interpolate(tumbling, load_robot("iiwa14"), tumbling.time)
+        interpolate_motion(tumbling, load_robot("iiwa14"), tumbling.time)

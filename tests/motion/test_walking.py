@@ -10,7 +10,7 @@ import pytest
 from excite.errors import NoSolutionError, RobotError
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.footprints import Print, Sole, Swing, resting_soles, sole_curve, there_and_back
-from excite.motion.generators.polynomials import hermite, polyline
+from excite.motion.generators.polynomials import hermite_curve, polyline_curve
 from excite.motion.generators.registry import make_generator
 from excite.motion.generators.rocking import rocking_period
 from excite.motion.generators.walk_pattern import Timing, plan_pattern
@@ -132,11 +132,11 @@ def test_polynomials_go_through_their_knots() -> None:
     rng = np.random.default_rng(0)
     s = np.array([0.0, 0.7, 1.5])
     values, first, second = rng.normal(size=(3, 3, 2))
-    curve = hermite(s, values, first, second)
+    curve = hermite_curve(s, values, first, second)
     for order, expected in enumerate((values, first, second)):
         assert np.allclose(curve.evaluate(s, order), expected)
     assert np.allclose(curve.shrunk(0.5).evaluate(s), values[0] + 0.5 * (values - values[0]))
     assert np.allclose(curve.shrunk(np.array([1.0, 0.0])).evaluate(s)[:, 1], values[0, 1])
-    line = polyline(s, values)
+    line = polyline_curve(s, values)
     assert np.allclose(line.evaluate(s), values)
     assert np.allclose(line.evaluate(np.array([0.35])), values[:2].mean(axis=0))

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.regressor.base_parameters import base_parameters, combination, structural_base_parameters
+from excite.regressor.base_parameters import base_parameters, describe_combination, structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -145,8 +145,11 @@ def test_feet_beyond_ankle_sensors_have_no_columns(g1: Robot) -> None:
 
 
 def test_combination_in_words() -> None:
-    assert combination(np.array([-1.0, 0.0, 0.1234567, -2.0]), ["a", "b", "c", "d"]) == "-a + 0.123·c - 2·d"
-    assert combination(np.zeros(2), ["a", "b"]) == "0"
+    assert (
+        describe_combination(np.array([-1.0, 0.0, 0.1234567, -2.0]), ["a", "b", "c", "d"])
+        == "-a + 0.123·c - 2·d"
+    )
+    assert describe_combination(np.zeros(2), ["a", "b"]) == "0"
 
 
 def test_faults() -> None:

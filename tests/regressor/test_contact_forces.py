@@ -10,7 +10,7 @@ import pytest
 
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import measured_columns, regressor_rows
-from excite.regressor.contact_forces import contact_elimination, contact_maps, stances
+from excite.regressor.contact_forces import contact_elimination, contact_maps, stance_flags
 from excite.robot.robot import Foot, Robot
 from tests.quadruped import quadruped
 
@@ -52,7 +52,7 @@ def _moved(robot: Robot, flags: np.ndarray, random: np.random.Generator) -> tupl
 def test_rows_hold_whatever_the_contact_forces_are(name: str, request: pytest.FixtureRequest) -> None:
     robot: Robot = request.getfixturevalue(name)
     random = np.random.default_rng(0)
-    closed = stances(robot, 12)
+    closed = stance_flags(robot, 12)
     drawn = [_moved(robot, flags, random) for flags in closed]
     q, v, a, tau = (np.array([state[i] for state in drawn]) for i in range(4))
     out = contact_elimination(robot, q, closed)
@@ -94,7 +94,7 @@ def test_a_ball_is_touched_where_it_is_lowest(toy: Robot) -> None:
 
 def test_regressor_of_a_quadruped_is_that_of_its_projected_dynamics(toy: Robot) -> None:
     random = np.random.default_rng(1)
-    closed = stances(toy, 8)
+    closed = stance_flags(toy, 8)
     drawn = [_moved(toy, flags, random) for flags in closed]
     q, v, a, tau = (np.array([state[i] for state in drawn]) for i in range(4))
     columns = measured_columns(toy, ("viscous",))

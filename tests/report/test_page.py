@@ -12,7 +12,7 @@ import pytest
 
 from excite.errors import InputError
 from excite.report.folder import read_folder
-from excite.report.page import render, report
+from excite.report.page import render_page, report
 from excite.report.sections.registry import SECTIONS
 from tests.report.sample import sample_folder
 from tests.report.scripts import strange_scripts, without_scripts
@@ -112,7 +112,7 @@ def test_the_numbers_of_the_files_are_on_the_page(fact, page):
 
 
 def test_same_folder_same_bytes(folder, page):
-    assert render(read_folder(folder)) == page
+    assert render_page(read_folder(folder)) == page
 
 
 def test_a_folder_with_a_plan_alone_says_what_is_missing(folder, tmp_path):

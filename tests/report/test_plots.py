@@ -14,12 +14,12 @@ from PIL import Image
 
 from excite.report.comparisons import ForceComparison
 from excite.report.plots.activity import draw_activity, peak_speed_share
-from excite.report.plots.body import front_view, picture, shape_points
+from excite.report.plots.body import draw_posture, front_view, shape_points
 from excite.report.plots.conditioning import draw_conditioning
 from excite.report.plots.forces import plot_forces
 from excite.report.plots.masses import plot_masses
 from excite.report.plots.rsd import plot_rsd
-from excite.report.plots.sketch import Outlines, Words, length
+from excite.report.plots.sketch import Outlines, Words, text_length
 from excite.report.plots.snapshots import choose_motions, different_instants, draw_snapshots
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
@@ -62,7 +62,9 @@ def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):
     np.testing.assert_allclose(before[:-1], data.conditioning.before[:-1])
     assert before[-1] >= np.nanmax(after) and before[-1] == pytest.approx(10.0 ** round(np.log10(before[-1])))
     assert f"∞ → {data.conditioning.after[-1]:.3g}" in words
-    assert max(place[0] + length(text, 7.0) for text, place in words.items() if "→" in text) < sketch.width
+    assert (
+        max(place[0] + text_length(text, 7.0) for text, place in words.items() if "→" in text) < sketch.width
+    )
 
 
 def test_numbers_of_a_figure_are_not_rounded_with_the_places_of_its_lines():
@@ -123,13 +125,13 @@ def test_rsd_points_fall_where_they_belong():
 
 def test_a_picture_stands_on_the_ground_with_its_mass_over_its_feet(g1):
     view = front_view()
-    drawn = picture(g1, g1.rest, frozenset(foot.name for foot in g1.feet), view)
+    drawn = draw_posture(g1, g1.rest, frozenset(foot.name for foot in g1.feet), view)
     com = pin.centerOfMass(g1.model, g1.model.createData(), g1.rest) * [1.0, 1.0, 0.0]
     np.testing.assert_allclose(drawn.com, view.flat((com - [*g1.rest[:2], 0.0])[None])[0])
     low, high = drawn.support.min(axis=0), drawn.support.max(axis=0)
     assert (low < drawn.com).all() and (drawn.com < high).all()
     assert len(drawn.soles) == 2 and len(drawn.bones) >= g1.n_joints // 2 and len(drawn.hulls) > 15
-    assert picture(g1, g1.rest, frozenset(), view).support is None
+    assert draw_posture(g1, g1.rest, frozenset(), view).support is None
 
 
 @pytest.mark.parametrize(
@@ -188,7 +190,7 @@ def test_a_row_of_postures_is_drawn_in_full_on_the_page_and_as_a_picture(g1):
     outlines = [path.get("d") for path in root.iter("{http://www.w3.org/2000/svg}path")]
     ends = np.array([[float(part) for part in re.findall(r"[-.\d]+", outline)][:2] for outline in outlines])
     assert (ends >= 0.0).all() and (ends <= [width, height]).all()
-    drawn = picture(g1, motion.q[0], frozenset(), front_view())
+    drawn = draw_posture(g1, motion.q[0], frozenset(), front_view())
     assert len(outlines) >= 3 * (len(drawn.hulls) + len(drawn.bones) + len(drawn.soles))
     words = [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")]
     assert words[0].startswith("a < b & c") and words[1] == "0.0 s" and len(words) == 4

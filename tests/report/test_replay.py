@@ -11,12 +11,12 @@ import pytest
 
 from excite.logs.columns import BASE_POSE
 from excite.motion.collection import load_motions
-from excite.report.replay.bodies import CELLS, bodies, merged
+from excite.report.replay.bodies import CELLS, merge_corners, visible_bodies
 from excite.report.replay.nearest import nearest_pairs
-from excite.report.replay.packed import packed, packed_indices, unpacked
-from excite.report.replay.scene import joint_tree, scene
+from excite.report.replay.packed import pack_table, packed_indices, unpack_table
+from excite.report.replay.scene import joint_tree, robot_scene
 from excite.report.replay.solids import solid_triangles
-from excite.report.replay.tracks import FRAMES_HZ, Tracks, tracks
+from excite.report.replay.tracks import FRAMES_HZ, Tracks, motion_tracks
 from excite.report.replay.trial import trial_frames
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -28,7 +28,7 @@ from tests.report.kinematics import poses
 @pytest.fixture(scope="module", params=["ur10", "g1"])
 def watched(request) -> tuple[Robot, Tracks]:
     robot = load_robot(request.param)
-    return robot, tracks(robot, load_motions(request.param)[0])
+    return robot, motion_tracks(robot, load_motions(request.param)[0])
 
 
 def test_packed_numbers_are_those_that_were_packed():
@@ -36,18 +36,18 @@ def test_packed_numbers_are_those_that_were_packed():
     values = np.cumsum(rng.normal(size=(400, 3)), axis=0) * [1e-6, 1.0, 1e4]
     values[17, 1] = np.nan
     values = np.column_stack([values, np.full(400, 2.5)])
-    again = unpacked(json.loads(json.dumps(packed(values))))
+    again = unpack_table(json.loads(json.dumps(pack_table(values))))
     assert np.isnan(again[17, 1]) and np.isnan(again).sum() == 1
     error = np.nanmax(np.abs(again - values), axis=0)
     assert (error <= 0.51 * np.nanmax(values - np.nanmin(values, axis=0), axis=0) / 65534).all()
     numbers = rng.integers(0, 65535, (50, 2))
-    np.testing.assert_array_equal(unpacked(packed_indices(numbers)), numbers)
+    np.testing.assert_array_equal(unpack_table(packed_indices(numbers)), numbers)
 
 
 def test_poses_of_all_links_are_pinocchios(watched):
     robot, shown = watched
-    page, tree = json.loads(json.dumps(shown.to_json())), json.loads(json.dumps(scene(robot)))
-    q, time = unpacked(page["q"]), unpacked(page["time"])[:, 0]
+    page, tree = json.loads(json.dumps(shown.to_json())), json.loads(json.dumps(robot_scene(robot)))
+    q, time = unpack_table(page["q"]), unpack_table(page["time"])[:, 0]
     motion = load_motions(robot.name)[0].resampled(robot, FRAMES_HZ)
     np.testing.assert_allclose(time, motion.time - motion.time[0], atol=1e-3)
     data = robot.model.createData()
@@ -102,7 +102,7 @@ def test_the_line_between_the_nearest_bodies_is_as_long_as_they_are_apart(watche
 
 def test_the_centre_of_mass_is_pinocchios(watched):
     robot, shown = watched
-    com = unpacked(shown.to_json()["com"])
+    com = unpack_table(shown.to_json()["com"])
     for row in (0, len(com) // 2, len(com) - 1):
         expected = pin.centerOfMass(robot.model, robot.model.createData(), shown.motion.q[row])
         np.testing.assert_allclose(com[row], expected, atol=1e-4)
@@ -121,7 +121,7 @@ def test_fewer_triangles_are_the_same_body():
                 for t in ((a, n[:, 0], n[:, 2]), (n[:, 0], b, n[:, 1]), (n[:, 2], n[:, 1], c), n.T)
             ]
         )
-    fewer, left = merged(corners, triangles)
+    fewer, left = merge_corners(corners, triangles)
     assert len(left) < 0.5 * len(triangles) and left.max() < len(fewer)
     assert np.abs(np.ptp(fewer, axis=0) - np.ptp(corners, axis=0)).max() < 2.0 / CELLS
     assert _volume(fewer, left) == pytest.approx(_volume(corners, triangles), rel=0.05)
@@ -151,7 +151,7 @@ def _volume(corners, triangles) -> float:
 
 
 def test_a_robot_without_geometry_has_rods(ur10_bones):
-    found = bodies(ur10_bones)
+    found = visible_bodies(ur10_bones)
     assert {body.joint for body in found} >= {2, 3}
     assert max(float(np.abs(body.corners).max()) for body in found) < 1.0
 
@@ -172,7 +172,7 @@ def test_a_trial_has_its_robot_and_its_ghost(g1):
     base[:, 0] = time
     frames = trial_frames(g1, "one", time, measured, joints, base=base, ghost=("told", measured + 0.1))
     page = frames.to_json()
-    q, ghost = unpacked(page["q"]), unpacked(page["ghost"]["q"])
+    q, ghost = unpack_table(page["q"]), unpack_table(page["ghost"]["q"])
     assert q.shape == (61, g1.model.nq)
     np.testing.assert_allclose(
         q[:, 10:14], np.column_stack([np.interp(frames.time + 3, time, c) for c in measured.T]), atol=1e-5
@@ -192,8 +192,8 @@ def test_a_ghost_has_a_base_of_its_own_where_that_was_simulated():
     fallen[:, 2] -= 0.5 * time
     fallen[:, 4], fallen[:, 6] = np.sin(half), np.cos(half)
     page = trial_frames(g1, "one", time, measured, names, ghost=("simulated", fallen)).to_json()
-    q, ghost = unpacked(page["q"]), unpacked(page["ghost"]["q"])
-    shown = unpacked(page["time"])[:, 0]
+    q, ghost = unpack_table(page["q"]), unpack_table(page["ghost"]["q"])
+    shown = unpack_table(page["time"])[:, 0]
     np.testing.assert_allclose(q[:, :9], np.tile(measured[0], (len(q), 1)), atol=1e-6)
     np.testing.assert_allclose(ghost[:, 2], 0.8 - 0.5 * shown, atol=6e-3)
     np.testing.assert_allclose(2.0 * np.arcsin(ghost[:, 4]), 0.3 * shown, atol=4e-3)

@@ -14,7 +14,7 @@ import pytest
 from excite.json_document import write_json
 from excite.made import made_by
 from excite.report.data import load_report_data, save_report_data
-from excite.report.html import table
+from excite.report.html import html_table
 from excite.report.page import report
 from excite.report.record import Record
 from excite.report.sections.moving import Moving
@@ -71,7 +71,9 @@ def test_a_campaign_is_resumed_with_what_it_was_begun_with(folder: Path, tmp_pat
 
 
 def test_negative_numbers_have_a_minus() -> None:
-    assert ">−31<" in table(("closes",), [(-31,)]) and 'data-v="-31"' in table(("closes",), [(-31,)])
+    assert ">−31<" in html_table(("closes",), [(-31,)]) and 'data-v="-31"' in html_table(
+        ("closes",), [(-31,)]
+    )
 
 
 def test_a_simulator_that_runs_away_is_not_shown(folder: Path) -> None:

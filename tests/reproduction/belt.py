@@ -18,8 +18,8 @@ from excite.human.identified import IdentifiedPerson, added_mass, identify_perso
 from excite.human.measure import MeasuredPerson, measure_recordings, write_person
 from excite.human.plates.ground_reaction import ReactionTable
 from excite.human.segments import NAMES
-from excite.human.virtual.exercise import perform, repeated
-from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.exercise import perform_exercise, repeat_exercise
+from excite.human.virtual.laboratory import record_performance, record_standing
 from excite.human.virtual.person import Belt, VirtualSubject, draw_subject
 from excite.human.weight.worn_weight import WornWeight, identify_wearing
 
@@ -86,9 +86,9 @@ class BeltExperiment:
         self.folder = folder
         self._rng = np.random.default_rng(_SEED)
         self.who: VirtualSubject = draw_subject(self._rng)
-        self._static = standing(self.who, self._rng)
-        self._show = perform(self.who.body, SECONDS, seed=1)
-        self._base = record(self.who, self._show, self._rng, name="base")
+        self._static = record_standing(self.who, self._rng)
+        self._show = perform_exercise(self.who.body, SECONDS, seed=1)
+        self._base = record_performance(self.who, self._show, self._rng, name="base")
 
     def truth(self) -> dict[str, float]:
         """True masses without the belt [kg]."""
@@ -104,8 +104,8 @@ class BeltExperiment:
         for place in PLACES:
             box = segment_box(self.who.body, NAMES.index(place))
             belt = Belt(place, BELT_KG, tuple(box.mean(axis=0).tolist()))
-            show = repeated(self.who.body, self._show, self._rng)
-            loaded = record(self.who, show, self._rng, belt, name=place)
+            show = repeat_exercise(self.who.body, self._show, self._rng)
+            loaded = record_performance(self.who, show, self._rng, belt, name=place)
             person = measure_recordings(self.who.body.subject, [self._base, loaded], [self._static])
             base = self._identified(person, place, method, loaded=1)
             folder = self.folder / place

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.momentum_observer import observe
+from excite.identification.momentum_observer import observe_momentum
 from excite.identification.physical.certificate import Certificate
 from excite.identification.physical.objective import TorqueObjective, base_objective, essential_objective
 from excite.identification.physical.relaxation import Relaxation
-from excite.identification.physical.retrieval import RetrievalSettings, retrieve
-from excite.identification.physical.search import descend
+from excite.identification.physical.retrieval import RetrievalSettings, retrieve_parameters
+from excite.identification.physical.search import descend_locally
 from excite.regressor.factor import r_factor
 from tests.reproduction.iiwa import (
     N_COLUMNS,
@@ -73,7 +73,7 @@ def identify(recorded: Recorded) -> Identified:
     allowed = allowed_set()
     center = coordinates(allowed, published_parameters("ref37"))
     start = time.process_time()
-    found = retrieve(essential, allowed, center, EFFORT)
+    found = retrieve_parameters(essential, allowed, center, EFFORT)
     seconds = time.process_time() - start
     middle = 0.5 * (allowed.bounds.lower + allowed.bounds.upper)
     drives = 0.5 * (allowed.drive_lower + allowed.drive_upper)
@@ -93,8 +93,10 @@ def identify(recorded: Recorded) -> Identified:
             "base": _placed(COLUMNS, base),
             "essential": _placed(COLUMNS[essential.kept], values),
             "physical": found.parameters,
-            "[30]": retrieve(apart, allowed, center, RetrievalSettings(starts=5, nodes=1)).parameters,
-            "[37]": allowed.standard(descend(local, local.center).x),
+            "[30]": retrieve_parameters(
+                apart, allowed, center, RetrievalSettings(starts=5, nodes=1)
+            ).parameters,
+            "[37]": allowed.standard(descend_locally(local, local.center).x),
             "published": published_parameters("xu2020"),
             "published [37]": published_parameters("ref37"),
         },
@@ -118,7 +120,9 @@ def largest_residual(recorded: Recorded, parameters: Array, gain: float) -> Arra
     """Largest residual of the momentum observer of each joint, ``(7,)`` [N·m]."""
     friction = parameters[N_INERTIAL:].reshape(2, N_JOINTS)
     torque = recorded.tau - friction[0] * recorded.v - friction[1] * np.sign(recorded.v)
-    found = observe(iiwa(), recorded.time, recorded.q, recorded.v, torque, parameters[:N_INERTIAL], gain=gain)
+    found = observe_momentum(
+        iiwa(), recorded.time, recorded.q, recorded.v, torque, parameters[:N_INERTIAL], gain=gain
+    )
     return np.array(list(found.largest().values()))
 
 

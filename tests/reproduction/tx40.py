@@ -15,7 +15,7 @@ import yaml
 from excite.identification.judgement.statistics import base_statistics
 from excite.identification.judgement.validation import ChannelFit
 from excite.identification.problem import build_problem
-from excite.identification.regression import iterate_weights, regression
+from excite.identification.regression import condense_problem, iterate_weights
 from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader
@@ -107,7 +107,7 @@ def drive_parameters(data_dir: Path, log: Log) -> tuple[DriveParameter, ...]:
     """
     published = yaml.safe_load((data_dir / "staubli_tx40_figaroh" / "T40X_config.yaml").read_text())
     stated = published["identification"]["robot_params"][0]
-    rows = iterate_weights(regression(build_problem(nominal_robot(log), log, SETTINGS)))
+    rows = iterate_weights(condense_problem(build_problem(nominal_robot(log), log, SETTINGS)))
     statistics = base_statistics(rows)
     names = statistics.base.labels
     quantile = statistics.half_width() / statistics.std

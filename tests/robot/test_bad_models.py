@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 
 import excite.robot.shapes.mesh_files
 from excite.errors import ExciteError, RobotError
-from excite.export.models.mjcf_compiled import compiled
+from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.export.models.mjcf_template import read_mjcf
 from excite.robot.catalogue import example_robot_data
 from excite.robot.mjcf.conversion import convert_mjcf
 from excite.robot.mjcf.scan import scan_mjcf
-from excite.robot.mjcf.urdf import stl
+from excite.robot.mjcf.urdf import binary_stl
 from excite.robot.scaffold.description import scaffold_description
 from excite.robot.scaffold.files import write_scaffold
 from excite.robot.shapes.mesh_files import read_meshes
@@ -141,7 +141,7 @@ def damaged(content: bytes, rng: random.Random) -> bytes:
 @pytest.mark.parametrize("kind", ["binary", "text"])
 def test_a_damaged_stl_is_read_or_refused(kind: str, tmp_path: Path) -> None:
     corners = np.random.default_rng(0).uniform(-0.1, 0.1, (20, 3, 3))
-    content = stl(corners)
+    content = binary_stl(corners)
     if kind == "text":
         facets = "".join(
             "facet normal 0 0 1\nouter loop\n"
@@ -166,7 +166,7 @@ def test_a_damaged_stl_is_read_or_refused(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("triangles", [0, 1, 3, 2**32 - 1])
 def test_an_stl_whose_count_disagrees_with_its_size_is_refused(triangles: int, tmp_path: Path) -> None:
     path = tmp_path / "part.stl"
-    content = stl(np.random.default_rng(0).uniform(size=(2, 3, 3)))
+    content = binary_stl(np.random.default_rng(0).uniform(size=(2, 3, 3)))
     path.write_bytes(content[:80] + struct.pack("<I", triangles) + content[84:])
     with pytest.raises(
         RobotError, match=r"part\.stl: mesh is no whole STL file.*; it is damaged: export it again"
@@ -224,6 +224,6 @@ def test_a_bad_template_is_refused_before_mujoco_reads_it(
 def test_a_template_is_compiled_as_it_stands(tmp_path: Path) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(MJCF, encoding="utf-8")
-    model = compiled(read_mjcf(path), path)
+    model = compile_mjcf(read_mjcf(path), path)
     np.testing.assert_allclose(model.body_mass, [0.0, 2.0, 1.0])
     np.testing.assert_allclose(model.body_ipos[2], [0.0, 0.0, 0.15])

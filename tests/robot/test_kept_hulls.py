@@ -60,7 +60,7 @@ def test_other_points_or_numbers_are_another_hull(
 
 def test_other_code_or_kernels_are_another_hull(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept_hull(POINTS, *SETTINGS)
-    monkeypatch.setattr(kept_hulls, "_rounding", lambda: "another processor")
+    monkeypatch.setattr(kept_hulls, "_rounding_key", lambda: "another processor")
     kept_hull(POINTS, *SETTINGS)
     assert len(list(folder.iterdir())) == 2
 
@@ -100,7 +100,7 @@ def test_where_nothing_can_be_kept_it_is_computed(
         monkeypatch.setenv("EXCITE_CACHE", "cache")
         monkeypatch.chdir(tmp_path)
     else:
-        monkeypatch.setattr(kept_hulls, "_folder", lambda: None)
+        monkeypatch.setattr(kept_hulls, "_cache_folder", lambda: None)
     before = sorted(tmp_path.rglob("*"))
     assert same(kept_hull(POINTS, *SETTINGS), computed)
     assert sorted(tmp_path.rglob("*")) == before

@@ -26,7 +26,7 @@ from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
 from excite.robot.shapes.collision import collision_model, collision_shapes, geometry_data, pair_distance
 from excite.robot.shapes.ground import bottom
-from excite.simulation.replay import replay
+from excite.simulation.replay import replay_motion
 from tests.robot.small import ARM
 from tests.simulation.motions import standing
 
@@ -744,14 +744,14 @@ def test_an_ankle_that_rests_as_low_as_the_soles_does_not_touch_the_ground(tmp_p
     text = re.sub(r'(<link name="\w+_ankle_pitch">.*?)(</link>)', rf"\1{heel}\2", biped())
     robot = written(text, tmp_path)
     assert any(shape.link == "left_ankle_pitch" for shape in collision_shapes(robot))
-    outcome = replay(robot, standing(robot, 1.0))
+    outcome = replay_motion(robot, standing(robot, 1.0))
     assert outcome.on_its_feet, outcome.summary()
 
 
 def test_a_base_called_world_stands_in_simulation(tmp_path: Path) -> None:
     """MuJoCo keeps the name for what does not move."""
     robot = written(biped().replace('"pelvis"', '"world"'), tmp_path)
-    run = replay(robot, standing(robot, 0.2))
+    run = replay_motion(robot, standing(robot, 0.2))
     assert run.on_its_feet and run.max_tilt_rad < 0.05
 
 

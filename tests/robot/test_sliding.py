@@ -7,7 +7,7 @@ import re
 import pinocchio as pin
 import pytest
 
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 from tests.architecture.source_tree import PACKAGE, ROOT
 
 AXES = {
@@ -24,7 +24,7 @@ def test_a_joint_slides_where_it_moves_without_turning(axis):
     model = pin.Model()
     first = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     model.addJoint(first, joint, pin.SE3.Identity(), "joint")
-    assert slides(model, 6) is expected
+    assert is_prismatic(model, 6) is expected
 
 
 def test_no_module_tells_it_by_names_of_pinocchios_classes():

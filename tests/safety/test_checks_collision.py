@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
@@ -107,7 +107,7 @@ def test_collision_between_samples_only(humanoid: Robot) -> None:
     def closest(offset: float) -> tuple[float, float]:
         """Smallest distance at the sample before the turn, and at the turn."""
         motion = swings(humanoid, offset)
-        turn = interpolate(motion, humanoid, np.array([2.02])).q[0]
+        turn = interpolate_motion(motion, humanoid, np.array([2.02])).q[0]
         at = int(np.argmin(np.abs(motion.time - 2.0)))
         return all_distances(humanoid, motion.q[at]).min(), all_distances(humanoid, turn).min()
 

@@ -10,7 +10,7 @@ import pytest
 
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.registry import make_generator
-from excite.robot.holding import _carrying, holding_torques
+from excite.robot.holding import _carrying_velocities, holding_torques
 from excite.robot.loading import build_robot
 from excite.robot.per_joint import Torques
 from excite.robot.robot import Robot
@@ -28,9 +28,9 @@ def weak_arm(arm: Robot) -> Robot:
 def test_which_joints_carry_is_looked_up_once_a_robot(humanoid: Robot) -> None:
     for _ in range(3):
         holding_torques(humanoid, humanoid.rest[None, humanoid.n_base_q :])
-    before = _carrying.cache_info()
+    before = _carrying_velocities.cache_info()
     holding_torques(humanoid, humanoid.rest[None, humanoid.n_base_q :])
-    assert _carrying.cache_info().misses == before.misses
+    assert _carrying_velocities.cache_info().misses == before.misses
 
 
 def test_holding_torques_are_those_of_inverse_dynamics_at_rest(arm: Robot, humanoid: Robot) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from excite.motion.generators.candidate import Draws
 from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.polynomials import hermite
+from excite.motion.generators.polynomials import hermite_curve
 from excite.motion.generators.registry import make_generator
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
@@ -25,7 +25,7 @@ from excite.safety.checks.distances import Distances
 from excite.safety.checks.sweep import Sweep
 from excite.safety.repairs.collisions import EXTRA, CollisionProbe, TooClose
 from excite.safety.repairs.draft import Draft, Rejection
-from excite.safety.repairs.shrinking import shrunk
+from excite.safety.repairs.shrinking import milder_candidates
 from excite.safety.repairs.waypoints import Waypoints
 from tests.safety.motions import moved_joint, smooth, squat
 
@@ -248,13 +248,16 @@ def test_without_a_way_out_the_candidate_is_refused(panda: Robot) -> None:
 
 def test_milder_squats_and_swings(g1: Robot) -> None:
     squatting = make_generator("squat").candidates(g1, 1, np.random.SeedSequence(1))[0]
-    shares = [milder.pelvis.control[6, 0] / squatting.pelvis.control[6, 0] for milder in shrunk(squatting)]
+    shares = [
+        milder.pelvis.control[6, 0] / squatting.pelvis.control[6, 0]
+        for milder in milder_candidates(squatting)
+    ]
     assert shares == pytest.approx([0.85, 0.7, 0.55])
     swinging = make_generator("leg_swing").candidates(g1, 1, np.random.SeedSequence(1))[0]
     (name,) = swinging.feet
     at = int(np.argmax(np.abs(swinging.feet[name].control).sum(axis=1)))
     feet, leans = [], []
-    for milder in shrunk(swinging):
+    for milder in milder_candidates(swinging):
         full = swinging.feet[name].control[at]
         feet.append(np.linalg.norm(milder.feet[name].control[at]) / np.linalg.norm(full))
         leans.append(milder.pelvis.control[6, 1] / swinging.pelvis.control[6, 1])
@@ -262,17 +265,17 @@ def test_milder_squats_and_swings(g1: Robot) -> None:
     assert feet == pytest.approx([0.85, 0.7, 0.55, 0.7, 0.55])
     assert leans == pytest.approx([1.0, 1.0, 1.0, 0.6, 0.4])
     upper = make_generator("random_joint").candidates(g1, 1, np.random.SeedSequence(1))[0]
-    assert list(shrunk(replace(upper, pelvis=None, com=None, feet={}))) == []
+    assert list(milder_candidates(replace(upper, pelvis=None, com=None, feet={}))) == []
 
 
 def test_milder_walks_change_pitch_and_roll_alone() -> None:
     robot = load_robot("hrp2like")
     walk = make_generator("walking").candidates(robot, 1, np.random.SeedSequence(7))[0]
     s = np.linspace(0.0, 3.0, 4)
-    feet = {name: hermite(s, np.vstack([np.zeros(6), np.ones((3, 6))])) for name in walk.feet}
-    walk = replace(walk, feet=feet, pelvis=hermite(s, np.vstack([np.zeros(4), np.ones((3, 4))])))
+    feet = {name: hermite_curve(s, np.vstack([np.zeros(6), np.ones((3, 6))])) for name in walk.feet}
+    walk = replace(walk, feet=feet, pelvis=hermite_curve(s, np.vstack([np.zeros(4), np.ones((3, 4))])))
     end, found = np.array([3.0]), []
-    for milder in shrunk(walk):
+    for milder in milder_candidates(walk):
         for name in feet:
             foot = milder.feet[name].evaluate(end)[0]
             assert np.delete(foot, 4) == pytest.approx(np.ones(5))

@@ -23,7 +23,7 @@ from excite.safety.repairs.rows import PathLimits, Rows
 from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.support import support_of, zmp_rows
 from excite.safety.repairs.time_scaling import largest_factor
-from excite.safety.repairs.transfers import transfer
+from excite.safety.repairs.transfers import plan_transfer
 from tests.safety.soles import foot_displacements
 
 
@@ -278,7 +278,7 @@ def test_path_through_given_joints() -> None:
 def test_transfer_is_straight_and_limited() -> None:
     robot = load_robot("panda")
     end = robot.rest + np.array([0.5, -0.2, 0.1, 0.3, -0.6, 0.2, 0.0])
-    moved = transfer(robot, robot.rest, end, 200.0)
+    moved = plan_transfer(robot, robot.rest, end, 200.0)
     assert np.allclose(moved.q[[0, -1]], [robot.rest, end])
     assert np.allclose(moved.v[[0, -1]], 0.0, atol=1e-6)
     share = (moved.q - robot.rest) @ (end - robot.rest) / np.sum((end - robot.rest) ** 2)

@@ -12,7 +12,7 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.scaffold.files import write_scaffold
 from excite.safety.filter import filter_candidate
-from excite.safety.repairs.steering import steering
+from excite.safety.repairs.steering import find_steering
 
 ALL = {"x", "y", "height", "roll", "pitch", "yaw"}
 
@@ -29,13 +29,13 @@ def stiff_ankles(humanoid: Robot, tmp_path_factory: pytest.TempPathFactory) -> R
 
 
 def test_legs_of_six_joints_and_points_on_three_steer_everything(humanoid: Robot) -> None:
-    assert steering(humanoid).trunk == ALL
-    assert all(len(held) == 6 for held in steering(humanoid).soles.values())
-    assert steering(load_robot("go2")).trunk == ALL
+    assert find_steering(humanoid).trunk == ALL
+    assert all(len(held) == 6 for held in find_steering(humanoid).soles.values())
+    assert find_steering(load_robot("go2")).trunk == ALL
 
 
 def test_legs_of_five_joints_steer_the_centre_of_mass_first(stiff_ankles: Robot) -> None:
-    found = steering(stiff_ankles)
+    found = find_steering(stiff_ankles)
     assert {"x", "y", "height"} < found.trunk
     # On parallel feet one coordinate of the second follows from those of the first.
     assert sorted(len(held) for held in found.soles.values()) == [5, 6]

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.lazy_kernel import LazyKernel
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.robot.per_joint import PerJoint
 from excite.robot.robot import Robot
 from excite.safety.checks.control_points import joint_bounds
@@ -56,7 +56,9 @@ def test_control_points_are_those_of_the_interpolation(humanoid: Robot, squattin
         assert np.allclose(getattr(sweep.bounds, name), getattr(bounds, name), rtol=1e-9, atol=1e-8), name
     for k in (200, 411, 600):
         for u in (0.0, 0.3, 0.8):
-            there = interpolate(sweep.fine, humanoid, np.array([grid[k] + u * (grid[k + 1] - grid[k])]))
+            there = interpolate_motion(
+                sweep.fine, humanoid, np.array([grid[k] + u * (grid[k + 1] - grid[k])])
+            )
             for values, expected in (
                 (points.position[:, k], there.joint_positions()[0]),
                 (points.velocity[:, k], there.joint_velocities()[0]),

@@ -24,7 +24,7 @@ from excite.safety.repairs.sampling import Sampling
 from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_law import TimeLaw
 from excite.safety.repairs.time_scaling import TimeScaling, largest_factor
-from excite.safety.repairs.transfers import transfer
+from excite.safety.repairs.transfers import plan_transfer
 
 # --- Time laws
 
@@ -266,7 +266,7 @@ def test_other_curves_are_run_as_fast_as_they_may(
 def test_a_transfer_uses_half_of_the_limits(panda: Robot) -> None:
     for way in (0.02, 0.4, 1.5):
         end = panda.rest + way * np.array([0.5, -0.2, 0.1, 0.3, -0.6, 0.2, 0.1])
-        moved = transfer(panda, panda.rest, end, 500.0)
+        moved = plan_transfer(panda, panda.rest, end, 500.0)
         limits = panda.limits
         jerk = np.diff(moved.a, axis=0) * 500.0
         used = {
@@ -304,7 +304,7 @@ def test_a_motion_that_starts_elsewhere_is_reached_and_left(
         assert SamplingCheck().run(panda, motion).violations == ()
         assert motion.metadata.robot_hash == panda.hash
         assert motion.metadata.seed == candidate.seed
-    there = transfer(panda, panda.rest, away.coordinates[0], rate)
+    there = plan_transfer(panda, panda.rest, away.coordinates[0], rate)
     middle = motions["at"].n_samples
     assert motions["away"].n_samples == middle + 2 * (len(there.q) - 1)
     first = len(there.q) - 1

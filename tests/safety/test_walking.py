@@ -17,7 +17,7 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter import SafetyFilter
-from excite.simulation.replay import replay
+from excite.simulation.replay import replay_motion
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_slower_the_same_walk_is_refused(robot: Robot, walk: Motion) -> None:
 
 
 def test_walk_stands_in_simulation(robot: Robot, walk: Motion) -> None:
-    run = replay(robot, walk, mass_error=0.05, friction_error=-0.05)
+    run = replay_motion(robot, walk, mass_error=0.05, friction_error=-0.05)
     assert run.on_its_feet, run.summary()
     assert run.max_slip_m < 5e-3
 
@@ -87,4 +87,4 @@ def test_walks_of_the_other_humanoids_stand(name: str) -> None:
     accepted = (outcome.motion for outcome in map(safety.filter, candidates) if outcome.motion is not None)
     first = list(islice(accepted, 2))
     assert len(first) == 2
-    assert any(replay(robot, motion).on_its_feet for motion in chain(first, islice(accepted, 1)))
+    assert any(replay_motion(robot, motion).on_its_feet for motion in chain(first, islice(accepted, 1)))

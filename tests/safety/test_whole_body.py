@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from excite.motion.generators.bodyparts import pelvis_joint
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.polynomials import hermite
+from excite.motion.generators.polynomials import hermite_curve
 from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -22,7 +22,7 @@ from excite.safety.repairs.balancer import Balancer
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.whole_body import WholeBody, path_grid
-from excite.safety.repairs.zmp_following import following
+from excite.safety.repairs.zmp_following import follow_zmp
 from tests.robot.test_scaffold import biped, written
 
 
@@ -136,7 +136,7 @@ def test_the_centre_of_mass_makes_up_for_the_zero_moment_point_that_is_missing()
     assert walk.com is not None and walk.zmp is not None and walk.speed is not None
     s = path_grid(walk)
     still = np.tile(robot.rest, (len(s), 1))
-    found = following(robot, walk, s, still)
+    found = follow_zmp(robot, walk, s, still)
     height = pin.centerOfMass(robot.model, robot.model.createData(), robot.rest)[2]
     step = (s[1] - s[0]) / walk.speed
     inner = len(s) - 2
@@ -163,12 +163,12 @@ def test_the_centre_of_mass_makes_up_for_the_zero_moment_point_that_is_missing()
 
 def test_what_is_no_walk_is_left_as_it_is(g1: Robot, swing: Candidate) -> None:
     s = path_grid(swing)
-    assert following(g1, swing, s, np.tile(g1.rest, (len(s), 1))) is swing
+    assert follow_zmp(g1, swing, s, np.tile(g1.rest, (len(s), 1))) is swing
     for missing in ("com", "zmp", "speed"):
-        curve = hermite(np.array([0.0, 1.0]), np.zeros((2, 2)))
+        curve = hermite_curve(np.array([0.0, 1.0]), np.zeros((2, 2)))
         whole = {"com": curve, "zmp": curve, "speed": 1.0, missing: None}
         partly = replace(swing, **whole)
-        assert following(g1, partly, s, np.tile(g1.rest, (len(s), 1))) is partly
+        assert follow_zmp(g1, partly, s, np.tile(g1.rest, (len(s), 1))) is partly
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.1, 0.2])

@@ -6,7 +6,7 @@ import pytest
 
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.execution import execute
+from excite.simulation.execution import execute_motion
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot, changed_robot
 from tests.simulation.motions import generator, squatting, waving
@@ -29,7 +29,7 @@ def changed_g1(g1: Robot) -> VirtualRobot:
 
 @pytest.fixture(scope="session")
 def squat(changed_g1: VirtualRobot) -> Recording:
-    return execute(changed_g1, squatting(changed_g1.robot, duration=2.0))
+    return execute_motion(changed_g1, squatting(changed_g1.robot, duration=2.0))
 
 
 @pytest.fixture(scope="session", params=["panda", "ur10"])
@@ -40,4 +40,4 @@ def arm(request: pytest.FixtureRequest) -> VirtualRobot:
 @pytest.fixture(scope="session")
 def arm_run(arm: VirtualRobot) -> Recording:
     joints = dict.fromkeys(arm.robot.joint_names, 0.4)
-    return execute(arm, waving(arm.robot, joints, duration=2.0))
+    return execute_motion(arm, waving(arm.robot, joints, duration=2.0))

@@ -14,7 +14,7 @@ from excite.blind.hidden import Answer, HiddenEffect
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
-from excite.simulation.execution import execute
+from excite.simulation.execution import execute_motion
 from excite.simulation.sensing import log_header
 
 RATE = 200.0
@@ -31,7 +31,7 @@ def test_the_motors_give_what_the_servo_says(servo: Servo) -> None:
     motion = arm.motions[0]
     short = motion.time <= 2.5
     motion = replace(motion, **{name: getattr(motion, name)[short] for name in ("time", "q", "v", "a")})
-    recording = execute(servo.on(replace(arm, motions=(motion,))).virtual, motion)
+    recording = execute_motion(servo.on(replace(arm, motions=(motion,))).virtual, motion)
     drives, model, data = arm.virtual.drives, robot.model, robot.model.createData()
     q, v, c = recording.q, recording.v, recording.q_cmd
     error = c - q

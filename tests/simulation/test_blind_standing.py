@@ -13,8 +13,8 @@ from excite.blind.floating.draw import floating_draft
 from excite.blind.floating.magnitudes import FORMS, MAKERS
 from excite.blind.floating.record import trial_of
 from excite.blind.floating.site import Site
-from excite.blind.floating.stand import Stand, _mounted, standing_robot
-from excite.blind.floating.truth import Truth, happens, truth_of
+from excite.blind.floating.stand import Stand, _mount_sensor, standing_robot
+from excite.blind.floating.truth import Truth, true_recording, truth_of
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import LogHeader
 from excite.logs.robot import robot_in_log
@@ -52,7 +52,7 @@ def stand(robot: Robot, sensors: str = "force_plate") -> Stand:
         joints=robot.joint_names,
         base_link=robot.base_link,
         wrench="on_robot_in_sensor_frame",
-        sensors=tuple(_mounted(robot, foot, sensors, 1.0, rng) for foot in robot.feet),
+        sensors=tuple(_mount_sensor(robot, foot, sensors, 1.0, rng) for foot in robot.feet),
         trials=(TrialHeader(file="trial_00.parquet", role="identification"),),
     )
     return Stand(robot_in_log(robot, header), header, (motion,) * 3, robot.nominal_parameters, 1.0)
@@ -96,7 +96,7 @@ def test_soles_stay_where_they_stand_over_legs_of_another_length(robot: Robot) -
     model = truth.model.copy()
     pose = model.jointPlacements[knee]
     model.jointPlacements[knee] = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 0.0, 0.01]))
-    recording = happens(replace(truth, model=model), truth.stand.motions[0], 0)
+    recording = true_recording(replace(truth, model=model), truth.stand.motions[0], 0)
     wanted, data = robot.model.createData(), model.createData()
     for q, plan in zip(recording.q[::20], truth.stand.motions[0].q[::20], strict=True):
         pin.forwardKinematics(model, data, q)
@@ -109,10 +109,10 @@ def test_soles_stay_where_they_stand_over_legs_of_another_length(robot: Robot) -
 @pytest.mark.parametrize("effect", sorted(FORMS))
 def test_every_effect_changes_what_is_logged(robot: Robot, effect: str) -> None:
     plain = truth_of(stand(robot, "foot_ft"))
-    before = happens(plain, plain.stand.motions[0], 0)
+    before = true_recording(plain, plain.stand.motions[0], 0)
     for form in FORMS[effect]:
         changed, place = hidden(plain, effect, form)
-        after = happens(changed, plain.stand.motions[0], 0)
+        after = true_recording(changed, plain.stand.motions[0], 0)
         for reading in changed.readings:
             after = reading(after)
         moved = max(

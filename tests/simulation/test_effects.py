@@ -11,8 +11,8 @@ import pytest
 from excite.errors import InputError, UnknownNameError
 from excite.logs.vocabulary import EFFECTS
 from excite.robot.robot import Robot
-from excite.simulation.effects.registry import INJECTED_EFFECTS, inject
-from excite.simulation.execution import execute
+from excite.simulation.effects.registry import INJECTED_EFFECTS, inject_effects
+from excite.simulation.execution import execute_motion
 from excite.simulation.recording import Recording
 from excite.simulation.simulate import simulate
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
@@ -28,7 +28,7 @@ def plain(panda: Robot) -> VirtualRobot:
 
 @pytest.fixture(scope="module")
 def plain_run(plain: VirtualRobot) -> Recording:
-    return execute(plain, _motion(plain))
+    return execute_motion(plain, _motion(plain))
 
 
 def _motion(virtual: VirtualRobot):
@@ -54,19 +54,19 @@ class TestEveryEffect:
         if not INJECTED_EFFECTS[name].locations(plain):
             pytest.skip("sits on standing robots only")
         before = _channels(plain)
-        changed = _channels(inject(plain, [name]))
+        changed = _channels(inject_effects(plain, [name]))
         assert np.abs(changed - before).max() > 1e-3
         np.testing.assert_array_equal(_channels(plain), before)
 
     def test_every_location_is_accepted(self, name: str, plain: VirtualRobot, g1: Robot) -> None:
         for virtual in (plain, nominal_robot(g1)):
             for location in INJECTED_EFFECTS[name].locations(virtual):
-                assert inject(virtual, [f"{name}:{location}"]) is not virtual
+                assert inject_effects(virtual, [f"{name}:{location}"]) is not virtual
 
     def test_an_unknown_location_is_refused(self, name: str, plain: VirtualRobot, g1: Robot) -> None:
         virtual = plain if INJECTED_EFFECTS[name].locations(plain) else nominal_robot(g1)
         with pytest.raises(UnknownNameError, match="nowhere"):
-            inject(virtual, [f"{name}:nowhere"])
+            inject_effects(virtual, [f"{name}:nowhere"])
 
     def test_values_out_of_bounds_are_refused(self, name: str, plain: VirtualRobot) -> None:
         effect = INJECTED_EFFECTS[name]
@@ -78,7 +78,7 @@ class TestEveryEffect:
 
     def test_it_survives_pickling(self, name: str, plain: VirtualRobot, g1: Robot) -> None:
         virtual = plain if INJECTED_EFFECTS[name].locations(plain) else nominal_robot(g1)
-        changed = inject(virtual, [name])
+        changed = inject_effects(virtual, [name])
         copy = pickle.loads(pickle.dumps(changed))  # noqa: S301
         np.testing.assert_array_equal(copy.truth.phi, changed.truth.phi)
         assert copy.readings == changed.readings
@@ -96,7 +96,7 @@ def test_errors_of_wrench_sensors(g1: Robot) -> None:
 
     def read(text: str) -> np.ndarray:
         recording = Recording("r", np.arange(6.0), *[np.zeros((6, 1))] * 7, {}, {sensor: plain}, np.zeros(6))
-        return inject(virtual, [text]).readings[-1](recording).wrenches[sensor]
+        return inject_effects(virtual, [text]).readings[-1](recording).wrenches[sensor]
 
     np.testing.assert_allclose(np.diag(read(f"sensor_gain:{sensor}.fz:1.1")), [1, 1, 1.1, 1, 1, 1])
     leak = read(f"sensor_crosstalk:{sensor}.fz->fx:0.2") - plain
@@ -114,16 +114,16 @@ def test_the_form_of_the_text_is_checked(plain: VirtualRobot) -> None:
         ("payload::much", "no number"),
     ):
         with pytest.raises(InputError, match=message):
-            inject(plain, [text])
+            inject_effects(plain, [text])
 
 
 def test_an_effect_without_a_place_is_refused(g1: Robot) -> None:
     with pytest.raises(InputError, match="no place on g1"):
-        inject(nominal_robot(g1), ["torque_bias"])
+        inject_effects(nominal_robot(g1), ["torque_bias"])
 
 
 def test_bias_and_gain_follow_their_law(plain: VirtualRobot, plain_run: Recording) -> None:
-    biased = _torque(inject(plain, ["torque_bias:panda_joint2:1.5", "torque_gain:panda_joint4:0.8"]))
+    biased = _torque(inject_effects(plain, ["torque_bias:panda_joint2:1.5", "torque_gain:panda_joint4:0.8"]))
     expected = plain_run.tau_link.copy()
     expected[:, 1] += 1.5
     expected[:, 3] *= 0.8
@@ -132,14 +132,14 @@ def test_bias_and_gain_follow_their_law(plain: VirtualRobot, plain_run: Recordin
 
 def test_a_delay_of_whole_samples_shifts(plain: VirtualRobot, plain_run: Recording) -> None:
     rate = plain.robot.description.sensors.rate_hz
-    late = _torque(inject(plain, [f"time_delay:torque:{10 / rate}"]))
+    late = _torque(inject_effects(plain, [f"time_delay:torque:{10 / rate}"]))
     np.testing.assert_allclose(late[10:], plain_run.tau_link[:-10], atol=1e-6)
     np.testing.assert_allclose(late[:10], np.tile(plain_run.tau_link[0], (10, 1)), atol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "power"), [("viscous_friction", 1), ("coulomb_friction", 0)])
 def test_friction_adds_its_torque(name: str, power: int, plain: VirtualRobot, plain_run: Recording) -> None:
-    run = execute(inject(plain, [f"{name}:panda_joint1:2.0"]), _motion(plain))
+    run = execute_motion(inject_effects(plain, [f"{name}:panda_joint1:2.0"]), _motion(plain))
     added = run.tau_link[:, 0] - plain_run.tau_link[:, 0]
     moving = np.abs(run.v[:, 0]) > 0.1
     law = 2.0 * np.sign(run.v[:, 0]) * np.abs(run.v[:, 0]) ** power
@@ -148,13 +148,13 @@ def test_friction_adds_its_torque(name: str, power: int, plain: VirtualRobot, pl
 
 
 def test_a_payload_weighs(g1: Robot) -> None:
-    loaded = inject(nominal_robot(g1), ["payload:torso_link:2.0"])
+    loaded = inject_effects(nominal_robot(g1), ["payload:torso_link:2.0"])
     assert loaded.truth.phi[::10].sum() == pytest.approx(g1.mass + 2.0)
     assert [part.link for part in loaded.truth.parts] == ["torso_link"]
 
 
 def _run(virtual: VirtualRobot, *texts: str) -> Recording:
-    return execute(inject(virtual, texts), _motion(virtual))
+    return execute_motion(inject_effects(virtual, texts), _motion(virtual))
 
 
 def test_a_spring_pulls_towards_its_zero(plain: VirtualRobot, plain_run: Recording) -> None:

@@ -14,7 +14,7 @@ import pytest
 from excite.arrays import Array
 from excite.errors import MotionError
 from excite.robot.robot import Robot
-from excite.simulation.execution import execute
+from excite.simulation.execution import execute_motion
 from excite.simulation.machine import Machine
 from excite.simulation.plant import Plant
 from excite.simulation.recording import Recording
@@ -50,7 +50,7 @@ def _base_rows(virtual: VirtualRobot, run: Recording) -> tuple[Array, Array]:
 
 
 def test_standing_still_the_ankles_carry_the_weight_less_the_feet(changed_g1: VirtualRobot) -> None:
-    run = execute(changed_g1, standing(changed_g1.robot))
+    run = execute_motion(changed_g1, standing(changed_g1.robot))
     feet = [segment for sensor in changed_g1.robot.sensors for segment in sensor.excludes]
     mass, feet_mass = changed_g1.truth.phi[::10].sum(), changed_g1.truth.phi[::10][feet].sum()
     vertical = sum(wrench[-1, 2] for wrench in run.wrenches.values())
@@ -111,7 +111,7 @@ def test_arm_torques_are_inverse_dynamics_and_friction(arm: VirtualRobot, arm_ru
 
 
 def test_friction_holds_a_still_joint_within_its_bound(arm: VirtualRobot) -> None:
-    run = execute(arm, standing(arm.robot, 0.5))
+    run = execute_motion(arm, standing(arm.robot, 0.5))
     assert np.abs(run.v[-1]).max() < 1e-3
     gap = np.abs(run.tau_motor[-1] - run.tau_link[-1])
     assert (gap <= arm.drives.coulomb + arm.drives.viscous * 1e-3 + 1e-6).all()
@@ -122,19 +122,19 @@ def test_tracking_is_that_of_a_stiff_servo(squat: Recording) -> None:
 
 
 def test_the_run_ends_where_it_is_told_to(g1: Robot, changed_g1: VirtualRobot) -> None:
-    run = execute(changed_g1, standing(g1), stop=lambda sample, qpos: sample == 9)
+    run = execute_motion(changed_g1, standing(g1), stop=lambda sample, qpos: sample == 9)
     assert len(run.time) == len(run.q_cmd) == len(run.wrenches["left_foot"]) == 10
 
 
 def test_a_motion_of_another_robot_is_refused(changed_g1: VirtualRobot, panda: Robot) -> None:
     with pytest.raises(MotionError, match="other joints"):
-        execute(changed_g1, waving(panda, {}))
+        execute_motion(changed_g1, waving(panda, {}))
 
 
 def test_a_finer_step_changes_little(changed_g1: VirtualRobot, squat: Recording) -> None:
 
     fine = replace(changed_g1, world=replace(changed_g1.world, timestep=2.5e-4))
-    run = execute(fine, squatting(fine.robot, duration=2.0))
+    run = execute_motion(fine, squatting(fine.robot, duration=2.0))
     assert np.abs(run.q[:, 7:] - squat.q[:, 7:]).max() < 2e-3
 
 
@@ -150,7 +150,7 @@ def test_a_run_that_goes_wrong_is_refused_and_leaves_no_file_behind(
     monkeypatch.chdir(tmp_path)
     wild = arm.with_law(Blow())
     with pytest.raises(MotionError, match="diverged"):
-        execute(wild, waving(arm.robot, {arm.robot.joint_names[0]: 0.3}))
+        execute_motion(wild, waving(arm.robot, {arm.robot.joint_names[0]: 0.3}))
     assert not list(tmp_path.iterdir())
 
 
@@ -172,7 +172,7 @@ def test_a_clipped_drive_of_a_standing_robot_satisfies_the_equations_of_motion(g
     waist = g1.joint_index("waist_yaw_joint")
     limit[waist] = 0.5
     weak = replace(weak, drives=replace(weak.drives, torque_limit=limit))
-    run = execute(weak, waving(g1, {"waist_yaw_joint": 0.3}))
+    run = execute_motion(weak, waving(g1, {"waist_yaw_joint": 0.3}))
     assert run.clipped[:, waist].mean() > 0.1
     model, data = _true_model(weak), g1.model.createData()
     rigid = np.array([pin.rnea(model, data, *sample) for sample in zip(run.q, run.v, run.a, strict=True)])
@@ -184,6 +184,6 @@ def test_a_single_tree_is_not_searched_for_islands_and_moves_the_same(changed_g1
     assert machine.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ISLAND
     searching.model.opt.disableflags = 0
     motion = squatting(changed_g1.robot)
-    ours, theirs = (execute(changed_g1, motion, machine=each) for each in (machine, searching))
+    ours, theirs = (execute_motion(changed_g1, motion, machine=each) for each in (machine, searching))
     assert np.array_equal(ours.q, theirs.q)
     assert np.array_equal(ours.tau_link, theirs.tau_link)

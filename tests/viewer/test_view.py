@@ -20,7 +20,7 @@ from excite.logs.files import load_log
 from excite.motion.collection import load_motions
 from excite.motion.files import save_motion
 from excite.report.data import ReportData, save_report_data
-from excite.report.replay.packed import unpacked
+from excite.report.replay.packed import unpack_table
 from excite.robot.loading import load_robot
 from excite.viewer.record import record_page
 from excite.viewer.serve import serve
@@ -92,7 +92,7 @@ def test_the_page_needs_nothing_and_holds_the_motion(motion: Path, tmp_path: Pat
     page = record_page(thing, tmp_path / "one.html").read_text(encoding="utf-8")
     assert strange_scripts(page) == [] and len(page) < 2_000_000
     assert "default-src 'none'" in page and 'src="' not in page and "<link" not in page
-    np.testing.assert_allclose(unpacked(islands(page)["view-0"]["q"]), thing.clips[0].q, atol=1e-4)
+    np.testing.assert_allclose(unpack_table(islands(page)["view-0"]["q"]), thing.clips[0].q, atol=1e-4)
 
 
 def test_the_command_writes_the_page(

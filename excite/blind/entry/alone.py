@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.blind.entry.candidates import Samples, candidates, modelled_columns
+from excite.blind.entry.candidates import Samples, modelled_columns, single_effects
 from excite.blind.entry.log import ArmLog, arm_log
 from excite.logs.log import Trial
 from excite.rows.filtered_rows import TrialRows, filtered_rows
@@ -59,15 +59,17 @@ def fitted_alone(folder: Path) -> dict[str, Any]:
     """
     log = arm_log(folder)
     settings = ProblemSettings(cutoff_hz=_CUTOFF_HZ, drive_terms=())
-    parts = [(trial, _trial(log, trial, settings)) for trial in log.log.trials]
+    parts = [(trial, _trial_equations(log, trial, settings)) for trial in log.log.trials]
     named, n_modelled = parts[0][1].named, parts[0][1].n_modelled
     learn, judge = (
-        _joined([equations.rows for trial, equations in parts if (trial.role == "validation") is validation])
+        _join_rows(
+            [equations.rows for trial, equations in parts if (trial.role == "validation") is validation]
+        )
         for validation in (False, True)
     )
     weight = np.ones(learn.values.shape[1])
     for _ in range(2):
-        bare = _fitted(learn, n_modelled, slice(0, 0), weight)
+        bare = _fit_columns(learn, n_modelled, slice(0, 0), weight)
         weight = 1.0 / np.maximum(np.sqrt(_mean_square(learn, n_modelled, slice(0, 0), bare)), 1e-9)
     count = learn.use.sum(axis=0)
 
@@ -78,7 +80,7 @@ def fitted_alone(folder: Path) -> dict[str, Any]:
 
     least, best = bic(slice(0, 0), bare, 0), None
     for item in named:
-        fit = _fitted(learn, n_modelled, item.columns, weight)
+        fit = _fit_columns(learn, n_modelled, item.columns, weight)
         score = bic(item.columns, fit, item.more)
         if score < least:
             least, best = score, (item, fit)
@@ -104,14 +106,14 @@ class _Equations(NamedTuple):
     n_modelled: int
 
 
-def _trial(log: ArmLog, trial: Trial, settings: ProblemSettings) -> _Equations:
+def _trial_equations(log: ArmLog, trial: Trial, settings: ProblemSettings) -> _Equations:
     filters = settings.filters(floating=False)
     k = trial_kinematics(log.robot, log.log.header, trial, settings, filters)
     session = k.time - k.time[0] + (trial.start_s or 0.0)
     s = Samples(log.robot, log.fixed, session, k.rate_hz, k.q, k.v, k.a)
     known = modelled_columns(s, log.modelled)
     parts, named, at = [known], [], known.shape[2]
-    for item in candidates(s, log.modelled):
+    for item in single_effects(s, log.modelled):
         width = item.columns.shape[2]
         named.append(_Named(item.effect, item.location, slice(at, at + width), item.more))
         parts.append(item.columns)
@@ -123,17 +125,17 @@ def _trial(log: ArmLog, trial: Trial, settings: ProblemSettings) -> _Equations:
     return _Equations(rows, named, known.shape[2])
 
 
-def _joined(rows: list[TrialRows]) -> _Rows:
+def _join_rows(rows: list[TrialRows]) -> _Rows:
     return _Rows(np.concatenate([r.values for r in rows]), np.concatenate([r.use for r in rows]))
 
 
-def _columns(rows: _Rows, n_modelled: int, columns: slice) -> Array:
+def _modelled_columns(rows: _Rows, n_modelled: int, columns: slice) -> Array:
     return np.concatenate([rows.values[:, :, :n_modelled], rows.values[:, :, columns]], axis=2)
 
 
-def _fitted(rows: _Rows, n_modelled: int, columns: slice, weight: Array) -> Array:
+def _fit_columns(rows: _Rows, n_modelled: int, columns: slice, weight: Array) -> Array:
     """Least squares of the modelled terms and one candidate, ``(n_modelled + k,)``."""
-    a = _columns(rows, n_modelled, columns) * (weight * rows.use)[:, :, None]
+    a = _modelled_columns(rows, n_modelled, columns) * (weight * rows.use)[:, :, None]
     b = rows.values[:, :, -1] * weight * rows.use
     a, b = a.reshape(-1, a.shape[2]), b.ravel()
     scale = np.maximum(np.linalg.norm(a, axis=0), 1e-12)
@@ -148,5 +150,5 @@ def _fitted(rows: _Rows, n_modelled: int, columns: slice, weight: Array) -> Arra
 
 def _mean_square(rows: _Rows, n_modelled: int, columns: slice, fit: Array) -> Array:
     """Mean square of what a fit leaves of each joint, ``(n_joints,)`` [N²·m²]."""
-    rest = (rows.values[:, :, -1] - _columns(rows, n_modelled, columns) @ fit) * rows.use
+    rest = (rows.values[:, :, -1] - _modelled_columns(rows, n_modelled, columns) @ fit) * rows.use
     return np.asarray((rest**2).sum(axis=0) / np.maximum(rows.use.sum(axis=0), 1))

@@ -13,7 +13,7 @@ from excite.documents.blind_answer import BlindAnswer
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of
 from excite.errors import InputError
-from excite.finding import listed
+from excite.finding import list_names
 from excite.logs.vocabulary import EFFECTS
 from excite.reading.json_document import read_json
 from excite.robot.loading import load_robot
@@ -52,12 +52,12 @@ def read_entry(folder: str | Path, answers: Mapping[str, Answer]) -> dict[str, E
         raise InputError("is no folder", source=folder, remedy="name a folder of answers, one file a case")
     missing = [case for case in sorted(answers) if not (folder / f"{case}.json").is_file()]
     if missing:
-        names = listed([f"{case}.json" for case in missing], 5)
+        names = list_names([f"{case}.json" for case in missing], 5)
         raise InputError(f"lacks {names}", source=folder, remedy=_REMEDY)
-    return {case: _read(folder / f"{case}.json", answers[case]) for case in sorted(answers)}
+    return {case: _read_answer(folder / f"{case}.json", answers[case]) for case in sorted(answers)}
 
 
-def _read(path: Path, answer: Answer) -> EntryAnswer:
+def _read_answer(path: Path, answer: Answer) -> EntryAnswer:
     kinds = (BlindAnswer, Diagnosis)
     said = read_json(path, remedy=_REMEDY).get("schema")
     if said == schema_of(Diagnosis):

@@ -66,34 +66,34 @@ class Candidate:
 def modelled_columns(s: Samples, modelled: tuple[str, ...]) -> Array:
     """Columns of the terms that the log calls modelled, ``(n, n_joints, k)``."""
     n = s.robot.n_joints
-    terms = dict(zip(OWN_TERMS, (s.v, _sign(s.v), s.a), strict=True))
+    terms = dict(zip(OWN_TERMS, (s.v, _velocity_sign(s.v), s.a), strict=True))
     parts = [terms[name][:, :, None] * np.eye(n) for name in OWN_TERMS if name in modelled]
     if not s.fixed:
         parts.append(joint_torque_regressor(s.robot.model, s.q, s.v, s.a))
     return np.concatenate([np.zeros((len(s.q), n, 0)), *parts], axis=2)
 
 
-def candidates(s: Samples, modelled: tuple[str, ...]) -> Iterator[Candidate]:
+def single_effects(s: Samples, modelled: tuple[str, ...]) -> Iterator[Candidate]:
     """All single effects, in an order that depends on the robot and ``modelled`` only."""
     model, names = s.robot.model, s.robot.joint_names
     load = inverse_dynamics(model, s.q, s.v, s.a)
     for j, name in enumerate(names):
-        for effect, column in zip(OWN_TERMS, (s.v, _sign(s.v), s.a), strict=True):
+        for effect, column in zip(OWN_TERMS, (s.v, _velocity_sign(s.v), s.a), strict=True):
             if effect not in modelled:
-                yield Candidate(effect, name, _own(s, j, column[:, j]))
+                yield Candidate(effect, name, _own_columns_of(s, j, column[:, j]))
         yield from _in_joint(s, j, name, load[:, j])
-        yield from _deflections(s, j, name, load[:, j])
+        yield from _deflection_candidates(s, j, name, load[:, j])
     yield Candidate("time_delay", "torque", np.gradient(load, 1.0 / s.rate_hz, axis=0)[:, :, None])
-    yield Candidate("base_tilt", "base", _tilts(s, load))
+    yield Candidate("base_tilt", "base", _tilt_columns(s, load))
     if s.fixed:
-        yield from _bodies(s, load)
+        yield from _body_candidates(s, load)
 
 
-def _sign(v: Array) -> Array:
+def _velocity_sign(v: Array) -> Array:
     return np.tanh(v / _SIGN_WIDTH)
 
 
-def _own(s: Samples, joint: int, *columns: Array) -> Array:
+def _own_columns_of(s: Samples, joint: int, *columns: Array) -> Array:
     made = np.zeros((len(s.q), s.robot.n_joints, len(columns)))
     made[:, joint] = np.stack(columns, axis=1)
     return made
@@ -102,20 +102,20 @@ def _own(s: Samples, joint: int, *columns: Array) -> Array:
 def _in_joint(s: Samples, j: int, name: str, load: Array) -> Iterator[Candidate]:
     """Effects that act on the row of their own joint."""
     q, v = s.q[:, j], s.v[:, j]
-    sign, one = _sign(v), np.ones(len(v))
-    yield Candidate("torque_bias", name, _own(s, j, one))
-    yield Candidate("torque_gain", name, _own(s, j, load))
-    yield Candidate("joint_spring", name, _own(s, j, q, one))
-    yield Candidate("load_dependent_friction", name, _own(s, j, sign * np.abs(load)))
-    yield Candidate("friction_drift", name, _own(s, j, sign * -np.expm1(-s.session / _WARMING_S)))
+    sign, one = _velocity_sign(v), np.ones(len(v))
+    yield Candidate("torque_bias", name, _own_columns_of(s, j, one))
+    yield Candidate("torque_gain", name, _own_columns_of(s, j, load))
+    yield Candidate("joint_spring", name, _own_columns_of(s, j, q, one))
+    yield Candidate("load_dependent_friction", name, _own_columns_of(s, j, sign * np.abs(load)))
+    yield Candidate("friction_drift", name, _own_columns_of(s, j, sign * -np.expm1(-s.session / _WARMING_S)))
     for speed in _STRIBECK_SPEEDS:
-        yield Candidate("stribeck", name, _own(s, j, sign * np.exp(-((v / speed) ** 2))), more=1)
+        yield Candidate("stribeck", name, _own_columns_of(s, j, sign * np.exp(-((v / speed) ** 2))), more=1)
     for periods in _RIPPLE_PERIODS:
         wave = (np.cos(periods * q), np.sin(periods * q))
-        yield Candidate("torque_ripple", name, _own(s, j, *wave), more=1)
+        yield Candidate("torque_ripple", name, _own_columns_of(s, j, *wave), more=1)
 
 
-def _deflections(s: Samples, j: int, name: str, load: Array) -> Iterator[Candidate]:
+def _deflection_candidates(s: Samples, j: int, name: str, load: Array) -> Iterator[Candidate]:
     """Effects that turn the link away from where the encoder says: they act on the rows of all joints."""
     model, e = s.robot.model, np.eye(s.robot.n_joints)[j] * _STEP
     by_q = inverse_dynamics(model, s.q + e, s.v, s.a) - inverse_dynamics(model, s.q - e, s.v, s.a)
@@ -131,7 +131,7 @@ def _deflections(s: Samples, j: int, name: str, load: Array) -> Iterator[Candida
         yield Candidate(effect, name, moved[:, :, None] / (2.0 * _STEP))
 
 
-def _tilts(s: Samples, load: Array) -> Array:
+def _tilt_columns(s: Samples, load: Array) -> Array:
     """What gravity makes more of when the base leans about either horizontal axis."""
     made = []
     for axis in range(2):
@@ -143,7 +143,7 @@ def _tilts(s: Samples, load: Array) -> Array:
     return np.stack(made, axis=2)
 
 
-def _bodies(s: Samples, load: Array) -> Iterator[Candidate]:
+def _body_candidates(s: Samples, load: Array) -> Iterator[Candidate]:
     """Bodies that are heavier than given, or elsewhere."""
     model = s.robot.model
     regressor = joint_torque_regressor(model, s.q, s.v, s.a)

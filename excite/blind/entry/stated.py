@@ -38,7 +38,7 @@ def of_answer(content: Mapping[str, Any], joints: Collection[str]) -> tuple[Stat
     """Effects of an ``excite.blind_answer/1``; a share without a channel is of the joint that is the place."""
     made: dict[tuple[str, str], Stated] = {}
     for item in content["effects"]:
-        stated = _of(made, item)
+        stated = _stated_effect(made, item)
         channel = item["channel"] or (item["location"] if item["location"] in joints else None)
         if channel is not None:
             stated.add(channel, item["share"], item["interval90"])
@@ -49,14 +49,14 @@ def of_diagnosis(document: Mapping[str, Any]) -> tuple[Stated, ...]:
     """Effects of an ``excite.diagnosis/1``: the accepted ones, and what its budget names."""
     made: dict[tuple[str, str], Stated] = {}
     for item in document["effects"]:
-        _of(made, item)
+        _stated_effect(made, item)
     for channel, budget in document.get("budget", {}).items():
         for item in budget["effects"]:
-            _of(made, item).add(channel, item["share"], item.get("interval90"))
+            _stated_effect(made, item).add(channel, item["share"], item.get("interval90"))
     return tuple(made.values())
 
 
-def _of(made: dict[tuple[str, str], Stated], item: Mapping[str, Any]) -> Stated:
+def _stated_effect(made: dict[tuple[str, str], Stated], item: Mapping[str, Any]) -> Stated:
     """The effect that an item speaks of, made where it is new."""
     key = (item["effect"], str(item["location"]))
     tied = frozenset(item.get("tied_locations", ())) - {key[1]}

@@ -37,7 +37,7 @@ class TrialFit:
 
         self.log, self.sysid = log, sysid
         robot = log.robot
-        drives, at, command = _servo(log, trial)
+        drives, at, command = _trial_servo(log, trial)
         self.damping = drives.kd
         phi = np.concatenate(
             [robot.model.inertias[k].toDynamicParameters() for k in range(1, robot.model.njoints)]
@@ -190,7 +190,7 @@ class _Servo(NamedTuple):
     command: Array
 
 
-def _servo(log: ArmLog, trial: Trial) -> _Servo:
+def _trial_servo(log: ArmLog, trial: Trial) -> _Servo:
     """The servo of a trial.
 
     Commands between rows of the log are on a spline: on straight lines between them stiff servos would

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.blind.arm import Arm, arm_of
-from excite.blind.case import noise_of, recordings_of, session
+from excite.blind.case import log_session, noise_of, recordings_of
 from excite.blind.detectability import Band
 from excite.blind.everything.draw import Ingredient, Mixture
 from excite.blind.everything.shares import left_over, true_shares
@@ -67,7 +67,7 @@ def build_mixture(plan: Mixture, rng: np.random.Generator) -> tuple[Log, Answer]
         for name, gap, noise, together in zip(names, shares.gap, band.noise, shares.together, strict=True)
         if gap > 0.0
     }
-    trials, headers = session(recordings, arm, plan.noise, plan.faults, sigma, rng)
+    trials, headers = log_session(recordings, arm, plan.noise, plan.faults, sigma, rng)
     header = log_header(robot, headers).model_copy(update={"modelled": modelled})
     log = Log(header=header, trials=trials, robot_text=robot.urdf)
     hidden.sort(key=lambda item: -max(item.shares.values(), default=0.0))

@@ -69,7 +69,7 @@ class Mixture:
     ingredients: tuple[Ingredient, ...]
 
 
-def mixture(rng: np.random.Generator, robots: tuple[str, ...] = ROBOTS) -> Mixture:
+def draw_mixture(rng: np.random.Generator, robots: tuple[str, ...] = ROBOTS) -> Mixture:
     """Draw a case: three to eight effects, whose places go through all joints before one has its second.
 
     Args:
@@ -88,7 +88,7 @@ def mixture(rng: np.random.Generator, robots: tuple[str, ...] = ROBOTS) -> Mixtu
     places = np.concatenate([rng.permutation(joints) for _ in range(-(-count // joints))])[:count]
     made: list[Ingredient] = []
     for place in places:
-        free = [name for name in _CHOICE if _fits(name, int(place), made, fixed, joints)]
+        free = [name for name in _CHOICE if _fits_at(name, int(place), made, fixed, joints)]
         name = str(rng.choice(free))
         size = float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
         made.append(
@@ -97,7 +97,7 @@ def mixture(rng: np.random.Generator, robots: tuple[str, ...] = ROBOTS) -> Mixtu
     return Mixture(robot, fixed, noise, faults, tuple(made))
 
 
-def _fits(name: str, joint: int, made: list[Ingredient], fixed: bool, joints: int) -> bool:
+def _fits_at(name: str, joint: int, made: list[Ingredient], fixed: bool, joints: int) -> bool:
     """Whether an effect can be at a joint beside those that are drawn already."""
     if name in NEEDS_GIVEN_INERTIA and not (fixed and 0 < joint < joints - 1):
         return False

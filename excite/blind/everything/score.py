@@ -71,8 +71,8 @@ def score_mixture(case: str, answer: Answer, stated: Sequence[Stated]) -> Mixtur
     """
     pairs = []
     for hidden in answer.effects:
-        best = max(stated, key=lambda item: _credit(hidden, item), default=None)
-        credit = 0.0 if best is None else _credit(hidden, best)
+        best = max(stated, key=lambda item: _effect_credit(hidden, item), default=None)
+        credit = 0.0 if best is None else _effect_credit(hidden, best)
         for joint, share in hidden.shares.items():
             there = answer.joints[joint]
             if share < LARGE or share**0.5 * there.gap < DETECTABLE * there.noise:
@@ -81,7 +81,7 @@ def score_mixture(case: str, answer: Answer, stated: Sequence[Stated]) -> Mixtur
             interval = best.intervals.get(joint) if best is not None and credit else None
             inside = None if interval is None else interval[0] <= share <= interval[1]
             pairs.append(SharePair(hidden.effect, hidden.location, joint, share, credit, said, inside))
-    right = [max((_credit(hidden, item) for hidden in answer.effects), default=0.0) for item in stated]
+    right = [max((_effect_credit(hidden, item) for hidden in answer.effects), default=0.0) for item in stated]
     large = [
         mark
         for mark, item in zip(right, stated, strict=True)
@@ -90,7 +90,7 @@ def score_mixture(case: str, answer: Answer, stated: Sequence[Stated]) -> Mixtur
     return MixtureScore(case, tuple(pairs), tuple(right), tuple(large))
 
 
-def _credit(hidden: HiddenEffect, said: Stated) -> float:
+def _effect_credit(hidden: HiddenEffect, said: Stated) -> float:
     if not same_effect(hidden.effect, said.effect):
         return 0.0
     if hidden.location != said.location and hidden.location not in said.tied:
@@ -111,15 +111,17 @@ def mixture_figures(scores: Iterable[MixtureScore]) -> dict[str, float | None]:
         "everything_cases": float(len(scores)),
         "everything_effects": float(len(found)),
         "everything_share_found": sum(p.share * p.found for p in pairs) / weight if weight else None,
-        "everything_found": _mean(list(found.values())),
-        "everything_named_right": _mean([mark for score in scores for mark in score.right]),
-        "everything_large_named_right": _mean([mark for score in scores for mark in score.right_large]),
+        "everything_found": _mean_or_none(list(found.values())),
+        "everything_named_right": _mean_or_none([mark for score in scores for mark in score.right]),
+        "everything_large_named_right": _mean_or_none(
+            [mark for score in scores for mark in score.right_large]
+        ),
         "everything_share_error_median": median(abs((p.stated or 0.0) - p.share) for p in stated)
         if stated
         else None,
-        "everything_share_inside": _mean([float(mark) for mark in inside]),
+        "everything_share_inside": _mean_or_none([float(mark) for mark in inside]),
     }
 
 
-def _mean(values: list[float]) -> float | None:
+def _mean_or_none(values: list[float]) -> float | None:
     return sum(values) / len(values) if values else None

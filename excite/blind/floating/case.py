@@ -51,18 +51,18 @@ def build_floating_case(plan: FloatingDraft, rng: np.random.Generator) -> Floati
     recordings = plain.logged()
     truth, hidden = plain, []
     if plan.effects:
-        noisy = _trials(stand, recordings, plan.noise, rng)
-        yardstick = Yardstick(stand.robot, stand.free, _trials(stand, recordings, 0.0, rng), noisy)
+        noisy = _logged_trials(stand, recordings, plan.noise, rng)
+        yardstick = Yardstick(stand.robot, stand.free, _logged_trials(stand, recordings, 0.0, rng), noisy)
         for k, (effect, form) in enumerate(plan.effects):
             place = _clear_place(plain, yardstick, effect, form, rng)
-            truth, what = _hidden(truth, effect, form, place.size, place.seed)
+            truth, what = _hidden_record(truth, effect, form, place.size, place.seed)
             hidden.append(replace(what, detectability=place.clear))
             recordings = place.recordings if k == 0 else truth.logged()
     hidden.sort(key=lambda item: -(item.detectability or 0.0))
-    trials = _trials(stand, recordings, plan.noise, rng)
+    trials = _logged_trials(stand, recordings, plan.noise, rng)
     log = Log(header=stand.header, trials=trials, robot_text=stand.robot.urdf)
     answer = Answer(plan.kind, plan.robot, stand.header.modelled, tuple(hidden), plan.noise)
-    return FloatingCase(log, answer, replace(log, trials=_trials(stand, recordings, 0.0, rng)))
+    return FloatingCase(log, answer, replace(log, trials=_logged_trials(stand, recordings, 0.0, rng)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,19 +82,19 @@ def _clear_place(
     drawn: list[_Place] = []
     for k in range(_DRAWS):
         seed, size = int(rng.integers(1 << 53)), _GROWTH**k
-        recordings = _hidden(plain, effect, form, size, seed)[0].logged()
-        clear = yardstick.detectability(_trials(plain.stand, recordings, 0.0, rng))
+        recordings = _hidden_record(plain, effect, form, size, seed)[0].logged()
+        clear = yardstick.detectability(_logged_trials(plain.stand, recordings, 0.0, rng))
         drawn.append(_Place(clear, seed, size, recordings))
         if clear >= _CLEAR:
             break
     return max(drawn, key=lambda item: item.clear)
 
 
-def _hidden(truth: Truth, effect: str, form: str, size: float, seed: int) -> Hidden:
+def _hidden_record(truth: Truth, effect: str, form: str, size: float, seed: int) -> Hidden:
     return MAKERS[effect](Site(truth, effect, form, size, np.random.default_rng(seed)))
 
 
-def _trials(
+def _logged_trials(
     stand: Stand, recordings: list[Recording], noise: float, rng: np.random.Generator
 ) -> tuple[Trial, ...]:
     return tuple(

@@ -11,12 +11,12 @@ import pinocchio as pin
 from excite.blind.floating.pulls import Drag, Jostle, Pull, Slosh, Table, Tether
 from excite.blind.floating.readings import Bent, Mixed, Wobbly
 from excite.blind.floating.site import Site
-from excite.blind.floating.truth import Truth, happens
+from excite.blind.floating.truth import Truth, true_recording
 from excite.blind.hidden import HiddenEffect
 from excite.logs.columns import WRENCH_AXES
 from excite.simulation.effects.readings import Misaligned, Misplaced, WrenchBias
 from excite.simulation.effects.registry import INJECTED_EFFECTS
-from excite.simulation.inertial import box_parameters, deformed
+from excite.simulation.inertial import box_parameters, deform_parameters
 from excite.simulation.virtual_robot import Reading, nominal_robot
 
 Hidden = tuple[Truth, HiddenEffect]
@@ -41,15 +41,15 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 
 
-def _read(s: Site, reading: Reading, found: HiddenEffect) -> Hidden:
+def _hide_in_reading(s: Site, reading: Reading, found: HiddenEffect) -> Hidden:
     return replace(s.truth, readings=(*s.truth.readings, reading)), found
 
 
-def _pulled(s: Site, pull: Pull, found: HiddenEffect) -> Hidden:
+def _hide_pull(s: Site, pull: Pull, found: HiddenEffect) -> Hidden:
     return replace(s.truth, pulls=(*s.truth.pulls, pull)), found
 
 
-def _payload(s: Site) -> Hidden:
+def _hide_payload(s: Site) -> Hidden:
     robot, heavy = s.truth.stand.robot, s.heavy
     segment = int(s.rng.choice(s.hands if s.rng.random() < 0.6 and s.hands else heavy))
     mass = s.draw(0.012, 0.035) * robot.mass
@@ -66,11 +66,11 @@ def _link_inertia(s: Site) -> Hidden:
     affine = np.eye(4)
     affine[:3, 3] = s.vector(0.01, 0.04)
     phi = s.truth.phi.copy()
-    phi[10 * segment : 10 * segment + 10] = deformed(block, affine, density)
+    phi[10 * segment : 10 * segment + 10] = deform_parameters(block, affine, density)
     return replace(s.truth, phi=phi), s.found(s.link(segment), (density - 1.0) * block[0])
 
 
-def _length(s: Site) -> Hidden:
+def _hide_length_error(s: Site) -> Hidden:
     robot = s.truth.stand.robot
     joint = int(s.rng.choice(s.joints))
     line = robot.model.jointPlacements[joint].translation
@@ -84,31 +84,33 @@ def _length(s: Site) -> Hidden:
     return replace(s.truth, model=model), s.found(str(robot.model.names[joint]), value)
 
 
-def _offset(s: Site) -> Hidden:
+def _hide_encoder_offset(s: Site) -> Hidden:
     robot = s.truth.stand.robot
     joint = str(robot.model.names[int(s.rng.choice(s.joints))])
     value = s.sign() * s.draw(0.03, 0.07)
     virtual = INJECTED_EFFECTS["encoder_offset"].inject(nominal_robot(robot), joint, value)
-    return _read(s, virtual.readings[-1], s.found(joint, value))
+    return _hide_in_reading(s, virtual.readings[-1], s.found(joint, value))
 
 
 def _soft_gear(s: Site) -> Hidden:
     robot = s.truth.stand.robot
-    torque = np.abs(happens(s.truth, s.truth.stand.motions[2], 2).tau_link).max(axis=0)
+    torque = np.abs(true_recording(s.truth, s.truth.stand.motions[2], 2).tau_link).max(axis=0)
     joints = np.flatnonzero(torque > 0.15 * torque.max())
     joint = int(s.rng.choice(joints))
     stiffness = float(torque[joint]) / s.draw(0.03, 0.08)
     hard = 1.0 / float(torque[joint]) if s.form == "hardening" else 0.0
-    return _read(s, Bent(joint, stiffness, hard), s.found(robot.joint_names[joint], stiffness))
+    return _hide_in_reading(s, Bent(joint, stiffness, hard), s.found(robot.joint_names[joint], stiffness))
 
 
-def _tilted(s: Site) -> Hidden:
+def _hide_tilt(s: Site) -> Hidden:
     rotation = np.array(s.vector(0.02, 0.045)) * [1.0, 1.0, 0.3]
     x, y, z = (float(part) for part in rotation)
-    return _read(s, Misaligned((x, y, z)), s.found("base", float(np.linalg.norm(rotation)), x=x, y=y, z=z))
+    return _hide_in_reading(
+        s, Misaligned((x, y, z)), s.found("base", float(np.linalg.norm(rotation)), x=x, y=y, z=z)
+    )
 
 
-def _gain(s: Site) -> Hidden:
+def _hide_gain(s: Site) -> Hidden:
     sensor, gain = s.one(s.sensors), 1.0 + s.sign() * s.draw(0.04, 0.1)
     matrix, place = gain * np.eye(6), sensor
     if s.form == "axis":
@@ -117,19 +119,19 @@ def _gain(s: Site) -> Hidden:
         # What a foot carries sideways is little.
         matrix[axis, axis] = gain if axis == 2 else 1.0 + 2.0 * (gain - 1.0)
         gain = float(matrix[axis, axis])
-    return _read(s, Mixed(sensor, tuple(map(tuple, matrix.tolist()))), s.found(place, gain))
+    return _hide_in_reading(s, Mixed(sensor, tuple(map(tuple, matrix.tolist()))), s.found(place, gain))
 
 
-def _bias(s: Site) -> Hidden:
+def _hide_bias(s: Site) -> Hidden:
     sensor = s.one(s.sensors)
     weight = 9.81 * s.truth.stand.robot.mass
     fx, fy, fz = s.vector(0.012, 0.04)
     tx, ty, tz = s.vector(0.003, 0.008)
     bias = (fx * weight, fy * weight, fz * weight, tx * weight, ty * weight, tz * weight)
-    return _read(s, WrenchBias(sensor, bias), s.found(sensor, float(np.linalg.norm(bias[:3]))))
+    return _hide_in_reading(s, WrenchBias(sensor, bias), s.found(sensor, float(np.linalg.norm(bias[:3]))))
 
 
-def _crosstalk(s: Site) -> Hidden:
+def _hide_crosstalk(s: Site) -> Hidden:
     sensor = s.one(s.sensors)
     source = 2 if s.rng.random() < 0.7 else int(s.rng.integers(2))
     if s.form == "forces":
@@ -140,18 +142,18 @@ def _crosstalk(s: Site) -> Hidden:
     matrix = np.eye(6)
     matrix[target, source] = share
     place = f"{sensor}.{WRENCH_AXES[source]}->{WRENCH_AXES[target]}"
-    return _read(s, Mixed(sensor, tuple(map(tuple, matrix.tolist()))), s.found(place, share))
+    return _hide_in_reading(s, Mixed(sensor, tuple(map(tuple, matrix.tolist()))), s.found(place, share))
 
 
-def _misplaced(s: Site) -> Hidden:
+def _hide_misplaced_sensor(s: Site) -> Hidden:
     sensor, still = s.one(s.sensors), (0.0, 0.0, 0.0)
     turn = still if s.form == "shifted" else s.vector(0.015, 0.05)
     shift = still if s.form == "turned" else s.vector(0.006, 0.02)
     value = float(np.linalg.norm(turn if s.form != "shifted" else shift))
-    return _read(s, Misplaced(sensor, turn, shift), s.found(sensor, value))
+    return _hide_in_reading(s, Misplaced(sensor, turn, shift), s.found(sensor, value))
 
 
-def _held(s: Site) -> Hidden:
+def _hide_held_contact(s: Site) -> Hidden:
     robot = s.truth.stand.robot
     segment = int(s.rng.choice(s.heavy if s.rng.random() < 0.5 or not s.hands else s.hands))
     data, weight = robot.model.createData(), 9.81 * robot.mass
@@ -163,10 +165,10 @@ def _held(s: Site) -> Hidden:
     stiffness = 0.0 if s.form == "cable" else s.draw(0.02, 0.06) * weight
     x, y, z = (float(part) for part in hooked)
     pull = Tether(segment + 1, point, steady, stiffness, (x, y, z))
-    return _pulled(s, pull, s.found(s.link(segment), float(np.linalg.norm(steady)), stiffness=stiffness))
+    return _hide_pull(s, pull, s.found(s.link(segment), float(np.linalg.norm(steady)), stiffness=stiffness))
 
 
-def _leaning(s: Site) -> Hidden:
+def _hide_leaning_contact(s: Site) -> Hidden:
     robot = s.truth.stand.robot
     segment = int(s.rng.choice(s.hands or s.heavy))
     model, point = robot.model, s.centre(segment)
@@ -180,16 +182,16 @@ def _leaning(s: Site) -> Hidden:
     depth = 0.02 if s.form == "table" else 0.08
     way = s.rng.uniform(-0.2, 0.2, 2)
     pull = Table(segment + 1, point, height, depth, load, (float(way[0]), float(way[1])))
-    return _pulled(s, pull, s.found(s.link(segment), load, height=height))
+    return _hide_pull(s, pull, s.found(s.link(segment), load, height=height))
 
 
-def _late(s: Site) -> Hidden:
+def _hide_delay(s: Site) -> Hidden:
     value = s.draw(0.012, 0.03)
     virtual = INJECTED_EFFECTS["time_delay"].inject(nominal_robot(s.truth.stand.robot), "wrench", value)
-    return _read(s, virtual.readings[-1], s.found("wrench", value))
+    return _hide_in_reading(s, virtual.readings[-1], s.found("wrench", value))
 
 
-def _tissue(s: Site) -> Hidden:
+def _hide_soft_tissue(s: Site) -> Hidden:
     """On a segment of a limb or the trunk, at the first of its joints; massless axes come before its matter."""
     robot = s.truth.stand.robot
     model, heaviest = (
@@ -202,40 +204,40 @@ def _tissue(s: Site) -> Hidden:
         joint = int(model.parents[joint])
     gain, hertz = s.vector(0.015, 0.04), float(s.rng.uniform(4.0, 9.0))
     wobbly = Wobbly(s.truth.model, joint - 2, gain, hertz, float(s.rng.uniform(0.1, 0.4)))
-    return _read(s, wobbly, s.found(s.link(segment), float(np.linalg.norm(gain)), hertz=hertz))
+    return _hide_in_reading(s, wobbly, s.found(s.link(segment), float(np.linalg.norm(gain)), hertz=hertz))
 
 
-def _unknown(s: Site) -> Hidden:
+def _hide_unknown(s: Site) -> Hidden:
     robot = s.truth.stand.robot
     segment = int(s.rng.choice((0, *s.heavy)))
     joint, point, weight = segment + 1, s.centre(segment), 9.81 * robot.mass
     if s.form == "jostle":
         value = s.draw(0.01, 0.03) * weight
-        return _pulled(
+        return _hide_pull(
             s, Jostle(joint, point, value, int(s.rng.integers(1 << 30))), s.found(s.link(segment), value)
         )
     if s.form == "drag":
         value = s.draw(0.06, 0.15) * weight
-        return _pulled(s, Drag(joint, point, value), s.found(s.link(segment), value))
+        return _hide_pull(s, Drag(joint, point, value), s.found(s.link(segment), value))
     value, hertz = s.draw(0.06, 0.15) * robot.mass, float(s.rng.uniform(0.6, 1.4))
     slosh = Slosh(1, s.centre(0), value, hertz, float(s.rng.uniform(0.03, 0.15)))
-    return _pulled(s, slosh, s.found(s.link(0), value, hertz=hertz))
+    return _hide_pull(s, slosh, s.found(s.link(0), value, hertz=hertz))
 
 
 MAKERS: dict[str, Callable[[Site], Hidden]] = {
-    "payload": _payload,
+    "payload": _hide_payload,
     "link_inertia": _link_inertia,
-    "link_length_error": _length,
-    "encoder_offset": _offset,
+    "link_length_error": _hide_length_error,
+    "encoder_offset": _hide_encoder_offset,
     "joint_elasticity": _soft_gear,
-    "base_orientation_bias": _tilted,
-    "sensor_gain": _gain,
-    "sensor_bias": _bias,
-    "sensor_crosstalk": _crosstalk,
-    "sensor_frame_offset": _misplaced,
-    "external_force": _held,
-    "unlogged_contact": _leaning,
-    "time_delay": _late,
-    "soft_tissue": _tissue,
-    "unknown": _unknown,
+    "base_orientation_bias": _hide_tilt,
+    "sensor_gain": _hide_gain,
+    "sensor_bias": _hide_bias,
+    "sensor_crosstalk": _hide_crosstalk,
+    "sensor_frame_offset": _hide_misplaced_sensor,
+    "external_force": _hide_held_contact,
+    "unlogged_contact": _hide_leaning_contact,
+    "time_delay": _hide_delay,
+    "soft_tissue": _hide_soft_tissue,
+    "unknown": _hide_unknown,
 }

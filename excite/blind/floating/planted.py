@@ -13,7 +13,7 @@ from excite.robot.robot import Robot
 _MOST_STEPS, _CLOSE = 20, 1e-10
 
 
-def planted(robot: Robot, model: pin.Model, motion: Motion) -> Moved:
+def plant_feet(robot: Robot, model: pin.Model, motion: Motion) -> Moved:
     """The motion with the legs' joints such that base and soles go where they were planned to go."""
     nominal = robot.model
     moved = {
@@ -28,7 +28,7 @@ def planted(robot: Robot, model: pin.Model, motion: Motion) -> Moved:
         chain = [index + 2 for index in leg_joints(robot, foot)]
         shift = np.array(_leg_shift(nominal, model, foot.joint, chain, motion.q))
         columns = [model.idx_vs[j] for j in chain]
-        rates = _rates(motion.time, shift)
+        rates = _finite_differences(motion.time, shift)
         for k, column in enumerate(columns):
             q[:, column + 1] += shift[:, k]
             v[:, column] += rates[0][:, k]
@@ -58,7 +58,7 @@ def _leg_shift(nominal: pin.Model, model: pin.Model, foot: int, chain: list[int]
     return shifts
 
 
-def _rates(time: Array, values: Array) -> tuple[Array, Array]:
+def _finite_differences(time: Array, values: Array) -> tuple[Array, Array]:
     from scipy.interpolate import make_interp_spline
 
     spline = make_interp_spline(time, values, k=5, axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from excite.errors import NoSolutionError
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.registry import make_generator
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidate
@@ -23,7 +23,7 @@ _PACE = {"random_joint": (0.55, 0.75), "fourier": (0.7, 1.0), "squat": (0.55, 0.
 _STANDING, _SQUATTING, _SWINGING = ("random_joint", "fourier"), ("squat",), ("leg_swing",)
 
 
-def programme(robot: Robot, rng: np.random.Generator) -> tuple[tuple[Motion, ...], int]:
+def session_programme(robot: Robot, rng: np.random.Generator) -> tuple[tuple[Motion, ...], int]:
     """Motions of a session, each at least seven seconds long.
 
     Args:
@@ -47,18 +47,18 @@ def programme(robot: Robot, rng: np.random.Generator) -> tuple[tuple[Motion, ...
         (_STANDING if rng.random() < 0.5 else _SQUATTING, None),
         (_SWINGING, int(rng.integers(2))),
     ]
-    trials = [_trial(robot, names, leg, rng) for names, leg in tasks]
+    trials = [_build_trial(robot, names, leg, rng) for names, leg in tasks]
     return tuple(motion.renamed(f"trial_{k:02d}") for k, motion in enumerate(trials)), 2
 
 
-def _trial(robot: Robot, names: tuple[str, ...], leg: int | None, rng: np.random.Generator) -> Motion:
+def _build_trial(robot: Robot, names: tuple[str, ...], leg: int | None, rng: np.random.Generator) -> Motion:
     pieces: list[Motion] = []
     while sum(piece.duration for piece in pieces) < _SHORTEST_S:
-        pieces.append(_piece(robot, str(rng.choice(names)), leg, rng))
-    return _joined(pieces)
+        pieces.append(_build_piece(robot, str(rng.choice(names)), leg, rng))
+    return _join_pieces(pieces)
 
 
-def _piece(robot: Robot, name: str, leg: int | None, rng: np.random.Generator) -> Motion:
+def _build_piece(robot: Robot, name: str, leg: int | None, rng: np.random.Generator) -> Motion:
     generator = make_generator(name)
     aims = generator.aims(robot)
     if leg is not None:
@@ -69,7 +69,7 @@ def _piece(robot: Robot, name: str, leg: int | None, rng: np.random.Generator) -
         motion = filter_candidate(robot, generator.draw(robot, seed, (target,), name)).motion
         if motion is None or motion.duration > pace * _LONGEST_S:
             continue
-        slow = _slowed(robot, motion, pace)
+        slow = _slow_motion(robot, motion, pace)
         if check_motion(robot, slow).safe:
             return slow
     raise NoSolutionError(
@@ -77,13 +77,13 @@ def _piece(robot: Robot, name: str, leg: int | None, rng: np.random.Generator) -
     )
 
 
-def _slowed(robot: Robot, motion: Motion, pace: float) -> Motion:
+def _slow_motion(robot: Robot, motion: Motion, pace: float) -> Motion:
     slow = replace(motion, time=motion.time / pace, v=motion.v * pace, a=motion.a * pace**2)
     time = slow.time[0] + np.arange(int(slow.duration * RATE_HZ) + 1) / RATE_HZ
-    return interpolate(slow, robot, time)
+    return interpolate_motion(slow, robot, time)
 
 
-def _joined(pieces: list[Motion]) -> Motion:
+def _join_pieces(pieces: list[Motion]) -> Motion:
     """Pieces that all start and end at rest in the same posture, one after the other."""
     starts = np.cumsum([0.0, *(piece.duration + 1.0 / RATE_HZ for piece in pieces)])
     times = [piece.time - piece.time[0] + start for piece, start in zip(pieces, starts, strict=False)]

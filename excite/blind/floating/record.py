@@ -40,22 +40,22 @@ def trial_of(
             for row, turn in zip(recording.q[:, 3:7], turns, strict=True)
         ]
     )
-    quaternions = _filtered(quaternions, rate, _KINEMATICS_HZ)
+    quaternions = _filter_values(quaternions, rate, _KINEMATICS_HZ)
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
     wrenches = {}
     for sensor in robot.sensors:
         sigma = np.repeat([sensor.noise_force, sensor.noise_moment], 3) * (noise > 0.0)
         logged = recording.wrenches[sensor.name] + sigma * rng.standard_normal((n, 6))
-        wrenches[sensor.name] = _filtered(logged, rate, _WRENCH_HZ)
+        wrenches[sensor.name] = _filter_values(logged, rate, _WRENCH_HZ)
     return Trial(
         name=recording.name,
         role=header.role,
         time=recording.time,
-        q=_filtered(q, rate, _KINEMATICS_HZ),
-        base=np.hstack([_filtered(position, rate, _KINEMATICS_HZ), quaternions]),
+        q=_filter_values(q, rate, _KINEMATICS_HZ),
+        base=np.hstack([_filter_values(position, rate, _KINEMATICS_HZ), quaternions]),
         wrenches=wrenches,
     )
 
 
-def _filtered(values: Array, rate: float, cutoff: float) -> Array:
+def _filter_values(values: Array, rate: float, cutoff: float) -> Array:
     return np.asarray(sosfiltfilt(butter(4, cutoff, fs=rate, output="sos"), values, axis=0))

@@ -85,7 +85,7 @@ class Site:
             k = leaf
             while masses[k] < 0.2 and parents[k] >= 0:
                 k = parents[k]
-            if not {"head", "neck", "cervical"} & set(_words(robot.segments[k].link)):
+            if not {"head", "neck", "cervical"} & set(_name_words(robot.segments[k].link)):
                 ends.append(k)
         return tuple(dict.fromkeys(ends))
 
@@ -113,5 +113,5 @@ class Site:
         return x, y, z
 
 
-def _words(link: str) -> list[str]:
+def _name_words(link: str) -> list[str]:
     return link.lower().replace("-", "_").split("_")

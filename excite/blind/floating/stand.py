@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.blind.floating.programme import RATE_HZ, programme
+from excite.blind.floating.programme import RATE_HZ, session_programme
 from excite.logs.header_blocks import SensorHeader, TrialHeader
 from excite.logs.log import LogHeader
 from excite.logs.robot import robot_in_log
@@ -65,7 +65,7 @@ def stand_of(name: str, sensors: SensorKind, fixed: bool, noise: float, rng: np.
         The stand.
     """
     robot = standing_robot(name)
-    motions, n_validation = programme(robot, rng)
+    motions, n_validation = session_programme(robot, rng)
     again = replace(motions[0], name=f"trial_{len(motions):02d}")
     trials = [
         TrialHeader(
@@ -84,7 +84,7 @@ def stand_of(name: str, sensors: SensorKind, fixed: bool, noise: float, rng: np.
         joints=robot.joint_names,
         base_link=robot.base_link,
         wrench="on_robot_in_sensor_frame",
-        sensors=tuple(_mounted(robot, foot, sensors, noise, rng) for foot in robot.feet),
+        sensors=tuple(_mount_sensor(robot, foot, sensors, noise, rng) for foot in robot.feet),
         modelled=("rigid_body_fixed" if fixed else "rigid_body",),
         trials=tuple(trials),
     )
@@ -104,7 +104,7 @@ def standing_robot(name: str) -> Robot:
     return robot
 
 
-def _mounted(
+def _mount_sensor(
     robot: Robot, foot: Foot, kind: SensorKind, noise: float, rng: np.random.Generator
 ) -> SensorHeader:
     """A sensor near the ankle, or a plate near where the foot stands; some hang upside down."""

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.blind.floating.planted import planted
+from excite.blind.floating.planted import plant_feet
 from excite.blind.floating.pulls import Pull
 from excite.blind.floating.stand import Stand
 from excite.motion.motion import Motion
@@ -48,7 +48,7 @@ class Truth:
         recordings = []
         for k, motion in enumerate(self.stand.motions):
             # The repeated command is another trial.
-            recording = happens(self, motion, k)
+            recording = true_recording(self, motion, k)
             for reading in self.readings:
                 recording = reading(recording)
             recordings.append(recording)
@@ -60,7 +60,7 @@ def truth_of(stand: Stand) -> Truth:
     return Truth(stand, stand.robot.model, stand.phi)
 
 
-def happens(truth: Truth, motion: Motion, trial: int) -> Recording:
+def true_recording(truth: Truth, motion: Motion, trial: int) -> Recording:
     """One trial before any sensor looks at it.
 
     The base's rows of inverse dynamics hold contacts and pulls alone (Jovic et al. 2016, eq. 2); what the pulls
@@ -75,9 +75,9 @@ def happens(truth: Truth, motion: Motion, trial: int) -> Recording:
         The recording; ``tau_link`` are the joints' torques.
     """
     robot, model = truth.stand.robot, _with_inertials(truth.model, truth.phi)
-    q, v, a = planted(robot, model, motion)
+    q, v, a = plant_feet(robot, model, motion)
     acting = {1, *(foot.joint for foot in robot.feet), *(pull.joint for pull in truth.pulls)}
-    rotation, position, speeds = _poses(model, q, v, acting)
+    rotation, position, speeds = _link_poses(model, q, v, acting)
     outside = {joint: np.zeros((len(q), 6)) for joint in range(1, model.njoints)}
     for pull in truth.pulls:
         j = pull.joint
@@ -88,9 +88,9 @@ def happens(truth: Truth, motion: Motion, trial: int) -> Recording:
         outside[j] += np.hstack([force, np.cross(place, force)])
     needed = _inverse_dynamics(model, q, v, a, outside, rotation, position)
     wrench = wrench_at_world_origin(needed[:, :6], rotation[:, 1], position[:, 1])
-    contacts = _shared(robot, motion, wrench, rotation, position)
+    contacts = _share_wrench(robot, motion, wrench, rotation, position)
     for sensor_foot, share in contacts.items():
-        outside[_foot(robot, sensor_foot).joint] += share
+        outside[_foot_of(robot, sensor_foot).joint] += share
     torques = _inverse_dynamics(model, q, v, a, outside, rotation, position)[:, 6:]
     return Recording(
         name=motion.name,
@@ -117,7 +117,7 @@ def _with_inertials(model: pin.Model, phi: Array) -> pin.Model:
     return changed
 
 
-def _foot(robot: Robot, link: str) -> Foot:
+def _foot_of(robot: Robot, link: str) -> Foot:
     return next(foot for foot in robot.feet if foot.link == link)
 
 
@@ -129,7 +129,7 @@ class _Poses(NamedTuple):
     speeds: Array
 
 
-def _poses(model: pin.Model, q: Array, v: Array, joints: set[int]) -> _Poses:
+def _link_poses(model: pin.Model, q: Array, v: Array, joints: set[int]) -> _Poses:
     data, n = model.createData(), model.njoints
     rotation, position = np.zeros((len(q), n, 3, 3)), np.zeros((len(q), n, 3))
     speeds = np.zeros((len(q), n, 6))
@@ -170,7 +170,7 @@ def _inverse_dynamics(
     return out
 
 
-def _shared(
+def _share_wrench(
     robot: Robot, motion: Motion, wrench: Array, rotation: Array, position: Array
 ) -> dict[str, Array]:
     """Contact wrench of each foot by its link, about the world's origin; together they are ``wrench (n, 6)``.
@@ -178,9 +178,9 @@ def _shared(
     A foot that is about to leave the ground is unloaded before; what no admissible forces supply is put on the
     feet that stand, as if their soles were wider.
     """
-    weights = {foot.name: _loading(motion, foot.name) for foot in robot.feet}
+    weights = {foot.name: _foot_loading(motion, foot.name) for foot in robot.feet}
     parts = {foot.link: np.zeros((len(wrench), 6)) for foot in robot.feet}
-    for standing, share in _supports(robot, motion, weights):
+    for standing, share in _support_sets(robot, motion, weights):
         rows = np.flatnonzero(share > 0.0)
         corners = np.concatenate(
             [
@@ -204,7 +204,7 @@ def _shared(
     return parts
 
 
-def _loading(motion: Motion, foot: str) -> Array:
+def _foot_loading(motion: Motion, foot: str) -> Array:
     """1 where a foot carries, falling smoothly to 0 before it is lifted, and rising after it is put down."""
     flags = np.asarray(motion.contacts[foot], dtype=bool)
     step = float(motion.time[1] - motion.time[0])
@@ -218,7 +218,9 @@ def _loading(motion: Motion, foot: str) -> Array:
     return np.asarray(s**2 * (3.0 - 2.0 * s))
 
 
-def _supports(robot: Robot, motion: Motion, weights: Mapping[str, Array]) -> list[tuple[list[Foot], Array]]:
+def _support_sets(
+    robot: Robot, motion: Motion, weights: Mapping[str, Array]
+) -> list[tuple[list[Foot], Array]]:
     """Sets of standing feet and the share of each in time; the shares add up to one."""
     both = np.min([weights[foot.name] for foot in robot.feet], axis=0)
     sets = [(list(robot.feet), both)]

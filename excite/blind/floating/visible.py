@@ -28,13 +28,13 @@ class Yardstick:
 
     def __init__(self, robot: Robot, free: bool, clean: Sequence[Trial], noisy: Sequence[Trial]) -> None:
         self._robot = robot
-        plain = [_residual(robot, trial) for trial in clean]
-        loud = [_residual(robot, trial) for trial in noisy]
+        plain = [_wrench_residual(robot, trial) for trial in clean]
+        loud = [_wrench_residual(robot, trial) for trial in noisy]
         self._plain = np.concatenate(plain)
         self._sigma = (np.concatenate(loud) - self._plain).std(axis=0)
         self._basis: Array | None = None
         if free:
-            rows = np.concatenate([_regressor(robot, trial) for trial in clean]) / self._sigma[:, None]
+            rows = np.concatenate([_wrench_regressor(robot, trial) for trial in clean]) / self._sigma[:, None]
             flat = rows.reshape(-1, rows.shape[2])
             u, size, _ = np.linalg.svd(flat[:, flat.any(axis=0)], full_matrices=False)
             self._basis = u[:, size > 1e-6 * size[0]]
@@ -44,17 +44,17 @@ class Yardstick:
 
         Each component of the base's wrench counts by its own noise, and all alike.
         """
-        change = np.concatenate([_residual(self._robot, trial) for trial in trials]) - self._plain
+        change = np.concatenate([_wrench_residual(self._robot, trial) for trial in trials]) - self._plain
         white = (change / self._sigma).ravel()
         if self._basis is not None:
             white = white - self._basis @ (self._basis.T @ white)
         return float(np.sqrt(np.mean(white**2)))
 
 
-def _residual(robot: Robot, trial: Trial) -> Array:
+def _wrench_residual(robot: Robot, trial: Trial) -> Array:
     """``(m, 6)`` measured less nominal wrench at the base, in band."""
     data, rows = robot.model.createData(), []
-    for k, q, v, a in _states(robot, trial):
+    for k, q, v, a in _difference_states(robot, trial):
         pin.forwardKinematics(robot.model, data, q)
         total = pin.Force.Zero()
         for sensor in robot.sensors:
@@ -65,9 +65,9 @@ def _residual(robot: Robot, trial: Trial) -> Array:
     return _in_band(np.array(rows), trial)
 
 
-def _regressor(robot: Robot, trial: Trial) -> Array:
+def _wrench_regressor(robot: Robot, trial: Trial) -> Array:
     data = robot.model.createData()
-    rows = np.array([_base_rows(robot, data, q, v, a) for _, q, v, a in _states(robot, trial)])
+    rows = np.array([_base_rows(robot, data, q, v, a) for _, q, v, a in _difference_states(robot, trial)])
     return _in_band(rows, trial)
 
 
@@ -79,7 +79,7 @@ def _base_rows(robot: Robot, data: pin.Data, q: Array, v: Array, a: Array) -> Ar
     return body
 
 
-def _states(robot: Robot, trial: Trial) -> list[tuple[int, Array, Array, Array]]:
+def _difference_states(robot: Robot, trial: Trial) -> list[tuple[int, Array, Array, Array]]:
     """Sample, configuration, velocity and acceleration by differences."""
     step = float(trial.time[1] - trial.time[0])
     q = np.hstack([np.asarray(trial.base), trial.q])

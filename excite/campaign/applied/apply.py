@@ -21,7 +21,7 @@ from excite.errors import InputError, RobotError
 from excite.logs.bare_urdf import is_bare
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.scaffold.description import draft
+from excite.robot.scaffold.description import draft_description
 from excite.robot.scaffold.said import Said
 
 ROBOT, MODEL = "robot.yaml", "robot.urdf"
@@ -84,8 +84,8 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
     folder.mkdir(parents=True, exist_ok=True)
     model = with_bodies(robot.urdf, changes.bodies)
     write_text(folder / MODEL, model.urdf)
-    content = _description(robot, changes, folder)
-    path = write_text(folder / ROBOT, _text(content))
+    content = _describe_robot(robot, changes, folder)
+    path = write_text(folder / ROBOT, _render_description(content))
     try:
         load_robot(path)
     except RobotError as error:
@@ -97,7 +97,11 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
             field=error.field,
             remedy="diagnose without --apply; augmented.xml has what a simulator can",
         ) from error
-    said = (*_written(changes, robot), *map(_raised, model.raised), *_doubts(diagnosis))
+    said = (
+        *_describe_changes(changes, robot),
+        *map(_raise_link_origin, model.raised),
+        *_list_doubts(diagnosis),
+    )
     return Applied(path, said, tuple(changes.beyond))
 
 
@@ -111,16 +115,16 @@ def check_applicable(robot: Robot) -> None:
         )
 
 
-def _raised(link: str) -> str:
+def _raise_link_origin(link: str) -> str:
     return f"{link}: no body has the moments of inertia found; it got the nearest that one can have"
 
 
-def _text(content: Mapping[str, Any]) -> str:
+def _render_description(content: Mapping[str, Any]) -> str:
     head = "# The robot with the effects that a diagnosis found; drives marked found are part of the model.\n"
     return head + str(yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=110))
 
 
-def _description(robot: Robot, changes: RobotChanges, folder: Path) -> dict[str, Any]:
+def _describe_robot(robot: Robot, changes: RobotChanges, folder: Path) -> dict[str, Any]:
     """The content of the new ``robot.yaml``, beside its URDF."""
     content = robot.description.model_dump(mode="json", by_alias=True, exclude_unset=True)
     low, high = robot.limits.position_lower, robot.limits.position_upper
@@ -151,7 +155,7 @@ def _first_description(urdf: Path, robot: Robot) -> dict[str, Any]:
     As ``excite init-robot`` assumes it, which holds for all joints or is left.
     """
     try:
-        made = draft(urdf, urdf.parent, np.random.default_rng(0), Said(floating=False))
+        made = draft_description(urdf, urdf.parent, np.random.default_rng(0), Said(floating=False))
     except RobotError:
         return {}
     if set(made["controller"]["kp"]["joints"]) != set(robot.joint_names):
@@ -159,7 +163,7 @@ def _first_description(urdf: Path, robot: Robot) -> dict[str, Any]:
     return {name: made[name] for name in ("title", "posture", "limits", "controller", "collision", "assumed")}
 
 
-def _doubts(diagnosis: Diagnosis) -> list[str]:
+def _list_doubts(diagnosis: Diagnosis) -> list[str]:
     """What was taken for what it may not be."""
     if not (diagnosis.ambiguous_with and diagnosis.effects):
         return []
@@ -174,7 +178,7 @@ def _doubts(diagnosis: Diagnosis) -> list[str]:
     return [f"{what} was taken, which this record cannot tell from {', '.join(others)}"] if others else []
 
 
-def _written(changes: RobotChanges, robot: Robot) -> list[str]:
+def _describe_changes(changes: RobotChanges, robot: Robot) -> list[str]:
     """What was changed, in words; joints that slide have units of their own."""
     said = [f"{link}: {body[0]:+.3g} kg" for link, body in changes.bodies.items()]
     for term, turning in _UNITS.items():

@@ -44,17 +44,17 @@ def with_bodies(urdf: str, bodies: Mapping[str, Array]) -> Loaded:
         if body is None:
             continue
         inertial = link.find("inertial")
-        total = body if inertial is None else body + _stated(inertial)
+        total = body if inertial is None else body + _stated_parameters(inertial)
         if inertial is not None:
             link.remove(inertial)
         found = pin.Inertia.FromDynamicParameters(total)
-        there = _existing(found)
+        there = _nearest_existing_body(found)
         raised += [] if there is found else [str(link.get("name"))]
-        link.insert(0, _inertial(there))
+        link.insert(0, _build_inertial(there))
     return Loaded(ElementTree.tostring(root, encoding="unicode"), tuple(raised))
 
 
-def _existing(body: pin.Inertia) -> pin.Inertia:
+def _nearest_existing_body(body: pin.Inertia) -> pin.Inertia:
     """The body itself, or that of the nearest second moments ``½ tr(I) 1 − I`` about its centre that mass can have.
 
     None of these is negative (Wensing, Kim and Slotine 2018, section III); of matrices without a negative eigenvalue
@@ -68,11 +68,11 @@ def _existing(body: pin.Inertia) -> pin.Inertia:
     return pin.Inertia(body.mass, body.lever, np.trace(second) * np.eye(3) - second)
 
 
-def _stated(inertial: ElementTree.Element) -> Array:
+def _stated_parameters(inertial: ElementTree.Element) -> Array:
     """Ten parameters about the link's frame that an inertial states."""
     origin, mass, moments = (inertial.find(name) for name in ("origin", "mass", "inertia"))
-    xyz = _numbers(origin, "xyz")
-    turn = pin.rpy.rpyToMatrix(*_numbers(origin, "rpy"))
+    xyz = _read_numbers(origin, "xyz")
+    turn = pin.rpy.rpyToMatrix(*_read_numbers(origin, "rpy"))
     upper = [float(moments.get(name, "0")) if moments is not None else 0.0 for name in _MOMENTS]
     matrix = np.zeros((3, 3))
     matrix[_UPPER] = upper
@@ -81,12 +81,12 @@ def _stated(inertial: ElementTree.Element) -> Array:
     return np.asarray(pin.Inertia(kilograms, xyz, turn @ matrix @ turn.T).toDynamicParameters())
 
 
-def _numbers(origin: ElementTree.Element | None, name: str) -> Array:
+def _read_numbers(origin: ElementTree.Element | None, name: str) -> Array:
     text = "0 0 0" if origin is None else origin.get(name, "0 0 0")
     return np.array([float(part) for part in text.split()])
 
 
-def _inertial(body: pin.Inertia) -> ElementTree.Element:
+def _build_inertial(body: pin.Inertia) -> ElementTree.Element:
     inertial = ElementTree.Element("inertial")
     ElementTree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in body.lever), rpy="0 0 0")
     ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))

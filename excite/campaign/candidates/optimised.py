@@ -12,7 +12,7 @@ from excite.errors import InputError, NoSolutionError
 from excite.excitation.optimisation.family import FourierFamily
 from excite.excitation.optimisation.limits import JointLimits
 from excite.excitation.optimisation.sampling import NAME
-from excite.excitation.optimisation.search import OptimisedMotion, SearchSettings, optimise
+from excite.excitation.optimisation.search import OptimisedMotion, SearchSettings, optimise_excitation
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
 from excite.motion.generators.candidate import Candidate, SupportPhase
@@ -47,10 +47,10 @@ class OptimisedSeries(CandidateSearch):
             UnknownNameError: a target is no joint of the robot.
             InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
         """
-        return _optimised(asked, seed)
+        return _optimise_candidates(asked, seed)
 
 
-def _optimised(asked: Asked, seed: int) -> list[Candidate]:
+def _optimise_candidates(asked: Asked, seed: int) -> list[Candidate]:
     robot, count, targets = asked.robot, asked.count, asked.targets
     settings = asked.series or SeriesSettings()
     settings.fit(robot)
@@ -69,20 +69,20 @@ def _optimised(asked: Asked, seed: int) -> list[Candidate]:
         starts = len(range(place, count, len(aims)))
         search = SearchSettings(starts=starts, kicks=1, seed=seed + place)
         try:
-            found = optimise(
-                _task(robot, aim, settings), search, jobs=asked.jobs, progress=asked.progress
+            found = optimise_excitation(
+                _excitation_task(robot, aim, settings), search, jobs=asked.jobs, progress=asked.progress
             ).found
         except NoSolutionError as error:
             # Other targets may have more room.
             failed = error
             continue
-        made += [_candidate(robot, item, aim, seed + place) for item in found]
+        made += [_build_candidate(robot, item, aim, seed + place) for item in found]
     if failed is not None and not made:
         raise failed
     return [replace(candidate, name=f"{NAME}_{i:03d}") for i, candidate in enumerate(made)]
 
 
-def _task(robot: Robot, aim: str | None, settings: SeriesSettings) -> ExcitationTask:
+def _excitation_task(robot: Robot, aim: str | None, settings: SeriesSettings) -> ExcitationTask:
     lower, upper = central_range(robot)
     own, shares = robot.limits, Shares()
     if robot.feet:
@@ -111,7 +111,7 @@ def _task(robot: Robot, aim: str | None, settings: SeriesSettings) -> Excitation
     return ExcitationTask(robot, FourierFamily(period, HARMONICS), settings.criterion, limits)
 
 
-def _candidate(robot: Robot, item: OptimisedMotion, aim: str | None, seed: int) -> Candidate:
+def _build_candidate(robot: Robot, item: OptimisedMotion, aim: str | None, seed: int) -> Candidate:
     feet = tuple(foot.name for foot in robot.feet)
     return Candidate(
         name=item.motion.name,

@@ -16,7 +16,7 @@ from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.proposal import Proposal
 from excite.robot.robot import Robot
 from excite.safety.filter_report import FilterReport
-from excite.safety.refusals import Refused, joined_refusals, refusals_table, tallied
+from excite.safety.refusals import Refused, joined_refusals, refusals_table, tally_refusals
 from excite.safety.remedy import TRIED, Remedy, find_remedy
 from excite.safety.repairs.draft import Rejection
 
@@ -134,7 +134,7 @@ def refusals_of(
     if few and not report.interrupted:
         again = [first.held[index] for index in report.first_refused if index < len(first.held)]
         remedy = find_remedy(asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust)
-    refused = joined_refusals(report.refused, tallied(asked.robot, fallen))
+    refused = joined_refusals(report.refused, tally_refusals(asked.robot, fallen))
     return Refusals(report.generated, refused, few, remedy)
 
 

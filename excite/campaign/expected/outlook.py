@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from excite.campaign.expected.prediction import predict
-from excite.excitation.excitability import determined, excitable
+from excite.campaign.expected.prediction import predict_statistics
+from excite.excitation.excitability import determined_columns, excitable_parameters
 from excite.excitation.precision import nominal_values
 from excite.identification.judgement.poor import said_rsd
 from excite.motion.motion import Motion
@@ -91,13 +91,13 @@ class Outlook:
             among = " (rotor inertias among them)" if rotors else ""
             lines.append(f"all {len(self.parameters)} base parameters{among} can be excited, and are")
         if never:
-            lines.append("no motion with these contacts excites: " + _some(never))
+            lines.append("no motion with these contacts excites: " + _name_some(never))
         if missed:
-            lines.append("not excited by the chosen motions, though some motion could: " + _some(missed))
+            lines.append("not excited by the chosen motions, though some motion could: " + _name_some(missed))
         return "\n".join(lines)
 
 
-def predictable(robot: Robot) -> bool:
+def is_predictable(robot: Robot) -> bool:
     """Whether ``robot.yaml`` says enough of the sensors: joint torques, or wrenches, with their noise."""
     sensors = robot.description.sensors
     if robot.measures_contacts:
@@ -112,19 +112,19 @@ def outlook(robot: Robot, motions: Sequence[Motion]) -> Outlook:
     """Judge motions before anything is measured.
 
     Args:
-        robot: the robot, which has to be :func:`predictable`.
+        robot: the robot, which has to be :func:`is_predictable`.
         motions: all that will be run for identification.
 
     Raises:
         InputError: the noise of the robot's sensors is not stated.
         LogError: the motions leave no rows.
     """
-    predicted = predict(robot, motions)
+    predicted = predict_statistics(robot, motions)
     drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in predicted.labels)
     base = structural_base_parameters(robot, drives)
     own = [predicted.labels.index(label) for label in base.labels]
-    excited = determined(predicted.whole[:, own], _UNEXCITED)
-    able = excitable(robot, base)
+    excited = determined_columns(predicted.whole[:, own], _UNEXCITED)
+    able = excitable_parameters(robot, base)
     values = nominal_values(robot, base)
     found = dict(zip(predicted.base.labels, predicted.rsd_percent, strict=True))
     kept = predicted.essential_rsd().keys()
@@ -145,6 +145,6 @@ def outlook(robot: Robot, motions: Sequence[Motion]) -> Outlook:
     return Outlook(tuple(parameters))
 
 
-def _some(names: Sequence[str]) -> str:
+def _name_some(names: Sequence[str]) -> str:
     rest = len(names) - _NAMED
     return ", ".join(names[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")

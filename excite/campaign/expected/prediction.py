@@ -11,14 +11,14 @@ from scipy.linalg import solve_triangular
 from excite.arrays import Array
 from excite.identification.judgement.essential import EssentialParameters, essential_parameters
 from excite.identification.judgement.statistics import parameter_labels, relative_percent
-from excite.identification.noise.correlated import triangle
+from excite.identification.noise.correlated import upper_triangle
 from excite.identification.noise.equation_noise import EquationNoise, equation_noise
 from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem, build_problem
-from excite.identification.regression import RANK_TOLERANCE, least_squares, regression
+from excite.identification.regression import RANK_TOLERANCE, condense_problem, least_squares
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
-from excite.motion.motion import Motion, closed_contacts, interpolate
+from excite.motion.motion import Motion, closed_contacts, interpolate_motion
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
@@ -80,7 +80,7 @@ class PredictedStatistics:
 
 
 @one_blas_thread
-def predict(
+def predict_statistics(
     robot: Robot, motions: Sequence[Motion], settings: ProblemSettings | None = None
 ) -> PredictedStatistics:
     """What identification would say of its own precision, had the robot run these motions.
@@ -105,11 +105,11 @@ def predict(
     grids = trial_grids(problem)
     named = {motion.name: motion for motion in motions}
     noise = equation_noise(robot, problem, grids, named, robot.description.sensors.rate_hz)
-    return _statistics(problem, noise)
+    return _compute_statistics(problem, noise)
 
 
-def _statistics(problem: IdentificationProblem, noise: EquationNoise) -> PredictedStatistics:
-    rows = regression(problem).weighted(noise.channel_std())
+def _compute_statistics(problem: IdentificationProblem, noise: EquationNoise) -> PredictedStatistics:
+    rows = condense_problem(problem).weighted(noise.channel_std())
     misfit = np.sqrt(rows.residual_variances(least_squares(rows.factor)))
     if misfit.any():
         noise = noise.with_misfit(misfit)
@@ -118,7 +118,7 @@ def _statistics(problem: IdentificationProblem, noise: EquationNoise) -> Predict
     n = problem.n_params
     labels, whole = parameter_labels(problem), rows.factor[:, :n]
     base = base_parameters(whole, labels, RANK_TOLERANCE)
-    factor = triangle(whole[:, base.independent])[: base.rank]
+    factor = upper_triangle(whole[:, base.independent])[: base.rank]
     weighted = problem.Y[:, base.independent] / std[problem.channel, None]
     q = solve_triangular(factor, weighted.T, trans="T", check_finite=False).T / std[problem.channel, None]
     values = base.values(problem.prior)
@@ -138,7 +138,7 @@ def _planned_log(robot: Robot, motions: Sequence[Motion], settings: ProblemSetti
 
 def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
     n = int(motion.duration * rate_hz + 1e-9) + 1
-    sampled = interpolate(motion, robot, motion.time[0] + np.arange(n) / rate_hz)
+    sampled = interpolate_motion(motion, robot, motion.time[0] + np.arange(n) / rate_hz)
     # As a log has them: what follows from the motors is not recorded.
     motors = ~robot.passive
     friction = _sharp_friction(robot, sampled.v)

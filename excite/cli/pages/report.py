@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import emit_result
 
 NAME = "report"
 
@@ -24,4 +24,4 @@ def command(
     """Write report.html from what a folder holds."""
     path = excite.report(folder, out=out)
     document = {"schema": "excite.report/1", "file": str(path.relative_to(out) if out else path)}
-    emit(f"wrote {path}", document, as_json=as_json, then="open it in a browser")
+    emit_result(f"wrote {path}", document, as_json=as_json, then="open it in a browser")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import emit_result
 
 NAME = "view"
 
@@ -49,11 +49,11 @@ def command(
     if record is not None:
         path = record_page(shown, record if out is None else out / record)
         document = {"schema": "excite.view/1", "file": str(record), "motions": len(shown.clips)}
-        emit(f"wrote {path}", document, as_json=as_json, then="open it in a browser")
+        emit_result(f"wrote {path}", document, as_json=as_json, then="open it in a browser")
         return
 
     def ready(address: str) -> None:
         document = {"schema": "excite.view/1", "address": address, "motions": len(shown.clips)}
-        emit(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document, as_json=as_json)
+        emit_result(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document, as_json=as_json)
 
     serve(shown, port, ready)

@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.cli.session.campaigns import log_folder
 from excite.cli.session.options import JobsOption, JsonOption, RobotArgument, SeedOption
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit_result
 from excite.shown import count
 
 NAME = "capture"
@@ -37,7 +37,7 @@ def command(
     sheet = excite.capture(excite.load_robot(whose), plan, out, named=named)
     document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
     minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
-    emit(
+    emit_result(
         f"wrote {sheet.path}: {count(len(sheet.capture.logged), 'recording')}, {minutes:.0f} minutes with warm-up",
         document,
         as_json=as_json,

@@ -11,7 +11,7 @@ import typer
 import excite
 from excite.cli.session.campaigns import campaign_of
 from excite.cli.session.options import JobsOption, JsonOption, SeedOption
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit_result
 
 if TYPE_CHECKING:
     from excite.conversion.result import Conversion
@@ -51,11 +51,11 @@ def command(
     found = excite.convert(sources, robot, out, mapping, capture)
     if not as_json:
         _show_guesses(found)
-    then = _then(found, robot)
-    emit(found.summary(), found.to_json(), as_json=as_json, then=then)
+    then = _next_command(found, robot)
+    emit_result(found.summary(), found.to_json(), as_json=as_json, then=then)
 
 
-def _then(found: Conversion, robot: str) -> str:
+def _next_command(found: Conversion, robot: str) -> str:
     """What can be done with the log; where nothing can, motions to record what it lacks in, or nothing."""
     if found.chart is not None and not found.chart.usable:
         fatal = {f.kind for f in found.chart.findings if f.severity == "fatal" and not f.repaired}

@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, SeedOption
-from excite.cli.session.output import command_line, emit
+from excite.cli.session.output import command_line, emit_result
 
 NAME = "init-log"
 
@@ -29,4 +29,4 @@ def command(
     written = excite.write_header(folder, overwrite=force)
     document = {"schema": "excite.init-log/1", "file": str(written.path), "fill_in": list(written.fill_in)}
     lines = [f"wrote {written.path}", *(f"  fill in: {mark}" for mark in written.fill_in)]
-    emit("\n".join(lines), document, as_json=as_json, then=command_line("doctor", folder))
+    emit_result("\n".join(lines), document, as_json=as_json, then=command_line("doctor", folder))

@@ -26,6 +26,6 @@ def one_of(names: Iterable[str]) -> Callable[[str], list[str]]:
     return matching
 
 
-def robots(incomplete: str) -> list[str]:
+def complete_robots(incomplete: str) -> list[str]:
     """Bundled robots; files are the shell's own."""
     return [name for name in bundled_robots() if name.startswith(incomplete)]

@@ -20,7 +20,7 @@ from excite.cli.session.left_behind import kept_files, left_behind
 from excite.cli.session.requirements import Unmet, pip_install, unmet_requirements
 from excite.errors import ExciteError, NothingSafeError
 from excite.finding import Finding
-from excite.folders import unwritable
+from excite.folders import unwritable_error
 from excite.json_document import to_json
 
 EXIT_USAGE = 2
@@ -103,7 +103,7 @@ def _said_of(refusals: Any) -> dict[str, Any]:
 def of_system(error: OSError) -> Failure:
     """A failure of the system that nobody could avoid: a full disk, a folder that went away."""
     if error.filename is not None:
-        return of_error(unwritable(Path(str(error.filename)), error))
+        return of_error(unwritable_error(Path(str(error.filename)), error))
     what = f"the system refuses ({error.strerror or error})"
     remedy = "free memory, processes or files, and try again"
     if error.errno == errno.ENOSPC:

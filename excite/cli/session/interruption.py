@@ -35,7 +35,7 @@ def handle_signals() -> None:
     arrived, wakeup = os.pipe()
     os.set_blocking(wakeup, False)
     for number in _SIGNALS:
-        signal.signal(number, _interrupt)
+        signal.signal(number, _handle_interrupt)
     signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
     threading.Thread(target=_end_in_time, args=(arrived,), daemon=True).start()
 
@@ -82,15 +82,15 @@ def document_printed() -> None:
         _ANSWERED.set()
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
+def _handle_interrupt(number: int, frame: FrameType | None) -> None:
     # A second request changes nothing here: the first is being followed.
     for other in _SIGNALS:
-        signal.signal(other, _already)
+        signal.signal(other, _ignore_interrupt)
     _ARRIVED.append(number)
     raise KeyboardInterrupt(signal.Signals(number).name)
 
 
-def _already(number: int, frame: FrameType | None) -> None:
+def _ignore_interrupt(number: int, frame: FrameType | None) -> None:
     """A further request, which :func:`_end_in_time` hears."""
 
 

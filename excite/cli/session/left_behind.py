@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.atomic import completed
+from excite.atomic import completed_files
 from excite.temporary_folder import in_temporary_folder
 
 _NAMED_FILES = 3
@@ -12,7 +12,7 @@ _NAMED_FILES = 3
 
 def kept_files() -> tuple[Path, ...]:
     """Files and folders that this process has completed and that stay, in order."""
-    return tuple(path for path in completed() if path.exists() and not in_temporary_folder(path))
+    return tuple(path for path in completed_files() if path.exists() and not in_temporary_folder(path))
 
 
 def left_behind() -> str:

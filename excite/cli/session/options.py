@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
-from excite.claim import claimed
-from excite.cli.session.completion import robots
+from excite.claim import claim_folder
+from excite.cli.session.completion import complete_robots
 from excite.errors import InputError
 from excite.parallel.jobs import check_jobs
 
 
-def _usable(context: typer.Context, folder: Path | None) -> Path | None:
+def _usable_folder(context: typer.Context, folder: Path | None) -> Path | None:
     """The folder of results, refused before any work is done for it, and kept for this run until it ends."""
     if folder is None:
         return None
@@ -27,11 +27,11 @@ def _usable(context: typer.Context, folder: Path | None) -> Path | None:
         raise InputError(
             "may not be written to", source=there, remedy="give another --out, or change its permissions"
         )
-    context.with_resource(claimed(folder))
+    context.with_resource(claim_folder(folder))
     return folder
 
 
-def _possible(jobs: int | None) -> int | None:
+def _possible_jobs(jobs: int | None) -> int | None:
     """The number of processes, refused where no machine runs as many."""
     if jobs is not None:
         try:
@@ -46,7 +46,7 @@ RobotArgument = Annotated[
     typer.Argument(
         metavar="ROBOT",
         help="Bundled robot (see `excite robots`), or path to a robot.yaml, URDF, xacro or MJCF.",
-        autocompletion=robots,
+        autocompletion=complete_robots,
     ),
 ]
 MotionArgument = Annotated[
@@ -63,7 +63,7 @@ JobsOption = Annotated[
         "--jobs",
         help="Processes to use; the result does not depend on it.",
         show_default="up to one a core",
-        callback=_possible,
+        callback=_possible_jobs,
     ),
 ]
 ClusterOption = Annotated[
@@ -110,14 +110,16 @@ ApplyOption = Annotated[
         "--apply",
         metavar="DIR",
         help="Write the robot with the effects found: robot.yaml and robot.urdf, for --robot of the next round.",
-        callback=_usable,
+        callback=_usable_folder,
     ),
 ]
 ModelOutOption = Annotated[
     Path,
-    typer.Option("--out", "-o", metavar="DIR", help="Folder that the model is written to.", callback=_usable),
+    typer.Option(
+        "--out", "-o", metavar="DIR", help="Folder that the model is written to.", callback=_usable_folder
+    ),
 ]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder that results are written to.", callback=_usable),
+    typer.Option("--out", metavar="DIR", help="Folder that results are written to.", callback=_usable_folder),
 ]

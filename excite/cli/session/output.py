@@ -26,7 +26,7 @@ def print_document(document: dict[str, Any]) -> None:
     print(text)
 
 
-def emit(summary: str, document: dict[str, Any], *, as_json: bool, then: str = "") -> None:
+def emit_result(summary: str, document: dict[str, Any], *, as_json: bool, then: str = "") -> None:
     """Print the summary and the command to go on with, or the JSON document where ``--json`` was given."""
     if as_json:
         print_document(document)
@@ -46,7 +46,7 @@ def command_line(*words: object) -> str:
     return " ".join(["excite", *(shlex.quote(str(word)) for word in (*words, *more))])
 
 
-def emitted(document: dict[str, Any], name: str, *, as_json: bool, out: Path | None) -> bool:
+def write_and_emit(document: dict[str, Any], name: str, *, as_json: bool, out: Path | None) -> bool:
     """Write the document where there is a folder and print it where ``--json`` was given; whether it was printed."""
     if out is not None:
         write_json(document, out / name)

@@ -10,13 +10,13 @@ from excite.cli.session.output import command_line
 _TAKEN, _FLAGS = ("--out", "--jobs", "--cluster", "-o"), ("--json", "--resume")
 
 
-def typed(arguments: Sequence[str]) -> str:
+def typed_command(arguments: Sequence[str]) -> str:
     """The command line of the program's arguments.
 
     >>> typed(["plan", "ur10", "--jobs", "4", "--candidates", "6", "--out=arm", "--json"])
     'excite plan ur10 --candidates 6'
     """
-    return command_line(*_kept(arguments))
+    return command_line(*_kept_arguments(arguments))
 
 
 def typed_seed(arguments: Sequence[str]) -> int:
@@ -30,7 +30,7 @@ def typed_seed(arguments: Sequence[str]) -> int:
     return int(seed) if seed.isdecimal() else 0
 
 
-def _kept(arguments: Sequence[str]) -> Iterator[str]:
+def _kept_arguments(arguments: Sequence[str]) -> Iterator[str]:
     skip = False
     for argument in arguments:
         if skip:

@@ -13,7 +13,7 @@ from excite.parallel.jobs import AtMost, Jobs
 
 
 @contextmanager
-def workers(jobs: int | None, cluster: str | None) -> Iterator[Jobs]:
+def requested_workers(jobs: int | None, cluster: str | None) -> Iterator[Jobs]:
     """What the options of a command ask for; up to one process a core where the work is long, if neither is given."""
     if cluster is None:
         yield jobs or AtMost(os.cpu_count() or 1)

@@ -61,7 +61,7 @@ class Understood:
         }
 
 
-def understand(
+def understand_columns(
     values: Array, time: Array, machine: Machine, joints: tuple[str, ...], names: Sequence[str] = ()
 ) -> Understood | None:
     """Tell positions, velocities, commands and torques apart; None where that does not come out even.
@@ -78,13 +78,13 @@ def understand(
     dt = float(np.median(forward[forward > 0.0]))
     part = values[:_MOST_ROWS]
     moving = [k for k in range(values.shape[1]) if np.ptp(part[:, k]) > 0.0]
-    smooth, rate = _smoothed(part, dt)
-    twins = _twins(smooth, moving)
+    smooth, rate = _smooth_columns(part, dt)
+    twins = _twin_groups(smooth, moving)
     heads = [group[0] for group in twins]
-    positions = _positions(heads, _derivatives(smooth, rate, heads), smooth, dt, n)
+    positions = _find_positions(heads, _derivative_correlations(smooth, rate, heads), smooth, dt, n)
     if positions is None:
         return None
-    velocity = _velocities(smooth, rate, positions, twins)
+    velocity = _find_velocities(smooth, rate, positions, twins)
     derived = len(velocity) == n
     channels = {"q": positions}
     reasons = {"q": "the smoothest columns" if not derived else "other columns are their derivatives"}
@@ -92,7 +92,7 @@ def understand(
         channels["v"] = velocity
         reasons["v"] = "derivatives of the positions"
         left = [k for k in moving if k not in positions and k not in velocity]
-        accelerations = _accelerations(smooth, rate, channels["v"], left)
+        accelerations = _find_accelerations(smooth, rate, channels["v"], left)
         # Torques of what gravity does not turn look like accelerations, where nothing else is left.
         if accelerations and len(left) >= 2 * n:
             channels["a"], reasons["a"] = accelerations, "derivatives of the velocities"
@@ -109,14 +109,14 @@ def understand(
     if len(rest) == n:
         channels["tau"], reasons["tau"] = rest, "the columns that are left"
     elif len(rest) > n:
-        blocks = _blocks([k for k in rest if k in moving], names, n)
+        blocks = _torque_blocks([k for k in rest if k in moving], names, n)
         # Gravity may keep a joint's torque on one side, not those of a whole arm.
         signed = [
             b for b in blocks if (part[:, b].min(axis=0) < 0.0).any() and (part[:, b].max(axis=0) > 0.0).any()
         ]
         blocks = signed or blocks
         if blocks:
-            explained = [_explained(part, positions, block, dt) for block in blocks]
+            explained = [_explained_share(part, positions, block, dt) for block in blocks]
             best = int(np.argmax(explained))
             if derived or explained[best] > _LIKE_TORQUES:
                 channels["tau"] = blocks[best]
@@ -126,7 +126,7 @@ def understand(
     return Understood(joints, channels, reasons)
 
 
-def _blocks(columns: list[int], names: Sequence[str], n: int) -> list[list[int]]:
+def _torque_blocks(columns: list[int], names: Sequence[str], n: int) -> list[list[int]]:
     """Blocks of ``n`` columns that may be torques: those called alike but for a number, else one after the other."""
     called: dict[str, list[int]] = {}
     for k in columns:
@@ -135,7 +135,7 @@ def _blocks(columns: list[int], names: Sequence[str], n: int) -> list[list[int]]
     return alike or [columns[k : k + n] for k in range(0, len(columns) - n + 1, n)]
 
 
-def _explained(values: Array, positions: list[int], block: list[int], dt: float) -> float:
+def _explained_share(values: Array, positions: list[int], block: list[int], dt: float) -> float:
     """Share of a block's power about its mean that postures, velocities and accelerations make, by least squares.
 
     Sines and cosines of the joints' angles and of what neighbours add up to are what gravity is made of; a torque
@@ -155,7 +155,7 @@ def _explained(values: Array, positions: list[int], block: list[int], dt: float)
     return float(np.median(1.0 - rest.var(axis=0) / np.maximum(found.var(axis=0), 1e-300)))
 
 
-def _smoothed(values: Array, dt: float) -> tuple[Array, Array]:
+def _smooth_columns(values: Array, dt: float) -> tuple[Array, Array]:
     """Columns over some hundredths of a second, scaled to power one, and their derivatives."""
     window = max(3, int(0.04 / dt))
     kernel = np.ones(window) / window
@@ -164,14 +164,14 @@ def _smoothed(values: Array, dt: float) -> tuple[Array, Array]:
     return smooth - smooth.mean(axis=0), rate - rate.mean(axis=0)
 
 
-def _correlations(a: Array, b: Array) -> Array:
+def _correlate_columns(a: Array, b: Array) -> Array:
     norm = np.maximum(np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)[None], 1e-300)
     return np.asarray(a.T @ b / norm)
 
 
-def _twins(smooth: Array, moving: list[int]) -> list[list[int]]:
+def _twin_groups(smooth: Array, moving: list[int]) -> list[list[int]]:
     """Groups of columns that are the same but for noise and a short delay, of about the same size."""
-    same = _correlations(smooth, smooth)
+    same = _correlate_columns(smooth, smooth)
     size = smooth.std(axis=0)
     groups: list[list[int]] = []
     for k in moving:
@@ -184,14 +184,14 @@ def _twins(smooth: Array, moving: list[int]) -> list[list[int]]:
     return groups
 
 
-def _derivatives(smooth: Array, rate: Array, heads: list[int]) -> Array:
+def _derivative_correlations(smooth: Array, rate: Array, heads: list[int]) -> Array:
     """Correlation of each column's derivative with each column, ``(m, m)``; zero where one falls as the other rises."""
-    match = _correlations(rate[:, heads], smooth[:, heads])
+    match = _correlate_columns(rate[:, heads], smooth[:, heads])
     np.fill_diagonal(match, 0.0)
     return np.where(match > 0.0, match, 0.0)
 
 
-def _velocities(smooth: Array, rate: Array, positions: list[int], twins: list[list[int]]) -> list[int]:
+def _find_velocities(smooth: Array, rate: Array, positions: list[int], twins: list[list[int]]) -> list[int]:
     """Columns that are the positions' derivatives, in their order; empty where not every one has its own.
 
     Joints that move alike have velocities that are twins; of a velocity and its command the first is taken.
@@ -201,7 +201,7 @@ def _velocities(smooth: Array, rate: Array, positions: list[int], twins: list[li
     if len(others) < len(positions):
         return []
     columns = [k for k, _ in others]
-    match = _correlations(rate[:, positions], smooth[:, columns])
+    match = _correlate_columns(rate[:, positions], smooth[:, columns])
     later = _LATER * np.array([rank for _, rank in others])
     rows, partners = linear_sum_assignment(later - match)
     if (match[rows, partners] < _DERIVATIVE).any():
@@ -209,18 +209,18 @@ def _velocities(smooth: Array, rate: Array, positions: list[int], twins: list[li
     return [columns[k] for k in partners]
 
 
-def _accelerations(smooth: Array, rate: Array, velocities: list[int], others: list[int]) -> list[int]:
+def _find_accelerations(smooth: Array, rate: Array, velocities: list[int], others: list[int]) -> list[int]:
     """Columns that are the velocities' derivatives, in their order; empty where not every joint has one."""
     if len(others) < len(velocities):
         return []
-    match = _correlations(rate[:, velocities], smooth[:, others])
+    match = _correlate_columns(rate[:, velocities], smooth[:, others])
     rows, partners = linear_sum_assignment(-match)
     if (match[rows, partners] < _DERIVATIVE).any():
         return []
     return [others[column] for column in partners]
 
 
-def _positions(heads: list[int], match: Array, smooth: Array, dt: float, n: int) -> list[int] | None:
+def _find_positions(heads: list[int], match: Array, smooth: Array, dt: float, n: int) -> list[int] | None:
     """Columns that hold positions: whose derivative is there and which are no derivative, or the n smoothest."""
     has = [k for k in range(len(heads)) if match[k].max(initial=0.0) > _DERIVATIVE]
     derived_from = {int(np.argmax(match[k])) for k in has}

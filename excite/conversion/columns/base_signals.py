@@ -67,7 +67,7 @@ def add_base_signals(
     there = set(names)
     for stream in recording.streams:
         columns = [c for c in stream.columns if c.name in there and not c.channel]
-        groups = _groups(columns)
+        groups = _group_axes(columns)
         if not found.of("base"):
             _add_pose(found, groups)
         if not found.of("imu"):
@@ -87,7 +87,7 @@ def _add_pose(found: Guesses, groups: dict[tuple[str, str], list[Column]]) -> No
         if not unit_quaternions(turns):
             continue
         order = "wxyz"
-        if not _lettered(columns):
+        if not _is_lettered(columns):
             told = "wxyz" if "wxyz" in rest else "xyzw" if "xyzw" in rest else quaternion_order(turns)
             if told is None:
                 line = f'columns: {{base.qw: "{columns[0].name}", base.qx: "{columns[1].name}", …}}'
@@ -139,11 +139,11 @@ def _by_words(flags: dict[str, list[str]], feet: Sequence[tuple[str, str]]) -> d
     return {named[foot]: labels[label] for foot, label in found.placed.items()}
 
 
-def _groups(columns: Sequence[Column]) -> dict[tuple[str, str], list[Column]]:
+def _group_axes(columns: Sequence[Column]) -> dict[tuple[str, str], list[Column]]:
     """Whole groups of axes by kind and by the rest of their names, axes in order."""
     parts: dict[tuple[str, str], dict[str, Column]] = {}
     for column in columns:
-        for said in _signals(column.name):
+        for said in _possible_signals(column.name):
             parts.setdefault((said.kind, said.rest), {}).setdefault(said.axis, column)
     whole = {}
     for (kind, rest), axes in parts.items():
@@ -154,11 +154,11 @@ def _groups(columns: Sequence[Column]) -> dict[tuple[str, str], list[Column]]:
     return whole
 
 
-def _lettered(columns: Sequence[Column]) -> bool:
+def _is_lettered(columns: Sequence[Column]) -> bool:
     return name_tokens(columns[0].name)[-1].endswith("w")
 
 
-def _signals(name: str) -> Iterator[_Signal]:
+def _possible_signals(name: str) -> Iterator[_Signal]:
     """What a name may say, for each kind that it fits."""
     words = name_tokens(name)
     if len(words) < 2:

@@ -17,7 +17,7 @@ from excite.conversion.columns.families import (
 )
 from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.vocabulary import ASIDE, MEASURED
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Recording, Stream
 
@@ -26,7 +26,7 @@ from excite.conversion.recording import Recording, Stream
 _SAME = 0.02
 
 
-def choose(
+def choose_families(
     groups: Sequence[Family], found: Guesses, recording: Recording, joints: Sequence[str]
 ) -> dict[str, Family]:
     """The family for each channel: of several the one with the most joints; rivals as good are asked about.
@@ -186,7 +186,7 @@ def _is_aside(family: Family, recording: Recording) -> bool:
     if len(recording.streams) < 2:
         return False
     stream = _stream_of(family, recording)
-    said = clue(stream.name, ())
+    said = read_clue(stream.name, ())
     words = set(said.stem.split("_"))
     return bool(words & ASIDE) or (said.commanded and not words & MEASURED)
 

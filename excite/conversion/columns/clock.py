@@ -44,7 +44,7 @@ def is_clock(values: Array) -> bool:
     return bool(np.percentile(forward, 25) > 0.3 * middle and np.percentile(forward, 75) < 3.0 * middle)
 
 
-def restarts(values: Array) -> NDArray[np.int64]:
+def find_restarts(values: Array) -> NDArray[np.int64]:
     """Rows in which a clock begins anew; rows out of order step back by less."""
     steps = np.diff(values)
     forward = steps[steps > 0.0]
@@ -56,7 +56,7 @@ def restarts(values: Array) -> NDArray[np.int64]:
 def _is_clock_of_runs(values: Array) -> bool:
     """Whether numbers are times of several runs, or of rows that do not stand in their order."""
     values = values[np.isfinite(values)]
-    edges = [0, *restarts(values).tolist(), len(values)]
+    edges = [0, *find_restarts(values).tolist(), len(values)]
     if len(values) < _FEWEST_ROWS * (len(edges) - 1) or (np.diff(values) < 0.0).mean() > _LATE:
         return False
     return all(is_clock(np.sort(values[a:b])) for a, b in itertools.pairwise(edges))
@@ -89,7 +89,7 @@ def clock_column(stream: Stream, clues: dict[str, Clue]) -> tuple[str, str] | No
 
 def goes_evenly(values: Array) -> bool:
     """Whether a column's numbers go forward evenly from the first row to the last, as no joint's do."""
-    return is_clock(values) and _steady(values)
+    return is_clock(values) and _is_steady(values)
 
 
 def _counts_rows(values: Array) -> bool:
@@ -98,14 +98,14 @@ def _counts_rows(values: Array) -> bool:
     return bool(len(steps)) and bool((steps == np.round(steps)).all()) and float(np.median(steps)) == 1.0
 
 
-def _steady(values: Array) -> bool:
+def _is_steady(values: Array) -> bool:
     steps = np.diff(values[np.isfinite(values)])
     fit = np.polyfit(np.arange(len(values[np.isfinite(values)])), values[np.isfinite(values)], 1)
     rest = values[np.isfinite(values)] - np.polyval(fit, np.arange(len(steps) + 1))
     return bool(fit[0] > 0.0 and rest.std() < 0.05 * np.ptp(values[np.isfinite(values)]))
 
 
-def pace(values: Array, unit: str, rate: float | None) -> tuple[float | None, str]:
+def clock_pace(values: Array, unit: str, rate: float | None) -> tuple[float | None, str]:
     """Seconds per unit of a clock, and why; None where it cannot be told.
 
     Args:
@@ -116,10 +116,10 @@ def pace(values: Array, unit: str, rate: float | None) -> tuple[float | None, st
     if rate and not unit and _counts_rows(values):
         # A count, whatever it is called: how fast it goes is what the recording states.
         return 1.0 / rate, f"it counts rows, of which the recording states {rate:.4g} a second"
-    return tick(values, unit)
+    return clock_tick(values, unit)
 
 
-def tick(values: Array, stated: str) -> tuple[float | None, str]:
+def clock_tick(values: Array, stated: str) -> tuple[float | None, str]:
     """Seconds per unit of a clock, and why; None where it cannot be told.
 
     Args:

@@ -34,7 +34,9 @@ def settle_commands(
         return
     columns = {c.name: c.values for stream in recording.streams for c in stream.columns}
     agreements = {
-        target: _agreement(family, chosen[target], columns) for target in ("q", "tau") if target in chosen
+        target: _command_agreement(family, chosen[target], columns)
+        for target in ("q", "tau")
+        if target in chosen
     }
     of_position, of_torque = agreements["q"], agreements.get("tau") or 0.0
     if of_position is None or of_position >= max(_FOLLOWED, of_torque):
@@ -68,7 +70,7 @@ def is_followed(command: Family, position: Family, recording: Recording) -> bool
     to, or has the sign of, what is left to go.
     """
     columns = {c.name: c.values for stream in recording.streams for c in stream.columns}
-    alike = _agreement(command, position, columns)
+    alike = _command_agreement(command, position, columns)
     if alike is None or alike >= _FOLLOWED:
         return True
     towards = []
@@ -89,7 +91,7 @@ def _says_positions(family: Family) -> bool:
     return any(OF_WORD.get(word) == "q" for word in family.stem.split("_"))
 
 
-def _agreement(one: Family, other: Family, columns: Mapping[str, Array]) -> float | None:
+def _command_agreement(one: Family, other: Family, columns: Mapping[str, Array]) -> float | None:
     """Median over the joints of the correlation; None where they are of different times."""
     values = []
     for joint, name in one.placed.columns.items():

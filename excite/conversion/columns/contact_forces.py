@@ -20,7 +20,7 @@ def without_contact_forces(found: Guesses, groups: Sequence[Family], machine: Ma
     joints = max(placed, default=machine.n)
     left = []
     for family in groups:
-        if _is_force(family) and len(family.columns) < joints and not _slide(family, machine):
+        if _is_force(family) and len(family.columns) < joints and not _is_prismatic_family(family, machine):
             why = "forces, fewer than the joints, which turn: of feet, tools or load cells, and no joint's torques"
             found.facts.append(("nothing", f"{family.columns[0]} …", why))
         else:
@@ -39,6 +39,6 @@ def _is_force(family: Family) -> bool:
     )
 
 
-def _slide(family: Family, machine: Machine) -> bool:
+def _is_prismatic_family(family: Family, machine: Machine) -> bool:
     places = [machine.joints.index(joint) for joint in family.placed.columns if joint in machine.joints]
     return any(bool(machine.slides[place]) for place in places)

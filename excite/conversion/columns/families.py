@@ -8,11 +8,11 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from string import ascii_lowercase
 
-from excite.conversion.columns.joints import Placed, first_number, place, with_words_of_joints
+from excite.conversion.columns.joints import Placed, first_number, place_columns, with_words_of_joints
 from excite.conversion.columns.naming.match import BY_WORDS
 from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, unit_named
 from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
-from excite.conversion.columns.words import Clue, clue, with_joints_numbers
+from excite.conversion.columns.words import Clue, read_clue, with_joints_numbers
 from excite.conversion.recording import Column, Recording
 
 # What a log folder has a channel for, by quantity and whether it was commanded.
@@ -68,11 +68,11 @@ def _clues(
     """What every name or format says, where these letters stand for joints."""
     found: dict[str, Clue] = {}
     for stream in recording.streams:
-        of_stream = clue(stream.name, ()) if len(recording.streams) > 1 else None
-        of_joint = clue(stream.name, joints) if len(recording.streams) > 1 else None
+        of_stream = read_clue(stream.name, ()) if len(recording.streams) > 1 else None
+        of_joint = read_clue(stream.name, joints) if len(recording.streams) > 1 else None
         for column in stream.columns:
             if column.name not in left_out:
-                said = _clue(
+                said = _column_clue(
                     replace(column, name=column.said_as.removeprefix(f"{stream.name}/")), joints, letters
                 )
                 said = said if of_stream is None else _as_its_stream(said, of_stream)
@@ -125,7 +125,7 @@ def _by_units(clues: dict[str, Clue]) -> dict[str, Clue]:
     return found
 
 
-def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
+def find_families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
     """Families among the columns, those of more joints first."""
     groups: dict[_Group, list[Column]] = {}
     for stream in recording.streams:
@@ -134,7 +134,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             if said is None or said.quantity in ("", "time", "skip", "base", "wrench", "imu", "contact"):
                 continue
             # Labels of joints differ within a family; the stem is what is left of the quantity's own words.
-            stem = _stem(said)
+            stem = _family_stem(said)
             groups.setdefault((stream.name, said.quantity, said.commanded, stem), []).append(column)
     first = first_number(list(clues.values()))
     found = []
@@ -145,7 +145,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             Family(
                 target=TARGETS.get((quantity, commanded), ""),
                 quantity=quantity,
-                placed=place(names, clues, joints, first),
+                placed=place_columns(names, clues, joints, first),
                 columns=tuple(names),
                 unit=units[0] if len(set(units)) == 1 else "",
                 stated=all(column.channel for column in columns),
@@ -213,7 +213,7 @@ def _one_machine_each(
         once = len(set(numbers)) == len(numbers) or None in numbers
         names = [column.name for column in columns]
         alone = once or len(sizes) > 1 or min(sizes) < 2
-        if alone or not place(names, clues, joints, first).left_over:
+        if alone or not place_columns(names, clues, joints, first).left_over:
             yield key, columns
             continue
         machines: dict[str, list[Column]] = {}
@@ -307,21 +307,21 @@ def _says_a_quantity(said: Clue) -> bool:
     return said.quantity != "" and any(OF_WORD.get(word) for word in said.stem.split("_"))
 
 
-def _stem(said: Clue) -> str:
+def _family_stem(said: Clue) -> str:
     words = said.stem.split("_")
     labels = set(said.label.split("_"))
     return "_".join(word for word in words if word not in labels)
 
 
-def _clue(column: Column, joints: Sequence[str], letters: frozenset[str] = frozenset()) -> Clue:
+def _column_clue(column: Column, joints: Sequence[str], letters: frozenset[str] = frozenset()) -> Clue:
     prefix, _, rest = column.name.rpartition("/")[2].partition(".")
     channel, label = column.channel, column.label
     if not channel and rest in joints and (prefix, False) in TARGETS | {(key, False): "" for key in _STATED}:
         channel, label = prefix, rest
     if not channel:
-        return _with_label(clue(column.name, joints, column.unit, letters), label, joints)
+        return _with_label(read_clue(column.name, joints, column.unit, letters), label, joints)
     quantity, commanded = _STATED.get(channel, (channel, False))
-    inner = clue(label, joints)
+    inner = read_clue(label, joints)
     return Clue(
         quantity=quantity,
         commanded=commanded,
@@ -335,7 +335,7 @@ def _clue(column: Column, joints: Sequence[str], letters: frozenset[str] = froze
 
 def _with_label(said: Clue, label: str, joints: Sequence[str]) -> Clue:
     """What a column's name says, of the joint that the recording names beside it."""
-    inner = clue(label, joints) if label else None
+    inner = read_clue(label, joints) if label else None
     if inner is None or not (inner.exact or inner.label or inner.quantity or inner.number is not None):
         return said
     if not _says_a_quantity(said) and _says_a_quantity(inner):

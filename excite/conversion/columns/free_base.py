@@ -49,7 +49,7 @@ def without_base(
             Mapped(f"base.{axis}", name, 1.0, because)
             for axis, name in zip(axes, posed.columns[:_POSE], strict=True)
         ]
-    return [_rest(family, joints) for family in groups]
+    return [_without_base_columns(family, joints) for family in groups]
 
 
 def unit_quaternions(values: Array) -> bool:
@@ -66,7 +66,7 @@ def quaternion_order(quaternion: Array) -> str | None:
     return "xyzw" if last > _LIKELY * first else None
 
 
-def _rest(family: Family, joints: Sequence[str]) -> Family:
+def _without_base_columns(family: Family, joints: Sequence[str]) -> Family:
     """A family without its base's columns where it has as many more as a base has."""
     more = len(family.columns) - len(joints)
     base = _POSE if family.quantity == "q" else _TWIST

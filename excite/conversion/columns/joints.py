@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from excite.conversion.columns.naming.book import Book
-from excite.conversion.columns.naming.match import BY_NAME, Doubt, Match, match
+from excite.conversion.columns.naming.match import BY_NAME, Doubt, Match, match_columns
 from excite.conversion.columns.naming.numbers import Name
 from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, NOISE, OF_HANDS, OF_WORD
 from excite.conversion.columns.words import Clue, name_tokens
@@ -33,7 +33,9 @@ class Placed:
     named: bool = False
 
 
-def place(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str], first: int) -> Placed:
+def place_columns(
+    columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str], first: int
+) -> Placed:
     """Joints of a family's columns.
 
     Args:
@@ -46,7 +48,7 @@ def place(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str],
     if len(columns) == len(joints) == 1:
         named = clues[columns[0]].exact == joints[0]
         return Placed({joints[0]: columns[0]}, BY_NAME if named else "the robot has one joint", named=named)
-    if found := match(_names(columns, clues, joints), joints):
+    if found := match_columns(_joint_names_in(columns, clues, joints), joints):
         return Placed(found.placed, found.because, found.left_over, found.doubts, named=True)
     numbers = {c: n for c in columns if (n := clues[c].number) is not None}
     if len(set(numbers.values())) == len(columns):
@@ -96,10 +98,10 @@ def match_labels(labels: Sequence[str], names: Sequence[str]) -> Match | None:
         tokens = name_tokens(label)
         words = tuple(token for token in tokens if not token.isdigit())
         said.append(Name(label, words, tuple(int(token) for token in tokens if token.isdigit())))
-    return match(said, names)
+    return match_columns(said, names)
 
 
-def _names(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str]) -> list[Name]:
+def _joint_names_in(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str]) -> list[Name]:
     """Words and numbers of the columns' names that may be joints'.
 
     A word that can be a quantity's or a filler (``rotation``, ``arm``) is one where a joint's name has it and not all

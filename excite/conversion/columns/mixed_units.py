@@ -31,7 +31,7 @@ _TURN = 2.0 * np.pi
 _APART = np.sqrt(180.0 / np.pi)
 
 
-def alike(
+def group_by_unit(
     items: Sequence[Mapped], columns: dict[str, Column], mapping: Map, machine: Machine
 ) -> list[list[Mapped]]:
     """Columns of a channel by the unit that the map or their names state; one group where all say the same.
@@ -91,7 +91,7 @@ def in_degrees(
     return degrees | (still & most), radians | (still & ~most)
 
 
-def apart(
+def units_differ(
     slope: Callable[[int], float | None], degrees: NDArray[np.bool_], radians: NDArray[np.bool_]
 ) -> bool:
     """Whether logged velocities say that both are in the units that they look like.

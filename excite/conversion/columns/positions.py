@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.columns.mixed_units import alike, apart, in_degrees, is_slide, stated_unit
-from excite.conversion.columns.scaled import named_unit, scaled, values_of
+from excite.conversion.columns.mixed_units import (
+    group_by_unit,
+    in_degrees,
+    is_slide,
+    stated_unit,
+    units_differ,
+)
+from excite.conversion.columns.scaled import named_unit, scale_channel, values_of
 from excite.conversion.columns.unit_words import OF_SLIDING, OF_TURNING
 from excite.conversion.columns.units import BEYOND, COUNTS, TO_SI, PositionUnit, position_unit
 from excite.conversion.guesses import Guesses, Mapped
@@ -26,7 +32,7 @@ MOST_NAMED = 4
 SHARE = "±100"
 
 
-def positions(
+def position_units(
     found: Guesses,
     columns: dict[str, Column],
     machine: Machine,
@@ -48,24 +54,26 @@ def positions(
         maybe_shares: whether the format may hold shares of ranges.
     """
     result: dict[str, tuple[str, str]] = {}
-    for items in alike(found.of("q"), columns, mapping, machine):
+    for items in group_by_unit(found.of("q"), columns, mapping, machine):
         for part, why in _by_unit(found, items, columns, machine, mapping, slope):
             units = ("rad", "asked about")
             if why is not None:
-                units = _unit(found, part, columns, machine, mapping, fast=fast, maybe_shares=maybe_shares)
+                units = _shared_unit(
+                    found, part, columns, machine, mapping, fast=fast, maybe_shares=maybe_shares
+                )
                 units = (units[0], why or units[1])
             result |= {item.target: units for item in part}
     measured = {item.target: item for item in found.of("q")}
     several = len({result[target][0] for target, item in measured.items() if not is_slide(item, machine)}) > 1
-    for items in alike(found.of("q_cmd"), columns, mapping, machine):
+    for items in group_by_unit(found.of("q_cmd"), columns, mapping, machine):
         named = stated_unit(items, mapping, machine) or named_unit(items, columns)
         if several and not named and not is_slide(items[0], machine):
             for item in items:
                 twin = measured.get(f"q.{item.target.partition('.')[2]}")
-                unit = "rad" if twin is None else _nearer(item, twin, result[twin.target][0], columns)
+                unit = "rad" if twin is None else _nearer_unit(item, twin, result[twin.target][0], columns)
                 result[item.target] = (unit, "as near the measured positions as can be")
             continue
-        units = _unit(
+        units = _shared_unit(
             found, items, columns, machine, mapping, like=result.get(items[0].target.replace("q_cmd.", "q."))
         )
         result |= {item.target: units for item in items}
@@ -87,7 +95,7 @@ def _by_unit(
     turning = [item for item in items if not is_slide(item, machine)]
     if len(turning) < 2:
         return [(items, "")]
-    places = [_place(item, machine) for item in turning]
+    places = [_joint_place(item, machine) for item in turning]
     found_two = in_degrees(values_of(turning, columns), machine.lower[places], machine.upper[places])
     if found_two is None:
         return [(items, "")]
@@ -95,7 +103,7 @@ def _by_unit(
     names = [
         [item.source for item, is_so in zip(turning, which, strict=True) if is_so] for which in found_two
     ]
-    if apart(lambda k: slope(turning[k]), degrees, radians):
+    if units_differ(lambda k: slope(turning[k]), degrees, radians):
         small = [item for item in items if item.source in names[1]]
         rest = [item for item in items if item.source not in names[1]]
         of = f"unlike {', '.join(names[1][:MOST_NAMED])}, by their ranges and velocities"
@@ -115,11 +123,11 @@ def _units_of(items: list[Mapped], degrees: NDArray[np.bool_]) -> dict[str, str]
     return {item.target: "deg" if is_so else "rad" for item, is_so in zip(items, degrees, strict=True)}
 
 
-def _place(item: Mapped, machine: Machine) -> int:
+def _joint_place(item: Mapped, machine: Machine) -> int:
     return machine.joints.index(item.target.partition(".")[2])
 
 
-def _nearer(item: Mapped, twin: Mapped, unit: str, columns: dict[str, Column]) -> str:
+def _nearer_unit(item: Mapped, twin: Mapped, unit: str, columns: dict[str, Column]) -> str:
     """Of radians and degrees the unit with which a command is nearer to what was measured."""
     command, value = columns[item.source].values, columns[twin.source].values * TO_SI.get(unit, 1.0)
     rows = min(len(command), len(value))
@@ -127,7 +135,7 @@ def _nearer(item: Mapped, twin: Mapped, unit: str, columns: dict[str, Column]) -
     return min(miss, key=lambda u: miss[u])
 
 
-def _unit(
+def _shared_unit(
     found: Guesses,
     items: list[Mapped],
     columns: dict[str, Column],
@@ -185,7 +193,7 @@ def _by_numbers(
     fast: Callable[[Mapped], float | None] | None,
 ) -> PositionUnit:
     """The unit by ranges, where velocities do not let it open."""
-    places = [_place(item, machine) for item in items]
+    places = [_joint_place(item, machine) for item in items]
     lower, upper, slide = machine.lower[places], machine.upper[places], machine.slides[places]
     found = position_unit(values_of(items, columns), lower, upper, slide, named)
     if found.unit != "deg" or named or not _may_turn_over(items, machine, fast):
@@ -200,7 +208,7 @@ def _may_turn_over(
     """Whether joints far beyond their ranges are, taken for radians, no faster than they may be."""
     if fast is None:
         return False
-    speeds = [(fast(item), machine.speed[_place(item, machine)]) for item in items]
+    speeds = [(fast(item), machine.speed[_joint_place(item, machine)]) for item in items]
     return all(speed is not None and speed < _FASTER * most for speed, most in speeds)
 
 
@@ -220,7 +228,7 @@ def of_ranges(found: Guesses, items: list[Mapped], mapping: Map, machine: Machin
         # A gripper is counted from its lower end.
         zero, share = (low, 0.01) if "gripper" in joint.lower() else (0.5 * (low + high), 0.005)
         because = f"{item.because}; shares of the model's ranges, which calibration may have had otherwise"
-        done.append(scaled(item, mapping, share * (high - low), zero, because))
+        done.append(scale_channel(item, mapping, share * (high - low), zero, because))
     return done
 
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from excite.conversion.columns.clock import row_seconds
-from excite.conversion.columns.mixed_units import MOTION, alike, is_slide, stated_unit
-from excite.conversion.columns.naming.wrong_kind import ask_for_kind, ask_for_rate, beginning
-from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
-from excite.conversion.columns.scaled import named_unit, of_imu, scaled, values_of, without_unit
+from excite.conversion.columns.mixed_units import MOTION, group_by_unit, is_slide, stated_unit
+from excite.conversion.columns.naming.wrong_kind import ask_for_kind, ask_for_rate, common_beginning
+from excite.conversion.columns.positions import SHARE, of_ranges, position_units, whole_turns
+from excite.conversion.columns.scaled import named_unit, of_imu, scale_channel, values_of, without_unit
 from excite.conversion.columns.units import (
     COUNT_RATES,
     COUNTS,
@@ -48,14 +48,14 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
     done += of_imu(found.of("imu"), columns, mapping)
     maybe_shares = bool(recording.said.get("maybe_shares"))
-    slope = _slopes(found, recording)
+    slope = _position_slopes(found, recording)
     fast = _speeds(found, columns, slope)
-    angles = positions(found, columns, machine, mapping, slope, fast, maybe_shares=maybe_shares)
+    angles = position_units(found, columns, machine, mapping, slope, fast, maybe_shares=maybe_shares)
     for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "contact"):
         everything = found.of(channel)
         if not everything or _left_out(found, everything, columns, mapping, machine):
             continue
-        for items in alike(everything, columns, mapping, machine):
+        for items in group_by_unit(everything, columns, mapping, machine):
             slide, stated = is_slide(items[0], machine), stated_unit(items, mapping, machine)
             named = named_unit(items, columns, slide=slide)
             if not stated:
@@ -69,9 +69,9 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             if stated:
                 unit, because = stated, "unit stated in the map"
             elif channel in ("v", "a"):
-                unit, because = _rates(found, items, columns, recording, angles, named, machine)
+                unit, because = _rate_unit(found, items, columns, recording, angles, named, machine)
             elif channel in ("tau", "tau_cmd"):
-                unit, because = _torques(items, columns, machine, named)
+                unit, because = _torque_unit(items, columns, machine, named)
             else:
                 unit = named or {"i": "A"}.get(channel, "SI")
                 because = "unit as named" if named else without_unit(channel, items, columns)
@@ -84,7 +84,7 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
 def _scaled_as(items: list[Mapped], mapping: Map, unit: str, because: str) -> list[Mapped]:
     """Columns of one unit with their factors."""
     factor, zero = _FACTORS.get(unit, 1.0), zero_of(unit)
-    return [scaled(item, mapping, factor, zero, f"{item.because}; {because}") for item in items]
+    return [scale_channel(item, mapping, factor, zero, f"{item.because}; {because}") for item in items]
 
 
 def _left_out(
@@ -118,7 +118,9 @@ def _of_positions(
     turning = unit in ("rad", "deg") and not mapping.motors
     zeros = whole_turns(items, columns, machine, factor) if turning else [zero] * len(items)
     return [
-        scaled(item, mapping, factor, at, f"{item.because}; {because}{_turned(at) if at != zero else ''}")
+        scale_channel(
+            item, mapping, factor, at, f"{item.because}; {because}{_describe_turn(at) if at != zero else ''}"
+        )
         for item, at in zip(items, zeros, strict=True)
     ]
 
@@ -133,11 +135,11 @@ def _ask_for_sign(
     if _of_one_sign(items, columns):
         found.ask(
             f"{items[0].source} … are never negative: magnitudes, whose sign was not recorded",
-            f'ignore: ["{beginning(items)}*"] and log: {{torque: none}}',
+            f'ignore: ["{common_beginning(items)}*"] and log: {{torque: none}}',
         )
 
 
-def _turned(zero: float) -> str:
+def _describe_turn(zero: float) -> str:
     return f"; {zero / (2.0 * np.pi):+.0f} turn, which brings the joint into its range"
 
 
@@ -148,7 +150,7 @@ def _of_one_sign(items: list[Mapped], columns: dict[str, Column]) -> bool:
     return several and bool(np.nanmin(values) >= 0.0 and (np.nanmax(values, axis=0) > 0.0).all())
 
 
-def _rates(
+def _rate_unit(
     found: Guesses,
     items: list[Mapped],
     columns: dict[str, Column],
@@ -168,7 +170,7 @@ def _rates(
         angle, "m/s" if slides else "rad/s"
     )
     sizes = (_SLIDING if slides else _VELOCITIES) | ({named: TO_SI[named]} if named in TO_SI else {})
-    ratio = _ratio(found, items, columns, recording, angles, sizes)
+    ratio = _rate_ratio(found, items, columns, recording, angles, sizes)
     if ratio is None or ratio[0] is None:
         ask_for_rate(found, items, named)
     if ratio is None:
@@ -190,7 +192,7 @@ def _rates(
     return unit, f"{unit}: so they are the positions' derivative (correlation {agreement:.2f}){said}"
 
 
-def _ratio(
+def _rate_ratio(
     found: Guesses,
     items: list[Mapped],
     columns: dict[str, Column],
@@ -222,7 +224,7 @@ def _row_seconds(found: Guesses, recording: Recording, names: list[str]) -> floa
     return None if time is None else row_seconds(time)
 
 
-def _slopes(found: Guesses, recording: Recording) -> Callable[[Mapped], float | None]:
+def _position_slopes(found: Guesses, recording: Recording) -> Callable[[Mapped], float | None]:
     """Slopes of positions, in the numbers of the file, over their joints' logged velocities."""
     columns = {c.name: c.values for stream in recording.streams for c in stream.columns}
     speeds = {item.target.partition(".")[2]: item for item in found.of("v")}
@@ -257,7 +259,7 @@ def _speeds(
     return fast
 
 
-def _torques(
+def _torque_unit(
     items: list[Mapped], columns: dict[str, Column], machine: Machine, named: str
 ) -> tuple[str, str]:
     """Unit of torques: as named, or N·mm where they exceed every limit by orders."""

@@ -9,7 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.conversion.columns.unit_words import unit_named
 from excite.conversion.columns.units import TO_SI
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import Mapped
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Column
@@ -19,7 +19,7 @@ _GRAVITY = 9.80665
 _NEAR = 1.25
 
 
-def scaled(item: Mapped, mapping: Map, factor: float, zero: float, because: str) -> Mapped:
+def scale_channel(item: Mapped, mapping: Map, factor: float, zero: float, because: str) -> Mapped:
     """A channel with its factor and zero (SI), scaled and moved as the map says."""
     scale = mapping.scale.get(item.channel, 1.0) * mapping.scale.get(item.target, 1.0)
     offset = mapping.offset.get(item.target, mapping.offset.get(item.channel, zero))
@@ -36,7 +36,7 @@ def named_unit(items: list[Mapped], columns: dict[str, Column], *, slide: bool =
     """
     units = set()
     for item in items:
-        said = clue(columns[item.source].said_as, [item.target.partition(".")[2]])
+        said = read_clue(columns[item.source].said_as, [item.target.partition(".")[2]])
         of_name = said.sliding if slide and said.sliding else said.unit
         units.add(unit_named(columns[item.source].unit) or of_name)
     return units.pop() if len(units) == 1 else ""
@@ -69,7 +69,7 @@ def of_imu(items: list[Mapped], columns: dict[str, Column], mapping: Map) -> lis
         factor, why = weighed if item in read and not scale_stated else (1.0, "no unit stated")
         if named in TO_SI:
             factor, why = TO_SI[named], "unit as named"
-        done.append(scaled(item, mapping, factor, 0.0, f"{item.because}; {why}"))
+        done.append(scale_channel(item, mapping, factor, 0.0, f"{item.because}; {why}"))
     return done
 
 

@@ -108,8 +108,8 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
     turning = np.logical_not(slides) if not slides.all() else slides
     low, high = (np.nanmin(values[:, turning], axis=0), np.nanmax(values[:, turning], axis=0))
     factor = TO_SI[large]
-    outside = _outside(low, high, lower[turning], upper[turning])
-    outside_large = _outside(low * factor, high * factor, lower[turning], upper[turning])
+    outside = _share_outside(low, high, lower[turning], upper[turning])
+    outside_large = _share_outside(low * factor, high * factor, lower[turning], upper[turning])
     span = float(np.max(high - low))
     if stated in TO_SI:
         turned = (
@@ -132,7 +132,7 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
         return PositionUnit(
             large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
         )
-    counted = _counts(values[:, turning], lower[turning], upper[turning]) if small == "rad" else ""
+    counted = _servo_counts(values[:, turning], lower[turning], upper[turning]) if small == "rad" else ""
     if counted and min(outside, outside_large) > BEYOND:
         why = f"{counted} of a turn: whole numbers, with which the joints keep their ranges"
         return PositionUnit(counted, why, True)
@@ -149,7 +149,7 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
     return PositionUnit(small, f"{small}: the columns span {span:.3g}", False)
 
 
-def _outside(low: Array, high: Array, lower: Array, upper: Array) -> float:
+def _share_outside(low: Array, high: Array, lower: Array, upper: Array) -> float:
     return float(max(np.max(lower - low), np.max(high - upper), 0.0))
 
 
@@ -177,14 +177,14 @@ def _as_stated(stated: str, outside: float, least: float, turned: float) -> Posi
     return PositionUnit(stated, f"{stated} by its name", True)
 
 
-def _counts(values: Array, lower: Array, upper: Array) -> str:
+def _servo_counts(values: Array, lower: Array, upper: Array) -> str:
     """The servo's counts that whole numbers are, with which joints keep their ranges; empty for none."""
     known = values[np.isfinite(values).all(axis=1)]
     if not len(known) or (known != np.round(known)).any() or known.min() < 0.0:
         return ""
     for unit, (zero, count) in COUNTS.items():
         low, high = (end * TO_SI[unit] + zero for end in (known.min(axis=0), known.max(axis=0)))
-        if known.max() < count and _outside(low, high, lower, upper) <= BEYOND:
+        if known.max() < count and _share_outside(low, high, lower, upper) <= BEYOND:
             return unit
     return ""
 

@@ -62,7 +62,9 @@ class Clue:
     sliding: str = ""
 
 
-def clue(name: str, joints: Sequence[str], unit: str = "", letters: frozenset[str] = frozenset()) -> Clue:
+def read_clue(
+    name: str, joints: Sequence[str], unit: str = "", letters: frozenset[str] = frozenset()
+) -> Clue:
     """What a column's name says of it, beside the names of the robot's joints and the unit that the file states.
 
     ``letters`` stand for joints where a number follows them, as w of ``w1`` for a wrist.
@@ -82,10 +84,10 @@ def clue(name: str, joints: Sequence[str], unit: str = "", letters: frozenset[st
         # Nothing but a unit stands beside the joint's name.
         words, found = [], UNITS[words[0]]
     words, found, sliding = of_both(words, found)
-    words = _joined(words)
+    words = _join_words(words)
     axis = _counted_letter(tokens, words, found, letters) if numbers else _axis_letter(words)
     of_joint = bool(exact or numbers or axis) or (len(joints) == 1 and bool(set(words) & SURELY_COMMANDED))
-    quantity = _quantity(_without_last(words, axis), found, of_joint)
+    quantity = _find_quantity(_without_last(words, axis), found, of_joint)
     if quantity in _OF_JOINTS and QUANTITY_OF_UNIT.get(found) == "time":
         # A letter of a word: ticks/s, the side of a leg.
         found = ""
@@ -144,14 +146,14 @@ def _without_joint(name: str, joints: Sequence[str]) -> tuple[str, str]:
         key = joint.lower()
         if len(key) < 2:
             continue
-        match = re.search(rf"(?<![a-z0-9]){_spelt(key)}(?![0-9])", low)
+        match = re.search(rf"(?<![a-z0-9]){_joint_pattern(key)}(?![0-9])", low)
         if match:
             return joint, f"{name[: match.start()]} {name[match.end() :]}"
     return "", name
 
 
 @cache
-def _spelt(joint: str) -> str:
+def _joint_pattern(joint: str) -> str:
     """A pattern of a joint's name with its words parted in any way: ``Shoulder Pitch``, ``ShoulderPitch``.
 
     Numbers stay as they are written: another program's may be counted from another one.
@@ -169,10 +171,10 @@ def name_tokens(text: str) -> list[str]:
     return [token.lower() for token in found]
 
 
-def _joined(words: list[str]) -> list[str]:
+def _join_words(words: list[str]) -> list[str]:
     """Words that mean something only together: ``q dot`` is a velocity, ``d q`` too."""
     found: list[str] = []
-    for word in [part for whole in words for part in _parts(whole)]:
+    for word in [part for whole in words for part in _split_word(whole)]:
         before = found[-1] if found else ""
         if before in {"q", "theta", "pos", "joint"} and word in {"dot", "ddot"}:
             found[-1:] = ["qdot" if word == "dot" else "qddot"]
@@ -218,7 +220,7 @@ def _without_last(words: Sequence[str], word: str) -> list[str]:
     return [one for k, one in enumerate(words) if k != at]
 
 
-def _parts(word: str) -> list[str]:
+def _split_word(word: str) -> list[str]:
     """A word that is written together (``qdes``, ``jointtorque``, ``cmdpos``) taken apart; as it is where it is one."""
     if word in KNOWN:
         return [word]
@@ -228,7 +230,7 @@ def _parts(word: str) -> list[str]:
         if first in KNOWN and rest in KNOWN and len(word) > 2:
             return [first, rest]
     for at in range(len(word) - 2, 2, -1):
-        if word[:at] in KNOWN and len(others := _parts(word[at:])) > 1:
+        if word[:at] in KNOWN and len(others := _split_word(word[at:])) > 1:
             return [word[:at], *others]
     return ["q", "m"] if word == "qm" else [word]
 
@@ -243,7 +245,7 @@ def _is_commanded(words: list[str], quantity: str) -> bool:
     return bool(set(words) & COMMANDED) and quantity != ""
 
 
-def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
+def _find_quantity(words: list[str], unit: str, of_joint: bool) -> str:
     # Controllers call axes A1, A2 …
     letters = {"a"} if set(words) & {"axis", "ax", "axes"} else set()
     if of_joint and "a" in words and {OF_WORD.get(word) for word in words} & {"q", "v", "tau", "i"}:

@@ -27,15 +27,15 @@ def whole_rows(table: Table, source: object) -> Table:
     """
     time = table.columns["time"]
     known = np.isfinite(time)
-    columns = _where(known, table.columns)
+    columns = _select_rows(known, table.columns)
     time = columns["time"]
     filled, notes = 0, list(table.notes)
-    silent = _silent(columns)
+    silent = _silent_rows(columns)
     if silent.any():
         notes.append(
             f"{int(silent.sum())} rows at the ends hold zeros of all joints, which nothing moved to or from: left out"
         )
-        columns = _where(~silent, columns)
+        columns = _select_rows(~silent, columns)
         time = columns["time"]
     for name, values in columns.items():
         holes = ~np.isfinite(values)
@@ -58,7 +58,7 @@ def whole_rows(table: Table, source: object) -> Table:
         )
         rows = rows[near]
         columns[name] = values.copy()
-        columns[name][rows] = _between(name, time[there], values[there], time[rows])
+        columns[name][rows] = _interpolate_channel(name, time[there], values[there], time[rows])
         filled += len(rows)
     whole = np.ones(len(time), dtype=bool)
     for values in columns.values():
@@ -75,10 +75,10 @@ def whole_rows(table: Table, source: object) -> Table:
         notes.append(f"{filled} single values that were missing stand between their neighbours")
     if not whole.all() or not known.all():
         notes.append(f"{int((~whole).sum() + (~known).sum())} rows with missing values were left out")
-    return replace(table, columns=_where(whole, columns), notes=tuple(notes))
+    return replace(table, columns=_select_rows(whole, columns), notes=tuple(notes))
 
 
-def _between(name: str, time: Array, values: Array, at: Array) -> Array:
+def _interpolate_channel(name: str, time: Array, values: Array, at: Array) -> Array:
     """A channel between its samples: positions by a spline, as straight lines between them have no accelerations."""
     if not name.startswith("q."):
         return np.interp(at, time, values)
@@ -86,12 +86,12 @@ def _between(name: str, time: Array, values: Array, at: Array) -> Array:
     return resample_smooth(stamps, values[first], at)
 
 
-def _where(rows: NDArray[np.bool_], columns: dict[str, Array]) -> dict[str, Array]:
+def _select_rows(rows: NDArray[np.bool_], columns: dict[str, Array]) -> dict[str, Array]:
     """Columns in some rows; not copied where all are meant."""
     return dict(columns) if rows.all() else {name: values[rows] for name, values in columns.items()}
 
 
-def _silent(columns: dict[str, Array]) -> NDArray[np.bool_]:
+def _silent_rows(columns: dict[str, Array]) -> NDArray[np.bool_]:
     """Rows before a driver's first message and after its last, in which all joints' values are the zeros of memory."""
     silent = np.zeros(len(columns["time"]), dtype=bool)
     for channel in ("q", "tau", "i"):

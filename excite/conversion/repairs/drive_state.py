@@ -28,7 +28,7 @@ def with_drives_on(recording: Recording) -> Recording:
     notes = list(recording.notes)
     streams = []
     for stream in recording.streams:
-        off = {column.name: rows for column in stream.columns if (rows := _off(column)) is not None}
+        off = {column.name: rows for column in stream.columns if (rows := _rows_off(column)) is not None}
         if off:
             on = ~np.any(list(off.values()), axis=0)
             if on.sum() >= _FEWEST:
@@ -43,7 +43,7 @@ def with_drives_on(recording: Recording) -> Recording:
     return replace(recording, streams=tuple(streams), notes=tuple(notes))
 
 
-def _off(column: Column) -> NDArray[np.bool_] | None:
+def _rows_off(column: Column) -> NDArray[np.bool_] | None:
     """Rows in which a switch is off; None for what is no switch."""
     if not _SWITCH.search(column.name):
         return None

@@ -40,7 +40,7 @@ def within_ranges(table: Table, machine: Machine, stated: Mapping[str, float]) -
             if values is None or not np.isfinite(values).any() or {name, channel} & set(stated):
                 continue
             if channel == "q" or measured is None:
-                turns = _turns(float(np.nanmin(values)), float(np.nanmax(values)), lower, upper)
+                turns = _whole_turns(float(np.nanmin(values)), float(np.nanmax(values)), lower, upper)
             else:
                 away = np.nanmedian(columns[f"q.{joint}"] - values)
                 turns = round(float(away) / _TURN) if abs(away) < _FAR else 0
@@ -53,7 +53,7 @@ def within_ranges(table: Table, machine: Machine, stated: Mapping[str, float]) -
     return replace(table, columns=columns, notes=(*table.notes, note))
 
 
-def _turns(low: float, high: float, lower: float, upper: float) -> int:
+def _whole_turns(low: float, high: float, lower: float, upper: float) -> int:
     """Turns to add to an angle that leaves its range without them and keeps it with them; zero for none."""
     if not max(lower - low, high - upper) > BEYOND or not abs(high + low) < _FAR or np.isinf(upper - lower):
         return 0

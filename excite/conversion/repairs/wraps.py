@@ -9,7 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.conversion.columns.clock import is_clock
 from excite.conversion.columns.units import TO_SI
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording
 from excite.logs.signals.seams import without_seams
 
@@ -27,7 +27,7 @@ _TURNS = (
 )
 
 
-def signed(recording: Recording) -> Recording:
+def restore_signs(recording: Recording) -> Recording:
     """The recording with whole numbers of 16 or 32 bits that jump between both ends of their range taken as signed.
 
     Angles that jump from one end of a turn to the other go on.
@@ -39,7 +39,7 @@ def signed(recording: Recording) -> Recording:
     def of(column: Column) -> Column:
         values = column.values
         known = values[np.isfinite(values)]
-        whole_clock = _continued(known) if len(known) == len(values) else None
+        whole_clock = _continue_clock(known) if len(known) == len(values) else None
         if whole_clock is not None:
             wrapped.append(column.name)
             return replace(column, values=whole_clock)
@@ -53,7 +53,7 @@ def signed(recording: Recording) -> Recording:
                 and high.any()
                 and low.any()
                 and (high | low).all()
-                and _jumps(known, whole)
+                and _has_jumps(known, whole)
             ):
                 turned.append(column.name)
                 return replace(column, values=np.where(values > 0.5 * whole, values - whole, values))
@@ -62,7 +62,9 @@ def signed(recording: Recording) -> Recording:
     streams = tuple(replace(s, columns=tuple(of(c) for c in s.columns)) for s in recording.streams)
     if turned:
         # Another joint's, of the same driver, may be negative all the time.
-        streams = tuple(replace(s, columns=tuple(_negative(c, turned) for c in s.columns)) for s in streams)
+        streams = tuple(
+            replace(s, columns=tuple(_negative_column(c, turned) for c in s.columns)) for s in streams
+        )
     if not turned and not wrapped:
         return recording
     notes = list(recording.notes)
@@ -80,7 +82,7 @@ def _without_seams(recording: Recording) -> Recording:
     names = []
     streams = []
     for stream in recording.streams:
-        whole = {c.name: values for c in stream.columns if (values := _unwound(c)) is not None}
+        whole = {c.name: values for c in stream.columns if (values := _unwind_angle(c)) is not None}
         names += list(whole)
         columns = tuple(replace(c, values=whole.get(c.name, c.values)) for c in stream.columns)
         streams.append(replace(stream, columns=columns))
@@ -90,7 +92,7 @@ def _without_seams(recording: Recording) -> Recording:
     return replace(recording, streams=tuple(streams), notes=(*recording.notes, note))
 
 
-def _negative(column: Column, turned: list[str]) -> Column:
+def _negative_column(column: Column, turned: list[str]) -> Column:
     """A column that never leaves the upper end of its range as signed, where others of its driver were."""
     known = column.values[np.isfinite(column.values)]
     if not len(known) or (known != np.round(known)).any() or is_clock(known):
@@ -103,7 +105,7 @@ def _negative(column: Column, turned: list[str]) -> Column:
     return column
 
 
-def _continued(values: Array) -> Array | None:
+def _continue_clock(values: Array) -> Array | None:
     """A clock of whole ticks that went over the end of its range, going on; None where it is none."""
     steps = np.diff(values)
     back = steps < 0.0
@@ -118,9 +120,9 @@ def _continued(values: Array) -> Array | None:
     return None
 
 
-def _unwound(column: Column) -> Array | None:
+def _unwind_angle(column: Column) -> Array | None:
     """An angle that jumps from one end of a turn to the other, going on; None where it is none."""
-    if clue(column.name, ()).quantity not in ("", "q", "skip"):
+    if read_clue(column.name, ()).quantity not in ("", "q", "skip"):
         return None
     values = column.values
     known = values[np.isfinite(values)]
@@ -137,6 +139,6 @@ def _turns(known: Array) -> tuple[float, ...]:
     return (*_TURNS, *([2.0 ** float(np.ceil(np.log2(size + 1.0)))] if counted else []))
 
 
-def _jumps(values: np.ndarray, whole: float) -> bool:
+def _has_jumps(values: np.ndarray, whole: float) -> bool:
     """Whether it goes from one end to the other more than once, as a counter that overflows does not so fast."""
     return int((np.abs(np.diff(values)) > 0.5 * whole).sum()) >= 2

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Stream
 from excite.conversion.shapes.labels import in_one_order, with_labels, word_lists
 
@@ -70,13 +70,13 @@ def _with_one_row_less(lengths: dict[int, list[Column]]) -> None:
         fewer = lengths.get(n - 1)
         if fewer is None or n not in lengths or n <= _MOST_LABELS:
             continue
-        if any(clue(column.name, ()).quantity == "time" for column in fewer):
+        if any(read_clue(column.name, ()).quantity == "time" for column in fewer):
             continue
         lengths[n] += [replace(column, values=np.append(column.values, np.nan)) for column in fewer]
         del lengths[n - 1]
 
 
-def batched(arrays: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def split_batches(arrays: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Arrays of each trial, where arrays of three axes hold trials, samples and joints; empty where there are none."""
     stacked = {key: np.asarray(values) for key, values in arrays.items() if np.ndim(values) == 3}
     stacked = {
@@ -98,7 +98,7 @@ def batched(arrays: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     }
 
 
-def longest(streams: Iterable[Stream]) -> tuple[Stream, ...]:
+def longest_streams(streams: Iterable[Stream]) -> tuple[Stream, ...]:
     """Streams that may be signals: not those with a hundredth of the longest one's rows, which are constants."""
     kept = list(streams)
     most = max((stream.n_rows for stream in kept), default=0)

@@ -17,7 +17,7 @@ _WORD = re.compile(r"""["']([^"']+)["']""")
 _WHOLE = 0.95
 
 
-def unpacked(stream: Stream) -> tuple[Stream, str]:
+def unpack_cells(stream: Stream) -> tuple[Stream, str]:
     """The stream with ``NAME[0] … NAME[k-1]`` for a column whose cells hold ``k`` numbers each, and a note.
 
     Cells that hold words, as names of joints, are words of ``NAME[0]`` and so on.

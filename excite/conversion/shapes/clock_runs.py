@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.assemble import Table
-from excite.conversion.columns.clock import restarts
+from excite.conversion.columns.clock import find_restarts
 
 
 def in_runs(table: Table) -> list[Table]:
@@ -21,7 +21,7 @@ def in_runs(table: Table) -> list[Table]:
     known = np.isfinite(time)
     columns = {name: values[known] for name, values in table.columns.items()}
     time = columns["time"]
-    edges = [0, *restarts(time).tolist(), len(time)]
+    edges = [0, *find_restarts(time).tolist(), len(time)]
     if len(edges) == 2:
         return [_in_order(table, time, columns, slice(None), table.name, ())]
     note = f"its clock starts anew {len(edges) - 2} times: each run is a recording of its own"

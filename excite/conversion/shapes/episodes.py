@@ -25,7 +25,7 @@ def by_episode(recording: Recording) -> list[Recording]:
     if len(recording.streams) != 1:
         return [recording]
     (stream,) = recording.streams
-    for name, cells in _keys(stream).items():
+    for name, cells in _key_columns(stream).items():
         starts = np.flatnonzero(cells[1:] != cells[:-1]) + 1
         ends = [*starts.tolist(), len(cells)]
         lengths = np.diff([0, *ends])
@@ -36,15 +36,17 @@ def by_episode(recording: Recording) -> list[Recording]:
         for start, end in zip([0, *starts.tolist()], ends, strict=True):
             if end - start < FEWEST_ROWS:
                 continue
-            part = _without(stream, name).rows(slice(start, end))
-            label = f"{recording.name}_{_label(name, cells[start])}"
+            part = _drop_column(stream, name).rows(slice(start, end))
+            label = f"{recording.name}_{_episode_label(name, cells[start])}"
             found.append(replace(recording, name=label, streams=(part,), notes=(*recording.notes, note)))
         return found
     return [recording]
 
 
-def _keys(stream: Stream) -> dict[str, NDArray[np.object_]]:
-    numbers = {c.name: np.asarray(c.values, object) for c in stream.columns if _is_key(c.name) and _counts(c)}
+def _key_columns(stream: Stream) -> dict[str, NDArray[np.object_]]:
+    numbers = {
+        c.name: np.asarray(c.values, object) for c in stream.columns if _is_key(c.name) and _is_counting(c)
+    }
     return numbers | {name: cells for name, cells in stream.words.items() if _is_key(name)}
 
 
@@ -53,18 +55,18 @@ def _is_key(name: str) -> bool:
     return bool(set(words) & _WORDS) and set(words) <= _WORDS | _BESIDE
 
 
-def _counts(column: Column) -> bool:
+def _is_counting(column: Column) -> bool:
     return bool(np.isfinite(column.values).all() and (column.values == np.round(column.values)).all())
 
 
-def _label(name: str, value: object) -> str:
+def _episode_label(name: str, value: object) -> str:
     if isinstance(value, str):
         return re.sub(r"[^A-Za-z0-9_.+-]+", "_", value)
     words: Sequence[str] = [w for w in re.findall(r"[a-z]+", name.lower()) if w not in _BESIDE]
     return f"{'_'.join(words)}{float(str(value)):g}"
 
 
-def _without(stream: Stream, name: str) -> Stream:
+def _drop_column(stream: Stream, name: str) -> Stream:
     return replace(
         stream,
         columns=tuple(column for column in stream.columns if column.name != name),

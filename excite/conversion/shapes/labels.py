@@ -18,7 +18,7 @@ _NUMBERED = re.compile(r"(.*?)[\[_.]?(\d+)\]?$")
 _OF_JOINT_STATE = ("position", "velocity", "effort")
 
 
-def labelled(stream: Stream) -> tuple[Stream, str]:
+def apply_labels(stream: Stream) -> tuple[Stream, str]:
     """The stream with labels on its numbered columns where other columns name as many joints, and a note."""
     constant = {
         name: str(cells[0]) for name, cells in stream.words.items() if cells[0] and (cells == cells[0]).all()
@@ -29,7 +29,7 @@ def labelled(stream: Stream) -> tuple[Stream, str]:
         return _joint_states(stream, constant)
     names: dict[str, list[str]] = {}
     for name, word in constant.items():
-        names.setdefault(_stem(name), []).append(word)
+        names.setdefault(_name_stem(name), []).append(word)
     return with_labels(stream, names), ""
 
 
@@ -43,7 +43,7 @@ def with_labels(stream: Stream, names: Mapping[str, Sequence[str]]) -> Stream:
     lists = {key: list(words) for key, words in names.items() if 1 < len(set(words)) == len(words) <= _MOST}
     if not lists:
         return stream
-    stems = [_stem(column.name) for column in stream.columns]
+    stems = [_name_stem(column.name) for column in stream.columns]
     found = []
     for k, column in enumerate(stream.columns):
         width = stems.count(stems[k])
@@ -51,7 +51,7 @@ def with_labels(stream: Stream, names: Mapping[str, Sequence[str]]) -> Stream:
         if column.label or not fitting or stems[k] == column.name:
             found.append(column)
             continue
-        best = max(fitting, key=lambda key: (_shared(key, column.name), "joint" in key.lower()))
+        best = max(fitting, key=lambda key: (_shared_depth(key, column.name), "joint" in key.lower()))
         found.append(replace(column, label=lists[best][stems[:k].count(stems[k])]))
     return replace(stream, columns=tuple(found))
 
@@ -112,12 +112,12 @@ def _joint_states(stream: Stream, constant: Mapping[str, str]) -> tuple[Stream, 
     return replace(stream, columns=columns), note
 
 
-def _stem(name: str) -> str:
+def _name_stem(name: str) -> str:
     match = _NUMBERED.match(name)
     return match[1] if match else name
 
 
-def _shared(a: str, b: str) -> int:
+def _shared_depth(a: str, b: str) -> int:
     """Folders that two paths have in common."""
     pairs = zip(a.split("/")[:-1], b.split("/")[:-1], strict=False)
     return sum(1 for one, other in pairs if one == other)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.conversion.columns.clock import is_clock
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Stream
 
 _KEYS = frozenset("joint joints name motor motors id axis actuator servo dof".split())
@@ -18,11 +18,11 @@ _KEYS = frozenset("joint joints name motor motors id axis actuator servo dof".sp
 _MOST, _FEWEST, _UNEQUAL = 100, 10, 0.02
 
 
-def widened(stream: Stream) -> tuple[Stream, str]:
+def widen_table(stream: Stream) -> tuple[Stream, str]:
     """The stream with a column for each joint of ``position`` … where a column names the joint of its row; a note."""
     if len(stream.columns) > _MOST:
         return stream, ""
-    for name, cells in _keys(stream).items():
+    for name, cells in _key_columns(stream).items():
         found = _rows_by_key(cells)
         if found is None:
             continue
@@ -51,7 +51,7 @@ def widened(stream: Stream) -> tuple[Stream, str]:
 
 def _are_quantities(labels: list[str]) -> bool:
     """Whether each names a quantity, positions among them, and no two the same one."""
-    said = [clue(label, ()) for label in labels]
+    said = [read_clue(label, ()) for label in labels]
     named = {(one.quantity, one.commanded) for one in said if one.quantity not in ("", "skip")}
     return ("q", False) in named and len(named) == len(labels)
 
@@ -78,7 +78,7 @@ def _a_row_a_quantity(
     return replace(stream, columns=tuple(columns), words={}, time=time, nameless=False), note
 
 
-def _keys(stream: Stream) -> dict[str, NDArray[np.object_]]:
+def _key_columns(stream: Stream) -> dict[str, NDArray[np.object_]]:
     """Columns that may say which joint or quantity a row is of."""
     numbers = {
         column.name: np.array([f"{value:g}" for value in column.values], object)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.columns.words import clue, name_tokens
+from excite.conversion.columns.words import name_tokens, read_clue
 from excite.conversion.recording import Column, Stream
 
 _VALUES = frozenset("value values val data number reading y".split())
@@ -16,19 +16,19 @@ _VALUES = frozenset("value values val data number reading y".split())
 _MOST, _FEWEST = 400, 10
 
 
-def spread(stream: Stream) -> tuple[Stream, str]:
+def spread_signals(stream: Stream) -> tuple[Stream, str]:
     """The stream with a column a signal, where each row has one value and words that say of which signal; a note.
 
     Signals need not have been written at the same times: rows are those of all of them, empty where one has none.
     """
-    parts = _parts(stream)
+    parts = _time_and_value(stream)
     if parts is None:
         return stream, ""
     time, value = parts
-    text, keys = _labels(stream)
+    text, keys = _row_labels(stream)
     labels, which = np.unique(text, return_inverse=True)
     there = np.isfinite(time.values)
-    if not 1 < len(labels) <= _MOST or not any(clue(str(label), ()).quantity == "q" for label in labels):
+    if not 1 < len(labels) <= _MOST or not any(read_clue(str(label), ()).quantity == "q" for label in labels):
         return stream, ""
     if np.bincount(which[there], minlength=len(labels)).min() < _FEWEST:
         return stream, ""
@@ -41,17 +41,17 @@ def spread(stream: Stream) -> tuple[Stream, str]:
     return replace(stream, columns=tuple(columns), words={}), note
 
 
-def _parts(stream: Stream) -> tuple[Column, Column] | None:
+def _time_and_value(stream: Stream) -> tuple[Column, Column] | None:
     """The columns of times and of values; None where there is more than one of either, or no word beside them."""
     if stream.time is not None or stream.nameless or not stream.words:
         return None
-    varying = [column for column in stream.columns if _varies(column.values)]
-    times = [column for column in varying if clue(column.name, ()).quantity == "time"]
+    varying = [column for column in stream.columns if _has_variation(column.values)]
+    times = [column for column in varying if read_clue(column.name, ()).quantity == "time"]
     values = [column for column in varying if set(name_tokens(column.name)) <= _VALUES]
     return (times[0], values[0]) if len(times) == 1 and len(values) == 1 else None
 
 
-def _labels(stream: Stream) -> tuple[NDArray[np.str_], list[str]]:
+def _row_labels(stream: Stream) -> tuple[NDArray[np.str_], list[str]]:
     """What the words of each row say together, and the names of the columns that they stand in."""
     said = {name: np.array([str(cell or "") for cell in cells]) for name, cells in stream.words.items()}
     keys = [name for name, cells in said.items() if len(cells) and (cells != cells[0]).any()]
@@ -61,6 +61,6 @@ def _labels(stream: Stream) -> tuple[NDArray[np.str_], list[str]]:
     return text, keys
 
 
-def _varies(values: Array) -> bool:
+def _has_variation(values: Array) -> bool:
     known = values[np.isfinite(values)]
     return len(known) > 0 and float(np.ptp(known)) > 0.0

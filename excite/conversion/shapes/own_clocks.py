@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.clock import goes_evenly
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Stream
 
 # Clocks are one where, in the units of one, what they differ by changes less than this share of a step.
@@ -23,7 +23,7 @@ def by_clock(stream: Stream) -> tuple[list[Stream], str]:
 
     TwinCAT's Scope exports each channel so. Read as one table the torques of a slower task went by twice as fast.
     """
-    groups = _groups(stream)
+    groups = _clock_groups(stream)
     if len(groups) < 2:
         return [stream], ""
     parts: list[tuple[Column, list[Column]]] = []
@@ -46,14 +46,14 @@ def by_clock(stream: Stream) -> tuple[list[Stream], str]:
     )
 
 
-def _groups(stream: Stream) -> list[tuple[Column, list[Column]]]:
+def _clock_groups(stream: Stream) -> list[tuple[Column, list[Column]]]:
     """Clocks with the signals behind them; none where the table does not begin with one, or one has no signal."""
     if stream.time is not None or not stream.columns:
         return []
-    first = _stem(stream.columns[0].name)
+    first = _name_stem(stream.columns[0].name)
     groups: list[tuple[Column, list[Column]]] = []
     for column in stream.columns:
-        named = _stem(column.name) == first or clue(column.name, ()).quantity == "time"
+        named = _name_stem(column.name) == first or read_clue(column.name, ()).quantity == "time"
         if named and goes_evenly(column.values):
             groups.append((column, []))
         elif groups:
@@ -63,7 +63,7 @@ def _groups(stream: Stream) -> list[tuple[Column, list[Column]]]:
     return groups if all(signals for _, signals in groups) else []
 
 
-def _stem(name: str) -> str:
+def _name_stem(name: str) -> str:
     """A name without the number of its column."""
     return re.sub(r"~\d+$", "", name)
 

@@ -24,7 +24,7 @@ def with_whole_stamps(stream: Stream) -> tuple[Stream, str]:
     done = []
     for column in stream.columns:
         before = columns[-1] if columns else None
-        whole = None if before is None or before.channel else _together(before.values, column.values)
+        whole = None if before is None or before.channel else _join_stamps(before.values, column.values)
         if before is None or whole is None:
             columns.append(column)
             continue
@@ -35,7 +35,7 @@ def with_whole_stamps(stream: Stream) -> tuple[Stream, str]:
     return replace(stream, columns=tuple(columns)), note
 
 
-def _together(seconds: Array, parts: Array) -> Array | None:
+def _join_stamps(seconds: Array, parts: Array) -> Array | None:
     """Seconds with their parts; None where these columns are no such pair."""
     known = np.isfinite(seconds) & np.isfinite(parts)
     if known.sum() < 3:

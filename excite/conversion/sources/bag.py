@@ -18,7 +18,7 @@ from excite.conversion.sources.source import Source, damaged
 from excite.reading.file import first_bytes
 
 
-def _add(topics: Topics, bag: Any, connections: Sequence[Any]) -> None:
+def _add_messages(topics: Topics, bag: Any, connections: Sequence[Any]) -> None:
     """Messages of some topics whose definition is known; of types that nothing is known of, small ones."""
     unreadable = set()
     for connection, logged, raw in bag.messages(connections=connections) if connections else ():
@@ -67,13 +67,13 @@ class BagSource(Source):
             with bags as bag:
                 there = {c.topic: c.msgtype for c in bag.connections}
                 wanted = [c for c in bag.connections if is_wanted(c.msgtype) or is_trajectory(c.msgtype)]
-                _add(topics, bag, wanted)
+                _add_messages(topics, bag, wanted)
                 others = [c for c in bag.connections if c not in wanted]
                 if not topics.has_positions:
                     # Nobody's known message says where the joints were: those of any type are looked through.
-                    _add(topics, bag, others)
+                    _add_messages(topics, bag, others)
                 elif topics.lacks_torques:
-                    _add(topics, bag, [c for c in others if is_of_torques(c.topic)])
+                    _add_messages(topics, bag, [c for c in others if is_of_torques(c.topic)])
         except (
             AnyReaderError,
             AssertionError,

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import yaml
 
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import longest, stream_of_arrays
-from excite.conversion.sources.json import collect
+from excite.conversion.shapes.array_streams import longest_streams, stream_of_arrays
+from excite.conversion.sources.json import collect_arrays
 from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
@@ -42,20 +42,20 @@ class EchoSource(Source):
         check_file(path, limit=_MAX_BYTES, error=LogError)
         try:
             parts = _LINE.split(path.read_text(encoding="utf-8", errors="replace"))
-            messages = [message for part in parts if isinstance(message := _message(part), dict)]
+            messages = [message for part in parts if isinstance(message := _parse_message(part), dict)]
         except (OSError, ValueError, yaml.YAMLError, RecursionError, MemoryError) as error:
             raise damaged(path, error, "printed messages") from error
         arrays: dict[str, Any] = {}
         said: dict[str, object] = {}
         alike, notes = _of_most_joints(messages)
-        collect("", alike, arrays, said, 0)
-        streams = longest(stream_of_arrays(path.stem, arrays))
+        collect_arrays("", alike, arrays, said, 0)
+        streams = longest_streams(stream_of_arrays(path.stem, arrays))
         if not streams:
             raise nothing_there(path)
         return (Recording(str(path), path.stem, streams, said, notes),)
 
 
-def _message(text: str) -> object:
+def _parse_message(text: str) -> object:
     """A message's fields; None for one that was cut off."""
     if "&" in text:
         # No message has references, which may stand for more than there is memory.

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import batched, longest, stream_of_arrays
+from excite.conversion.shapes.array_streams import longest_streams, split_batches, stream_of_arrays
 from excite.conversion.sources.npz import MOST_CONSTANTS, constants
 from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
@@ -39,10 +39,10 @@ class Hdf5Source(Source):
 
 def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
     """Recordings among data sets by their paths (``trial1/q``): one a group where groups hold the same names."""
-    groups = _trials(arrays) or batched(arrays) or {path.stem: arrays}
+    groups = _trial_groups(arrays) or split_batches(arrays) or {path.stem: arrays}
     found = []
     for group, members in groups.items():
-        streams = longest(stream_of_arrays(group or path.stem, members))
+        streams = longest_streams(stream_of_arrays(group or path.stem, members))
         if streams:
             found.append(Recording(str(path), group or path.stem, streams, constants(members)))
     if not found:
@@ -50,32 +50,32 @@ def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
     return tuple(found)
 
 
-def _trials(arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
+def _trial_groups(arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Data sets of each trial by its group, however deep the groups lie; empty where there are no such groups."""
     groups: dict[str, dict[str, Any]] = {}
     for name, values in arrays.items():
         group, _, rest = name.partition("/")
         groups.setdefault(group if rest else "", {})[rest or name] = values
     shared = groups.pop("", {})
-    if not _constant(shared):
+    if not _is_constant(shared):
         return {}
     # What describes the recordings (``info``, ``meta``) is none of them.
-    for group in [group for group, members in groups.items() if _constant(members)]:
+    for group in [group for group, members in groups.items() if _is_constant(members)]:
         shared |= {f"{group}/{name}": values for name, values in groups.pop(group).items()}
     if len(groups) == 1:
         ((group, members),) = groups.items()
-        return {name: shared | inner for name, inner in _trials(members).items()}
+        return {name: shared | inner for name, inner in _trial_groups(members).items()}
     inner = [frozenset(found) for found in groups.values()]
     if not inner or 2 * len(frozenset.intersection(*inner)) < len(frozenset.union(*inner)):
         return {}
     # Logs of a simulation have a group a signal, each with the same fields in it.
-    said = [clue(group, ()).quantity for group in groups]
+    said = [read_clue(group, ()).quantity for group in groups]
     if len(set(said)) > 1 and all(said):
         return {}
     return {group: shared | members for group, members in groups.items()}
 
 
-def _constant(members: dict[str, Any]) -> bool:
+def _is_constant(members: dict[str, Any]) -> bool:
     """Whether no data set is long enough for a signal."""
     return all(np.size(values) <= MOST_CONSTANTS for values in members.values())
 
@@ -97,7 +97,7 @@ def hdf5_arrays(path: Path) -> dict[str, Any]:
                 if name.startswith("#refs#"):
                     continue
                 item = file[name or "/"]
-                found |= _attributes(name, item.attrs)
+                found |= _read_attributes(name, item.attrs)
                 if isinstance(item, h5py.Dataset):
                     found |= _data_set(name, item, file)
                 if sum(np.size(values) for values in found.values()) > MAX_NUMBERS:
@@ -109,11 +109,11 @@ def hdf5_arrays(path: Path) -> dict[str, Any]:
     return found
 
 
-def _attributes(name: str, attributes: Any) -> dict[str, Any]:
+def _read_attributes(name: str, attributes: Any) -> dict[str, Any]:
     """Numbers and texts that attributes hold; MATLAB's own describe its classes."""
     found = {}
     for key, value in attributes.items():
-        texts = _texts(value)
+        texts = _read_texts(value)
         if texts is not None:
             found[f"{name}/{key}" if name else str(key)] = texts
         elif np.asarray(value).dtype.kind in "fiu" and np.size(value) <= MOST_CONSTANTS:
@@ -149,11 +149,11 @@ def _data_set(name: str, item: Any, file: Any) -> dict[str, Any]:
         }
     if item.dtype.kind in "fiub":
         return {name: np.asarray(item[()])}
-    texts = _texts(item[()]) if item.dtype.kind in "SO" else None
+    texts = _read_texts(item[()]) if item.dtype.kind in "SO" else None
     return {} if texts is None else {name: texts}
 
 
-def _texts(value: object) -> Any:
+def _read_texts(value: object) -> Any:
     """Texts as an array; None where it holds others."""
     array = np.asarray(value)
     cells = [cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in array.ravel()]

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import longest, stream_of_arrays
+from excite.conversion.shapes.array_streams import longest_streams, stream_of_arrays
 from excite.conversion.shapes.episodes import FEWEST_ROWS
 from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import Source, damaged
@@ -43,33 +43,34 @@ class JsonSource(Source):
         check_file(path, limit=_MAX_BYTES, error=LogError)
         try:
             text = path.read_text(encoding="utf-8-sig")
-            content = _parsed(text, path)
+            content = _parse_json(text, path)
         except (OSError, ValueError, RecursionError, MemoryError) as error:
             raise damaged(path, error, "JSON") from error
-        around, trials = _trials(content)
+        around, trials = _find_trials(content)
         if trials:
             names = [f"{path.stem}_{k + 1}" for k in range(len(trials))]
             found = [
-                _recording(path, name, around | trial) for name, trial in zip(names, trials, strict=True)
+                _build_recording(path, name, around | trial)
+                for name, trial in zip(names, trials, strict=True)
             ]
         else:
-            found = [_recording(path, path.stem, content)]
+            found = [_build_recording(path, path.stem, content)]
         whole = tuple(recording for recording in found if recording is not None)
         if not whole:
             raise nothing_there(path)
         return whole
 
 
-def _recording(path: Path, name: str, content: Any) -> Recording | None:
+def _build_recording(path: Path, name: str, content: Any) -> Recording | None:
     """The recording that an object holds; None where it holds no rows of numbers."""
     arrays: dict[str, Any] = {}
     said: dict[str, object] = {}
-    collect("", content, arrays, said, 0)
-    streams = longest(stream_of_arrays(name, arrays))
+    collect_arrays("", content, arrays, said, 0)
+    streams = longest_streams(stream_of_arrays(name, arrays))
     return Recording(str(path), name, streams, said | constants(arrays)) if streams else None
 
 
-def _trials(content: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def _find_trials(content: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """A list of trials, each an object of long lists, and what stands beside it; an empty list where there is none.
 
     Entries that hold a list a quantity with a number a joint are rows of one trial: such lists are short, and of one
@@ -87,9 +88,9 @@ def _trials(content: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     return {}, []
 
 
-def _parsed(text: str, path: Path) -> Any:
+def _parse_json(text: str, path: Path) -> Any:
     if path.suffix.lower() in {".jsonl", ".ndjson"}:
-        return _lines(text)
+        return _parse_lines(text)
     try:
         return json.loads(text)
     except json.JSONDecodeError:
@@ -97,34 +98,36 @@ def _parsed(text: str, path: Path) -> Any:
         lines = text.lstrip().splitlines()
         if len(lines) < 2 or not lines[0].rstrip().endswith("}"):
             raise
-        return _lines(text)
+        return _parse_lines(text)
 
 
-def _lines(text: str) -> list[Any]:
+def _parse_lines(text: str) -> list[Any]:
     return [json.loads(line) for line in text.splitlines() if line.strip()]
 
 
-def collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int) -> None:
+def collect_arrays(
+    name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int
+) -> None:
     """Numbers in lists to ``arrays``, single values to ``said``, by their paths."""
     if depth > _DEEPEST:
         return
     if isinstance(value, dict):
         for key, inner in value.items():
-            collect(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
+            collect_arrays(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
     elif isinstance(value, list) and value and isinstance(value[0], dict):
         for key in value[0]:
             cells = [entry.get(key) if isinstance(entry, dict) else None for entry in value]
             inner = f"{name}/{key}" if name and depth > 1 else str(key)
             if isinstance(value[0][key], dict):
-                collect(
+                collect_arrays(
                     inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1
                 )
             elif isinstance(value[0][key], list) and value[0][key] and isinstance(value[0][key][0], dict):
                 _of_motors(inner, cells, arrays)
             else:
-                _numbers(inner, cells, arrays)
+                _collect_numbers(inner, cells, arrays)
     elif isinstance(value, list):
-        _numbers(name, value, arrays)
+        _collect_numbers(name, value, arrays)
     elif isinstance(value, int | float | str):
         said[name] = value
 
@@ -136,10 +139,12 @@ def _of_motors(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
     for key, first in cells[0][0].items():
         if isinstance(first, int | float | str):
             missing = "" if isinstance(first, str) else None
-            _numbers(f"{name}/{key}", [[motor.get(key, missing) for motor in cell] for cell in whole], arrays)
+            _collect_numbers(
+                f"{name}/{key}", [[motor.get(key, missing) for motor in cell] for cell in whole], arrays
+            )
 
 
-def _numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
+def _collect_numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
     width = len(cells[0]) if cells and isinstance(cells[0], list) else 0
     empty = [float("nan")] * width if width else float("nan")
     first = cells[0][0] if width else (cells[0] if cells else None)

@@ -59,13 +59,13 @@ class LeRobotSource(Source):
                 arrays = table_arrays(read_parquet(file))
             except (OSError, ValueError, pa.ArrowException) as error:
                 raise damaged(file, error, "Parquet") from error
-            found += _episodes(arrays, features, info, path)
+            found += _split_episodes(arrays, features, info, path)
         if not found:
             raise nothing_there(path)
         return tuple(found)
 
 
-def _episodes(
+def _split_episodes(
     arrays: dict[str, Any], features: dict[str, Any], info: dict[str, Any], path: Path
 ) -> list[Recording]:
     n = max((len(values) for values in arrays.values()), default=0)
@@ -81,7 +81,7 @@ def _episodes(
         rows = index == episode
         frames = arrays.get("frame_index", np.arange(n))[rows]
         time = arrays["timestamp"][rows] if "timestamp" in arrays else frames / fps if fps else None
-        columns = tuple(_columns(arrays, features, rows))
+        columns = tuple(_feature_columns(arrays, features, rows))
         if columns:
             stream = Stream(f"episode_{episode:06d}", columns, time)
             found.append(
@@ -96,7 +96,7 @@ def _episodes(
     return found
 
 
-def _columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> list[Column]:
+def _feature_columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> list[Column]:
     found = []
     for name, values in arrays.items():
         if name in {
@@ -109,7 +109,7 @@ def _columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> lis
             "next.reward",
         }:
             continue
-        labels = _names(features.get(name, {}))
+        labels = _feature_names(features.get(name, {}))
         values = values.reshape(len(values), -1)
         channel = _CHANNELS.get(name, "")
         for k in range(values.shape[1]):
@@ -121,14 +121,14 @@ def _columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> lis
     return found
 
 
-def _names(feature: dict[str, Any]) -> list[str]:
-    return _flat(feature.get("names") or [])
+def _feature_names(feature: dict[str, Any]) -> list[str]:
+    return _flatten_names(feature.get("names") or [])
 
 
-def _flat(names: Any) -> list[str]:
+def _flatten_names(names: Any) -> list[str]:
     """Names in a list, or in lists or dictionaries of lists, one a motor."""
     if isinstance(names, dict):
-        return [name for inner in names.values() for name in _flat(inner)]
+        return [name for inner in names.values() for name in _flatten_names(inner)]
     if isinstance(names, list):
-        return [name for inner in names for name in _flat(inner)]
+        return [name for inner in names for name in _flatten_names(inner)]
     return [str(names)]

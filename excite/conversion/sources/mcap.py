@@ -73,7 +73,7 @@ class McapSource(Source):
                         messages = reader.iter_messages(log_time_order=False)
                         if of_torques:
                             messages = (m for m in messages if is_of_torques(m[1].topic))
-                        _add(topics, there, decode, messages, known=known)
+                        _add_messages(topics, there, decode, messages, known=known)
         except (McapError, SerdeError, *_DAMAGED) as error:
             if not topics.any:
                 raise damaged(path, error, "MCAP") from error
@@ -126,7 +126,9 @@ def _by_definition(schema: Any, channel: Any) -> Callable[[bytes], Any] | None:
     return partial(getattr(store, _BYTES[channel.message_encoding]), typename=kind)
 
 
-def _add(topics: Topics, there: dict[str, str], decode: _Decoder, messages: Any, *, known: bool) -> None:
+def _add_messages(
+    topics: Topics, there: dict[str, str], decode: _Decoder, messages: Any, *, known: bool
+) -> None:
     """Messages of known types, or small ones of all others."""
     for schema, channel, message in messages:
         kind = schema.name if schema is not None else ""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import batched, longest, stream_of_arrays
+from excite.conversion.shapes.array_streams import longest_streams, split_batches, stream_of_arrays
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file
@@ -40,12 +40,12 @@ class NpzSource(Source):
 
 def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
     """The recording that arrays are, or one a trial where they are stacked; raises LogError for none."""
-    trials = {f"{path.stem}_{name}": members for name, members in batched(arrays).items()} or {
+    trials = {f"{path.stem}_{name}": members for name, members in split_batches(arrays).items()} or {
         path.stem: arrays
     }
     found = []
     for name, members in trials.items():
-        streams = longest(stream_of_arrays(name, members))
+        streams = longest_streams(stream_of_arrays(name, members))
         if streams:
             found.append(Recording(str(path), name, streams, constants(members)))
     if not found:

@@ -13,7 +13,7 @@ from typing import IO, Any, ClassVar
 import numpy as np
 
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import longest, stream_of_arrays
+from excite.conversion.shapes.array_streams import longest_streams, stream_of_arrays
 from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged
 from excite.errors import LogError
@@ -54,7 +54,7 @@ class PaceSource(Source):
             raise damaged(path, error, "tensors of torch") from error
         arrays: dict[str, Any] = {}
         _collect("", content, arrays, 0)
-        streams = longest(stream_of_arrays(path.stem, arrays))
+        streams = longest_streams(stream_of_arrays(path.stem, arrays))
         if not streams:
             raise nothing_there(path)
         return (Recording(str(path), path.stem, streams, constants(arrays)),)

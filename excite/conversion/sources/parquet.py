@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from excite.arrow_columns import read_parquet
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import longest, stream_of_arrays
+from excite.conversion.shapes.array_streams import longest_streams, stream_of_arrays
 from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
@@ -41,7 +41,7 @@ class ParquetSource(Source):
             arrays = table_arrays(_read_feather(path) if of_feather else read_parquet(path))
         except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
             raise damaged(path, error, "a table of Arrow") from error
-        streams = longest(stream_of_arrays(path.stem, arrays))
+        streams = longest_streams(stream_of_arrays(path.stem, arrays))
         if not streams:
             raise nothing_there(path)
         return (Recording(str(path), path.stem, streams),)

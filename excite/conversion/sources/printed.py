@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import longest, stream_of_arrays
+from excite.conversion.shapes.array_streams import longest_streams, stream_of_arrays
 from excite.conversion.sources.source import Source, damaged
 from excite.conversion.sources.stamps import seconds
 from excite.errors import LogError
@@ -67,7 +67,7 @@ class PrintedSource(Source):
         stamps = _stamps([line for line, _ in rows])
         if stamps is not None:
             arrays = {"stamp": stamps} | arrays
-        return (Recording(str(path), path.stem, longest(stream_of_arrays(path.stem, arrays))),)
+        return (Recording(str(path), path.stem, longest_streams(stream_of_arrays(path.stem, arrays))),)
 
 
 def _holds(line: str) -> bool:

@@ -10,7 +10,7 @@ from excite.conversion.sources.source import MAX_SOURCE_BYTES
 from excite.errors import LogError
 from excite.reading.child import in_child
 from excite.reading.file import check_file, first_bytes
-from excite.reading.packed import is_packed, plain_name, unpacked
+from excite.reading.packed import is_packed, plain_name, unpack_file
 from excite.registry import Registry
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def _by_beginning(path: Path) -> tuple[str, str] | None:
 def _read_packed(path: Path) -> tuple[Recording, ...]:
     if (why := _REFUSED.get(plain_name(path).suffix.lower())) is not None:
         raise LogError(why[0], source=path, remedy=why[1])
-    with unpacked(path, limit=MAX_SOURCE_BYTES, error=LogError) as plain:
+    with unpack_file(path, limit=MAX_SOURCE_BYTES, error=LogError) as plain:
         return tuple(replace(recording, source=str(path)) for recording in read_source(plain))
 
 

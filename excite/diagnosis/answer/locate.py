@@ -10,7 +10,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.gap import Where
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.logs.signals.spectrum import welch
+from excite.logs.signals.spectrum import welch_spectrum
 
 _LEAST = 0.02
 
@@ -83,7 +83,7 @@ def _band(context: Context, residual: Array) -> tuple[float, float]:
     length = min(256, *(len(part) for part in parts))
     spectra = []
     for part in parts:
-        f, p = welch(part, samples.bands.rate_hz, length, centred=False)
+        f, p = welch_spectrum(part, samples.bands.rate_hz, length, centred=False)
         spectra.append(p)
     growth = np.cumsum(np.mean(spectra, axis=0))
     growth /= max(float(growth[-1]), 1e-300)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 
 # Up to so many times the floor a model does what can be done, and its neighbours tell nothing.
 _AT_FLOOR = 1.3
@@ -76,7 +76,7 @@ def beaten(errors: Mapping[str, TrivialErrors]) -> tuple[Finding, ...]:
     ]
     text = (
         f"at {len(worse)} of {len(errors)} joints the simulator is no better on trials left out than "
-        f"a linear filter or a delay of the command: {listed(said)}; they do not show that its physics is right"
+        f"a linear filter or a delay of the command: {list_names(said)}; they do not show that its physics is right"
     )
     figures = {
         **{f"model.{name}": model for name, (_, _, model) in worse.items()},

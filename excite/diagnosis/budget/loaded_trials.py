@@ -16,7 +16,7 @@ from excite.diagnosis.effects.bodies.payload import Payload
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 
 # Rounds in which the joints' weights follow what is left.
 _ROUNDS = 3
@@ -143,7 +143,7 @@ def trials_that_carry(effects: Iterable[tuple[Effect, str]]) -> tuple[Finding, .
     return tuple(
         Finding(
             kind="some_trials",
-            text=f"the body at {link} is there in {listed(tuple(sorted(effect.trials)), most=8)} alone",
+            text=f"the body at {link} is there in {list_names(tuple(sorted(effect.trials)), most=8)} alone",
             places=(link,),
             trials=tuple(sorted(effect.trials)),
             remedy="diagnose the trials with it and those without it by themselves, if it should not differ",

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import Bands
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import noise_bandwidth
-from excite.logs.signals.spectrum import welch
+from excite.logs.signals.spectrum import welch_spectrum
 from excite.rows.kinematics import positions_on_grid, trial_grid, trial_rate
 
 # White noise is seen between this multiple of the kinematics' band and this share of the rate; of slow records, whose
@@ -43,7 +43,7 @@ def noise_density(positions: Sequence[Array], rate_hz: float, band_hz: float) ->
     low = min(_ABOVE * band_hz, 2.0 * high / 3.0)
     found = []
     for q in positions:
-        f, p = welch(np.diff(q, 3, axis=0), rate_hz, min(_SEGMENT, len(q) // 2), median=True)
+        f, p = welch_spectrum(np.diff(q, 3, axis=0), rate_hz, min(_SEGMENT, len(q) // 2), median=True)
         band = (f > low) & (f < high)
         found.append(np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / rate_hz))[:, None] ** 6, axis=0))
     return np.asarray(np.median(found, axis=0))
@@ -103,7 +103,7 @@ def _accelerations(positions: Sequence[Array], rate_hz: float) -> tuple[Array, A
     bent = (2.0 * rate_hz * np.sin(np.pi * f[:, None] / rate_hz)) ** 2
     found = []
     for order in range(3):
-        parts = [welch(np.diff(q, order, axis=0), rate_hz, length)[1][1:] for q in positions]
+        parts = [welch_spectrum(np.diff(q, order, axis=0), rate_hz, length)[1][1:] for q in positions]
         density = np.tensordot(weight / weight.sum(), np.array(parts), axes=1)
         found.append(density * (2.0 * np.pi * f[:, None]) ** 4 * rate_hz ** (2 * order) / bent**order)
     return np.asarray(f, dtype=np.float64), np.asarray(np.min(found, axis=0))

@@ -12,7 +12,7 @@ from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.repeats import on_the_clock_of_the_first
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.signals.butterworth import noise_bandwidth
-from excite.logs.signals.spectrum import welch
+from excite.logs.signals.spectrum import welch_spectrum
 
 _ABOVE = (1.5, 3.0)
 # Samples of a stretch of measured torques from which it tells a spectrum as a trial does, and without which none tells.
@@ -52,7 +52,7 @@ def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
         for trial in samples.trials:
             still = np.abs(trial.v[:, column]) < samples.standstill[j]
             for tau in _stretches(trial, j, still, max(_SHORTEST, int(needed) + 1)):
-                f, p = welch(np.diff(tau), rate, min(256, len(tau) // 2), median=True)
+                f, p = welch_spectrum(np.diff(tau), rate, min(256, len(tau) // 2), median=True)
                 found = []
                 for bottom, top in zip(low, high, strict=True):
                     band = (f > bottom) & (f < top)

@@ -19,7 +19,7 @@ from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.resample import near_samples
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
-from excite.rows.beyond import beyond_on_grid, bridged
+from excite.rows.beyond import beyond_on_grid, bridge_torques
 from excite.rows.kinematics import (
     forces_on_grid,
     in_configurations,
@@ -112,7 +112,7 @@ def _arm_trial(
     beyond = beyond | ~near_samples(trial.time, grid, max(0.5 / bands.rows_hz, 2.0 / rate))[:, None]
     if beyond.any():
         columns = [robot.joint_index(places.logged[k]) for k in places.torques]
-        tau = bridged(tau, inverse_dynamics(robot.model, q, v, a)[:, columns], beyond)
+        tau = bridge_torques(tau, inverse_dynamics(robot.model, q, v, a)[:, columns], beyond)
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",

@@ -17,7 +17,7 @@ from excite.diagnosis.equations.repeats import Repeat, repeats_of
 from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
-from excite.rows.beyond import reached
+from excite.rows.beyond import reached_samples
 
 _ORDER = 4
 
@@ -148,7 +148,7 @@ class ArmSamples:
         parts = []
         for trial in self.trials:
             lost = np.zeros(trial.tau.shape, dtype=np.bool_) if trial.beyond is None else trial.beyond
-            parts.append(~reached(lost, self.rate_hz, self.bands.rows_hz)[trial.rows])
+            parts.append(~reached_samples(lost, self.rate_hz, self.bands.rows_hz)[trial.rows])
         return np.concatenate(parts).T
 
     def squares(self, values: Array) -> Array:

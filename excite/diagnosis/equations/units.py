@@ -26,7 +26,7 @@ def slides(robot: Robot, joint: str | None) -> bool:
     """Whether a place is a joint that slides."""
     if joint is None or not robot.model.existJointName(joint):
         return False
-    return sliding.slides(robot.model, robot.model.idx_vs[robot.model.getJointId(joint)])
+    return sliding.is_prismatic(robot.model, robot.model.idx_vs[robot.model.getJointId(joint)])
 
 
 def unit_at(robot: Robot, joint: str | None, unit: str) -> str:

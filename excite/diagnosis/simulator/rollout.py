@@ -17,7 +17,7 @@ from excite.diagnosis.simulator.rollout_drives import Drive, LoggedTorque, Posit
 from excite.diagnosis.simulator.rollout_friction import JointFriction
 from excite.diagnosis.simulator.rollout_lag import MotorLag
 from excite.diagnosis.simulator.rollout_state import Acting, Run, motion
-from excite.divergence import diverged, without_log_file
+from excite.divergence import has_diverged, without_log_file
 
 
 class Simulator:
@@ -110,7 +110,7 @@ class Simulator:
             else:
                 kept = self._step_by_step(runs, windows, drives, offered, filtered, keep)
         for path, run in zip(kept, runs, strict=True):
-            if diverged(run.data):
+            if has_diverged(run.data):
                 path[-1] = np.nan
         return kept
 

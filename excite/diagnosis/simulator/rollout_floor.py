@@ -11,7 +11,7 @@ from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.simulator.rollout_drives import LoggedTorque
 from excite.diagnosis.simulator.rollout_windows import Plan
 from excite.logs.signals.butterworth import lowpass, noise_bandwidth
-from excite.logs.signals.spectrum import welch
+from excite.logs.signals.spectrum import welch_spectrum
 
 # Noise of filtered positions is seen between these shares of the filter's cut-off, above the motion.
 _BETWEEN = (0.5, 0.75)
@@ -28,7 +28,7 @@ def position_noise(samples: ArmSamples) -> Array:
     length = min(round(_SEGMENT_S * rate), *(len(t.time) // 2 for t in samples.trials))
     found = []
     for trial in samples.trials:
-        frequency, power = welch(
+        frequency, power = welch_spectrum(
             np.diff(trial.q[:, list(samples.index)], 3, axis=0), rate, length, median=True
         )
         band = (frequency > low) & (frequency < high)

@@ -17,7 +17,7 @@ from excite.diagnosis.equations.baseline_fit import model_phi
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
-from excite.logs.signals.spectrum import welch
+from excite.logs.signals.spectrum import welch_spectrum
 from excite.regressor.kernels import joint_torque_regressor
 
 # Noise of a torque channel is seen between these shares of the rate; nothing else of a motion is there.
@@ -87,7 +87,7 @@ def driving_torques(samples: ArmSamples) -> DrivingTorques:
         residuals = (t.measured - law.torque(samples, t, c) for t, c in zip(trials, commands, strict=True))
         inner = [r[_inside(samples)] for r in residuals]
     length = min(round(_SEGMENT_S * rate), *(len(r) // 2 for r in inner))
-    spectra = [welch(r - _trend(r), rate, length, centred=False) for r in inner]
+    spectra = [welch_spectrum(r - _trend(r), rate, length, centred=False) for r in inner]
     frequency, power = spectra[0][0], np.mean([p for _, p in spectra], axis=0)
     power[0] *= 2.0
     noise = _noise(frequency, power, rate)

@@ -17,7 +17,7 @@ from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.doctor.unknown_unit import of_unknown_unit
 from excite.doctor.wrench_samples import wrench_samples
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.shown import percent
@@ -126,7 +126,7 @@ def _of_another_machine(found: tuple[Misreading, ...], what: str, other: OtherMa
     text = (
         f"the model looks like another machine's: with bodies anywhere near what it says {before} of the "
         f"{what}' power is left, with other bodies on its joints{size}, {after}, and it would take "
-        f"{len(found)} mistakes in the log at once ({listed(list(kinds))}) to explain as much"
+        f"{len(found)} mistakes in the log at once ({list_names(list(kinds))}) to explain as much"
     )
     return Finding(
         "other_model",

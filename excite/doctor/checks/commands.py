@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.arrays import Array, partners
+from excite.arrays import Array, assign_rows
 from excite.doctor.check import Check, Outcome
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 
@@ -46,12 +46,12 @@ def _order(log: Log, attribute: str, what: str) -> list[Finding]:
     y, x = y[:, moving] - y[:, moving].mean(axis=0), x[:, moving] - x[:, moving].mean(axis=0)
     miss = np.array([[np.sqrt(np.mean((yi - xj) ** 2)) for xj in x.T] for yi in y.T]) / x.std(axis=0)
     own = np.diag(miss)
-    rows, order = np.arange(len(miss)), partners(np.minimum(miss, 10.0))
+    rows, order = np.arange(len(miss)), assign_rows(np.minimum(miss, 10.0))
     moved = (rows != order) & (miss[rows, order] < np.minimum(_TRACKS, own / _BETTER))
     if moved.any():
         text = (
-            f"{_MEASURED[measured]} of {listed(tuple(names[moved]))} follow the {what} of "
-            f"{listed(tuple(names[order[moved]]))}: the joints stand in another order in one of them"
+            f"{_MEASURED[measured]} of {list_names(tuple(names[moved]))} follow the {what} of "
+            f"{list_names(tuple(names[order[moved]]))}: the joints stand in another order in one of them"
         )
         figures = {"own_miss": float(own[moved].max()), "other_miss": float(miss[rows, order][moved].max())}
         return [_finding("command_order", text, figures, tuple(names[moved]))]
@@ -73,7 +73,7 @@ def _sign_and_scale(y: Array, x: Array, own: Array, names: Array, measured: str,
     ):
         if chosen.any():
             joints = tuple(names[chosen])
-            text = f"{_MEASURED[measured]} of {listed(joints)} are {slope[chosen][0]:.3g} times the {what}: {cause}"
+            text = f"{_MEASURED[measured]} of {list_names(joints)} are {slope[chosen][0]:.3g} times the {what}: {cause}"
             found.append(_finding(kind, text, {"slope": float(slope[chosen][0])}, joints))
     return found
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
 from excite.doctor.checks.rate import RATE_OFF, rate_of
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log, Trial
 from excite.logs.resolution import channel_noise
 from excite.robot.robot import Robot
@@ -42,7 +42,7 @@ class HeldRows(Check):
             return Outcome(log)
         trials = tuple(t.rows(~held[t.name]) if t.name in count else t for t in log.trials)
         rows = sum(count.values())
-        where = listed([f"{name} {number}" for name, number in count.items()], 3)
+        where = list_names([f"{name} {number}" for name, number in count.items()], 3)
         finding = Finding(
             "repeated_rows",
             f"{rows} rows repeat the row before, in {where}: the logger read the same packet twice",

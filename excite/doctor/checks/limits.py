@@ -13,11 +13,11 @@ from excite.doctor.checks.velocities import velocity_ratios
 from excite.doctor.misreadings import LEAST_GAIN
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import torque_samples
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 
 _DEGREE = 180.0 / np.pi
 # Positions may pass a limit by this share of the range (bent limits, calibration) before anything is said.
@@ -38,7 +38,7 @@ class Degrees(Check):
     def examine(self, robot: Robot, log: Log) -> Outcome:
         reach = _Reach.of(robot, log)
         columns = [robot.joint_index(name) for name in log.header.joints]
-        turning = np.array([not slides(robot.model, robot.n_base_v + k) for k in columns])
+        turning = np.array([not is_prismatic(robot.model, robot.n_base_v + k) for k in columns])
         inside = (reach.low / _DEGREE >= reach.lower) & (reach.high / _DEGREE <= reach.upper)
         furthest = np.maximum(np.abs(reach.low), np.abs(reach.high))
         manifold = furthest > _MANIFOLD * np.maximum(np.abs(reach.lower), np.abs(reach.upper))
@@ -58,7 +58,7 @@ class Degrees(Check):
             return Outcome(log)
         names = tuple(np.array(log.header.joints)[which])
         text = (
-            f"positions of {listed(names)} reach {furthest[which].max():.4g}, far beyond their limits in radians and "
+            f"positions of {list_names(names)} reach {furthest[which].max():.4g}, far beyond their limits in radians and "
             "inside them in degrees: they look like degrees"
         )
         finding = Finding(
@@ -101,7 +101,7 @@ class Limits(Check):
             names = tuple(np.array(log.header.joints)[beyond])
             excess = float(np.maximum(reach.lower - reach.low, reach.high - reach.upper)[beyond].max())
             text = (
-                f"positions of {listed(names)} lie {excess:.3g} rad outside the limits: wrong order of joints, sign or "
+                f"positions of {list_names(names)} lie {excess:.3g} rad outside the limits: wrong order of joints, sign or "
                 "zero, or limits that are not this robot's"
             )
             finding = Finding(
@@ -174,7 +174,7 @@ def _torque_size(robot: Robot, log: Log) -> list[Finding]:
         return []
     names = tuple(np.array(log.header.joints)[over])
     text = (
-        f"torques of {listed(names)} reach {share[over].max():.3g} times their limit: "
+        f"torques of {list_names(names)} reach {share[over].max():.3g} times their limit: "
         "another unit (N·mm, currents), or the gear counted twice"
     )
     return [

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import torque_samples
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log, Trial
 from excite.robot.robot import Robot
 
@@ -50,7 +50,7 @@ class OtherMachine(Check):
             return Outcome(log)
         names = tuple(np.array(log.header.torque_joints)[bad])
         text = (
-            f"what the trials to learn from say of {listed(names)} does not hold in the trials to judge by: another "
+            f"what the trials to learn from say of {list_names(names)} does not hold in the trials to judge by: another "
             "machine, another load, channels put together otherwise, or something that acts in their postures alone, "
             "such as a stop"
         )

@@ -8,12 +8,12 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.seams import without_seams
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 
 # Speeds below this are standing [rad/s or m/s], as for the rows of an identification.
 _STILL = 0.01
@@ -50,7 +50,7 @@ class Standing(Check):
                 trials=still,
             )
             return Outcome(log, (lost,))
-        text = f"nothing moves in {listed(still)}: standing trials show gravity alone"
+        text = f"nothing moves in {list_names(still)}: standing trials show gravity alone"
         finding = Finding(
             "standing",
             text,
@@ -71,7 +71,7 @@ class WholeTurns(Check):
         turning = [
             (j, name)
             for j, name in enumerate(log.header.joints)
-            if not slides(robot.model, robot.n_base_v + robot.joint_index(name))
+            if not is_prismatic(robot.model, robot.n_base_v + robot.joint_index(name))
         ]
         joints: dict[str, None] = {}
         trials = []
@@ -88,7 +88,7 @@ class WholeTurns(Check):
             return Outcome(log)
         finding = Finding(
             "whole_turns",
-            f"positions of {listed([*joints])} jump by whole turns: counters that pass their end, or angles kept "
+            f"positions of {list_names([*joints])} jump by whole turns: counters that pass their end, or angles kept "
             "within a turn",
             {"joints": float(len(joints))},
             tuple(joints),
@@ -140,7 +140,7 @@ class Jumps(Check):
             return Outcome(log)
         names = tuple(np.array(log.header.joints)[bad])
         text = (
-            f"positions of {listed(names)} leap from row to row and stand between ({100 * float(share.max()):.0f} % of "
+            f"positions of {list_names(names)} leap from row to row and stand between ({100 * float(share.max()):.0f} % of "
             "their way): steps instead of motion"
         )
         finding = Finding(
@@ -178,7 +178,7 @@ class Unison(Check):
         joints = tuple(log.header.joints[k] for k in sorted({k for pair in pairs for k in pair}))
         unknown = tuple(f"{name}({_link(robot, joint)})" for joint in joints for name in ("m·c", "I"))
         text = (
-            f"{listed(joints)} move in unison: this log cannot tell their parameters apart, {listed(unknown, 6)} "
+            f"{list_names(joints)} move in unison: this log cannot tell their parameters apart, {list_names(unknown, 6)} "
             "only in sums"
         )
         finding = Finding(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from excite.doctor.check import Check, Outcome
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Cleaning, Log
 from excite.robot.robot import Robot
 
@@ -69,4 +69,4 @@ class CountedRows(Check):
 
 
 def _in(count: dict[str, int]) -> str:
-    return listed([f"{name} {rows}" for name, rows in count.items()], 3)
+    return list_names([f"{name} {rows}" for name, rows in count.items()], 3)

@@ -8,10 +8,10 @@ import numpy as np
 
 from excite.doctor.check import Check, Outcome
 from excite.doctor.torque_rails import at_rails, kind_of_torque
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 
 # Ends of one range agree by this share of what a joint moves in all trials: sensors that are clipped read one number,
 # turns of different motions differ by tenths.
@@ -38,7 +38,7 @@ class Range(Check):
         }
         if not rows:
             return Outcome(marked)
-        said = listed([f"{name} in {count} rows" for name, count in rows.items()])
+        said = list_names([f"{name} in {count} rows" for name, count in rows.items()])
         finding = Finding(
             "clipped",
             f"{said}: clipped at the sensor's range or the drive's limit",
@@ -76,7 +76,9 @@ def _sticks(log: Log, name: str) -> bool:
 def _unit(robot: Robot, log: Log, channel: str) -> str:
     """Unit of a channel of a joint with a blank before it; nothing of others, whose units differ from part to part."""
     kind, _, joint = channel.partition(".")
-    turns = joint in robot.joint_names and not slides(robot.model, robot.n_base_v + robot.joint_index(joint))
+    turns = joint in robot.joint_names and not is_prismatic(
+        robot.model, robot.n_base_v + robot.joint_index(joint)
+    )
     units = {"q": "rad", "q_cmd": "rad", "v": "rad/s", "tau": "N·m", "i": "A"}
     return f" {units[kind]}" if turns and kind in units else ""
 
@@ -92,7 +94,7 @@ class Steps(Check):
             sizes |= trial.cleaning.quantised
         if not sizes:
             return Outcome(log)
-        said = listed([f"{name} {size:.3g}{_unit(robot, log, name)}" for name, size in sizes.items()])
+        said = list_names([f"{name} {size:.3g}{_unit(robot, log, name)}" for name, size in sizes.items()])
         finding = Finding(
             "quantised",
             f"values come in steps: {said}; a coarse sensor, or few digits in the file",
@@ -140,13 +142,13 @@ class Constant(Check):
         return self._said(log, tuple(dead), tuple(torques))
 
     def _said(self, log: Log, dead: tuple[str, ...], torques: tuple[str, ...]) -> Outcome:
-        text = f"{listed(dead)} never change: a dead channel, or a joint that was locked; its parameters say nothing"
+        text = f"{list_names(dead)} never change: a dead channel, or a joint that was locked; its parameters say nothing"
         figures = {"channels": float(len(dead))}
         silent = tuple(dict.fromkeys((*log.header.no_torque, *torques)))
         if torques and len(silent) == len(log.header.joints):
             lost = Finding(
                 "no_torques",
-                f"no torque changes at all ({listed(dead)})",
+                f"no torque changes at all ({list_names(dead)})",
                 figures,
                 dead,
                 severity="fatal",

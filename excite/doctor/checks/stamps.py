@@ -11,7 +11,7 @@ from excite.doctor.check import Check, Outcome
 from excite.finding import Finding
 from excite.logs.log import Log, Trial
 from excite.logs.missing import missing_rows
-from excite.logs.signals.clock import misfit
+from excite.logs.signals.clock import cubic_misfit
 from excite.robot.robot import Robot
 
 # Stamps that jitter by less than this share of a step are good enough.
@@ -72,7 +72,7 @@ def _roughness(time: Array, q: Array) -> float:
 
     Errors of the clock show in channels that move fast; those with noise or coarse steps say little of either clock.
     """
-    squares = misfit(time, q) ** 2
+    squares = cubic_misfit(time, q) ** 2
     # Next to gaps and outliers any clock is rough.
     squares = np.minimum(squares, np.quantile(squares, _USUAL, axis=0))
     return float(0.5 * np.mean(np.log(np.maximum(squares.mean(axis=0), 1e-300))))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from excite.doctor.check import Check, Outcome
-from excite.doctor.torque_rails import kind_of_torque, overshoot
-from excite.finding import Finding, listed
+from excite.doctor.torque_rails import kind_of_torque, torque_overshoot
+from excite.finding import Finding, list_names
 from excite.logs.log import Log, Trial
 from excite.robot.robot import Robot
 
@@ -30,7 +30,7 @@ class TorqueRange(Check):
         if not rows:
             return Outcome(log)
         told = not log.header.free_base and robot.mechanism is None and not log.header.coupling
-        beyond = {joint: overshoot(robot, log, joint) if told else None for joint in rows}
+        beyond = {joint: torque_overshoot(robot, log, joint) if told else None for joint in rows}
         held = [joint for joint, times in beyond.items() if times is not None and times <= _AGREES]
         lost = [joint for joint in rows if joint not in held]
         marked, log = log, replace(log, trials=tuple(_without(trial, log, held) for trial in log.trials))
@@ -38,7 +38,7 @@ class TorqueRange(Check):
         silent = [joint for joint in lost if samples - rows[joint] < _LEAST * samples]
         kind, findings = kind_of_torque(log), []
         if held:
-            said = listed([f"{kind}.{joint} in {rows[joint]} rows" for joint in held])
+            said = list_names([f"{kind}.{joint} in {rows[joint]} rows" for joint in held])
             findings.append(
                 Finding(
                     "drive_limit",
@@ -53,7 +53,7 @@ class TorqueRange(Check):
             joints = [joint for joint in joints if taken or joint not in silent]
             if not joints:
                 continue
-            said = listed([f"{kind}.{joint} in {rows[joint]} of {samples} rows" for joint in joints])
+            said = list_names([f"{kind}.{joint} in {rows[joint]} of {samples} rows" for joint in joints])
             how = "they are taken as no_torque" if taken else "these rows of their joints are left out"
             findings.append(
                 Finding(

@@ -13,7 +13,7 @@ from excite.doctor.drive_fit import drive_fit
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.doctor.unknown_unit import of_unknown_unit, said_of_unit
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
@@ -52,7 +52,7 @@ class WeakTorques(Check):
             return Outcome(log)
         names = tuple(name for name, flag in zip(samples.channels, weak, strict=True) if flag)
         text = (
-            f"torques of {listed(names)} are at most {max(float(gains[weak].max()), 0.0):.2g} times what the nominal "
+            f"torques of {list_names(names)} are at most {max(float(gains[weak].max()), 0.0):.2g} times what the nominal "
             "masses need, unlike the others: a dead channel, or another unit"
         )
         finding = Finding(

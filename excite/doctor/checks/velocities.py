@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
 from excite.doctor.doubt import Doubt
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.logs.log import Log
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.robot.robot import Robot
@@ -50,9 +50,7 @@ class Velocities(Check):
         names = tuple(np.array(log.header.joints)[odd])
         worst = float(ratio[odd][0])
         cause = "its sign is turned" if -_ODD < worst < -1.0 / _ODD else "another joint's, or another unit"
-        text = (
-            f"logged velocities of {listed(names)} are {worst:.3g} times the slope of the positions: {cause}"
-        )
+        text = f"logged velocities of {list_names(names)} are {worst:.3g} times the slope of the positions: {cause}"
         finding = Finding(
             "velocity",
             text,

@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.doctor.drive_fit import beside_drives
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
-from excite.finding import listed
+from excite.finding import list_names
 
 
 class ModelParts(NamedTuple):
@@ -46,7 +46,7 @@ class ModelParts(NamedTuple):
             for joint, *shares in zip(self.joints, self.weight, self.inertia, strict=True)
             if np.isfinite(shares).any()
         ]
-        return f"shares of the nominal weight and inertial forces in them: {listed(told, 3)}"
+        return f"shares of the nominal weight and inertial forces in them: {list_names(told, 3)}"
 
     def figures(self) -> dict[str, float]:
         """The same as numbers by name."""

@@ -9,11 +9,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, partners
+from excite.arrays import Array, assign_rows
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
-from excite.finding import listed
+from excite.finding import list_names
 
 # A further exchange has to bring this much, half the logarithm of the residual's power over all joints.
 _LEAST_STEP = 0.15
@@ -27,7 +27,7 @@ class TorqueOrder(Mistake[TorqueSamples]):
     name = "torque_order"
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        order = partners(samples.across(reading))
+        order = assign_rows(samples.across(reading))
         moved = np.flatnonzero(order != np.arange(len(order)))
         if not len(moved):
             return
@@ -37,7 +37,7 @@ class TorqueOrder(Mistake[TorqueSamples]):
         for chosen in {tuple(cycle) for cycle in cycles} | {tuple(sorted(moved.tolist()))}:
             taken = np.arange(len(order))
             taken[list(chosen)] = order[list(chosen)]
-            there, holds = (listed([joints[i] for i in part]) for part in (chosen, taken[list(chosen)]))
+            there, holds = (list_names([joints[i] for i in part]) for part in (chosen, taken[list(chosen)]))
             text = f"torques look exchanged: those of {there} fit columns {holds}"
             other = replace(reading, torque_of=reading.torque_of[taken])
             yield Correction(

@@ -9,7 +9,7 @@ import numpy as np
 from excite.doctor.mistakes.mistake import Correction, Mistake
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
-from excite.finding import listed
+from excite.finding import list_names
 
 # Half the residual's logarithm by which a single turned torque has to fit better to go with the others.
 _TELLS = 0.3
@@ -35,7 +35,7 @@ class TorqueSign(Mistake[TorqueSamples]):
             text = (
                 "the sign of all torques looks turned: reaction instead of action"
                 if len(names) == len(joints) > 1
-                else f"the sign of the torque of {listed(names)} looks turned"
+                else f"the sign of the torque of {list_names(names)} looks turned"
             )
             yield Correction(
                 self.name,

@@ -15,7 +15,7 @@ from excite.excitation.optimisation.clearance import Clearance
 from excite.excitation.optimisation.criterion import make_criterion
 from excite.excitation.optimisation.limits import LinearRows, linear_rows, peak_shares
 from excite.excitation.optimisation.objective import Layout, Objective
-from excite.excitation.optimisation.program import solve
+from excite.excitation.optimisation.program import solve_program
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.excitation.optimisation.torques import TorqueLimits
 from excite.threads import one_blas_thread
@@ -144,7 +144,9 @@ class Chain:
         evaluations = 0
         for sharpness, iterations in stages:
             program = grid.program(x, sharpness, multipliers)
-            found = solve(program, grid.linear, x, iterations=max(1, round(self._effort * iterations)))
+            found = solve_program(
+                program, grid.linear, x, iterations=max(1, round(self._effort * iterations))
+            )
             evaluations += found.evaluations
             if found.feasible:
                 x, multipliers = found.x, program.updated(found.x)

@@ -76,7 +76,7 @@ class ConditionNumber(Criterion):
 
     def smooth(self, information: Array, scale: ParameterScale, sharpness: float) -> CriterionValue:
         """``½ log(‖λ‖_p ‖λ⁻¹‖_p)`` of the eigenvalues λ of A."""
-        values, vectors = _eigen(information)
+        values, vectors = _eigen_decomposition(information)
         high = (values / values[-1]) ** sharpness
         low = (values[0] / values) ** sharpness
         value = 0.5 * (np.log(values[-1] / values[0]) + (np.log(high.sum()) + np.log(low.sum())) / sharpness)
@@ -85,7 +85,7 @@ class ConditionNumber(Criterion):
 
     def exact(self, information: Array, scale: ParameterScale) -> float:
         """The condition number."""
-        values = _eigen(information)[0]
+        values = _eigen_decomposition(information)[0]
         return float(np.sqrt(values[-1] / values[0]))
 
 
@@ -98,13 +98,13 @@ class LogDeterminant(Criterion):
 
     def smooth(self, information: Array, scale: ParameterScale, sharpness: float) -> CriterionValue:
         """``-log det A / n``; it needs no smoothing."""
-        values, vectors = _eigen(information)
+        values, vectors = _eigen_decomposition(information)
         n = len(values)
         return CriterionValue(float(-np.log(values).mean()), -(vectors / (n * values)) @ vectors.T)
 
     def exact(self, information: Array, scale: ParameterScale) -> float:
         """``-log det A / n``."""
-        return float(-np.log(_eigen(information)[0]).mean())
+        return float(-np.log(_eigen_decomposition(information)[0]).mean())
 
 
 class LargestRsd(Criterion):
@@ -116,7 +116,7 @@ class LargestRsd(Criterion):
 
     def smooth(self, information: Array, scale: ParameterScale, sharpness: float) -> CriterionValue:
         """``½ log ‖diag(A⁻¹)/size²‖_p``."""
-        values, vectors = _eigen(information)
+        values, vectors = _eigen_decomposition(information)
         inverse = (vectors / values) @ vectors.T
         ratio = np.diag(inverse) / scale.size**2
         top = ratio.max()
@@ -128,7 +128,7 @@ class LargestRsd(Criterion):
 
     def exact(self, information: Array, scale: ParameterScale) -> float:
         """Percent, of one repetition of the motion."""
-        values, vectors = _eigen(information)
+        values, vectors = _eigen_decomposition(information)
         variance = ((vectors**2) / values).sum(axis=1)
         return float(100.0 * scale.std * (np.sqrt(variance) / scale.size).max())
 
@@ -145,7 +145,7 @@ def make_criterion(name: str) -> Criterion:
     return CRITERIA[name]()
 
 
-def _eigen(information: Array) -> tuple[Array, Array]:
+def _eigen_decomposition(information: Array) -> tuple[Array, Array]:
     """Eigenvalues, rising, none below rounding, and eigenvectors as columns."""
     values, vectors = np.linalg.eigh(information)
     return np.maximum(values, _FLOOR * values[-1]), vectors

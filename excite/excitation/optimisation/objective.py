@@ -151,7 +151,7 @@ class Objective:
         self._sampling = Sampling(layout, time)
         self._columns: Columns = measured_columns(robot, drives)
         self._criterion = criterion
-        self.independent, size = _base(layout, self._columns, independent)
+        self.independent, size = _base_columns(layout, self._columns, independent)
         n_rows = robot.n_equations
         noise = row_noise(robot) if criterion.weighted else np.ones(n_rows)
         self._weights = 1.0 / noise
@@ -213,7 +213,7 @@ class Objective:
         return (rows[:, :, self.independent] * self._weights[:, None]).reshape(-1, self.n_base)
 
 
-def _base(
+def _base_columns(
     layout: Layout, columns: Columns, independent: NDArray[np.int64] | None
 ) -> tuple[NDArray[np.int64], Array]:
     """Base columns when only the layout's joints move, and the sizes of their parameters."""

@@ -35,7 +35,9 @@ class Solution:
     evaluations: int
 
 
-def solve(objective: ValueAndGradient, rows: LinearRows, start: Array, *, iterations: int) -> Solution:
+def solve_program(
+    objective: ValueAndGradient, rows: LinearRows, start: Array, *, iterations: int
+) -> Solution:
     """Minimise a function under linear rows.
 
     Sequential quadratic programming (Nocedal and Wright 2006, chapter 18) of casadi with a BFGS Hessian, each
@@ -54,7 +56,7 @@ def solve(objective: ValueAndGradient, rows: LinearRows, start: Array, *, iterat
     import casadi
 
     watched = _Watched(objective, rows)
-    callback = _callback(watched, len(start))
+    callback = _objective_function(watched, len(start))
     x = casadi.MX.sym("x", len(start))
     matrix = casadi.sparsify(casadi.DM(np.where(np.abs(rows.matrix) < 1e-12, 0.0, rows.matrix)))
     options: dict[str, Any] = {
@@ -120,7 +122,7 @@ class _Watched:
         return Solution(best, value, True, status, self.evaluations)
 
 
-def _gradient(watched: _Watched, size: int) -> Any:
+def _gradient_function(watched: _Watched, size: int) -> Any:
     """The gradient as a casadi function; the class is made here, where casadi is loaded."""
     import casadi
 
@@ -144,11 +146,11 @@ def _gradient(watched: _Watched, size: int) -> Any:
     return Gradient()
 
 
-def _callback(watched: _Watched, size: int) -> Any:
+def _objective_function(watched: _Watched, size: int) -> Any:
     """The objective as a casadi function with its gradient."""
     import casadi
 
-    gradient = _gradient(watched, size)
+    gradient = _gradient_function(watched, size)
 
     class Value(casadi.Callback):
         def __init__(self) -> None:

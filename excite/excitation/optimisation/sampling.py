@@ -26,7 +26,7 @@ def whole_curve(chain: Chain, x: Array) -> Curve:
     return layout.family.curve(start, whole)
 
 
-def sampled(robot: Robot, curve: Curve, name: str, seed: int | None = None) -> Motion:
+def sample_curve(robot: Robot, curve: Curve, name: str, seed: int | None = None) -> Motion:
     """A curve in time as a motion at the robot's rate; a free base stands still on all its feet."""
     n = max(2, int(np.ceil(curve.length * robot.description.sensors.rate_hz)))
     time = np.linspace(0.0, curve.length, n + 1)

@@ -11,7 +11,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.optimisation.chain import Chain, Point
-from excite.excitation.optimisation.sampling import NAME, sampled, whole_curve
+from excite.excitation.optimisation.sampling import NAME, sample_curve, whole_curve
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.curves import Curve
 from excite.motion.generators.generator import child_seed
@@ -100,7 +100,7 @@ class SearchResult:
         return self.found[0]
 
 
-def optimise(
+def optimise_excitation(
     task: ExcitationTask,
     settings: SearchSettings | None = None,
     *,
@@ -117,7 +117,7 @@ def optimise(
         task: what to optimise.
         settings: how hard to search.
         jobs: number of processes, or an executor; the result does not depend on it.
-        progress: told after each solve, stage ``optimise``.
+        progress: told after each solve, stage ``optimise_excitation``.
 
     Returns:
         The safe motions. Ctrl-C ends the search with the best until then.
@@ -144,10 +144,10 @@ def optimise(
     try:
         for number in range(rounds):
             steps = [
-                _Step(point, number, rounds, child_seed(_root(settings), index * rounds + number))
+                _Step(point, number, rounds, child_seed(_root_seed(settings), index * rounds + number))
                 for index, point in enumerate(points)
             ]
-            solved = in_order(_step, steps, jobs=at_once(jobs), shared=shared, stage="optimise")
+            solved = in_order(_run_step, steps, jobs=at_once(jobs), shared=shared, stage="optimise")
             for index, point in enumerate(solved):
                 points[index] = point
                 done += 1
@@ -157,10 +157,10 @@ def optimise(
         interrupted = True
         if not any(point is not None for point in points):
             raise
-    return _result(chain, points, interrupted, history)
+    return _build_result(chain, points, interrupted, history)
 
 
-def _root(settings: SearchSettings) -> np.random.SeedSequence:
+def _root_seed(settings: SearchSettings) -> np.random.SeedSequence:
     return np.random.SeedSequence(settings.seed)
 
 
@@ -174,14 +174,14 @@ class _Step:
     seed: int
 
 
-def _step(chain: Chain, step: _Step) -> Point:
+def _run_step(chain: Chain, step: _Step) -> Point:
     rng = np.random.default_rng(step.seed)
     if step.point is None:
         return chain.begin(rng)
     return chain.finish(step.point) if step.number == step.rounds - 1 else chain.kick(step.point, rng)
 
 
-def _result(
+def _build_result(
     chain: Chain, points: Sequence[Point | None], interrupted: bool, history: list[list[float]]
 ) -> SearchResult:
     found: list[OptimisedMotion] = []
@@ -211,15 +211,15 @@ def _made_safe(chain: Chain, index: int, point: Point) -> OptimisedMotion | str:
     while share >= _SMALLEST:
         smaller = chain.scaled(x, share)
         curve = whole_curve(chain, smaller)
-        motion = sampled(chain.task.robot, curve, f"{NAME}_{index:03d}", index)
+        motion = sample_curve(chain.task.robot, curve, f"{NAME}_{index:03d}", index)
         verdict = check_motion(chain.task.robot, motion)
-        violations = [item for item in verdict.violations if counts(chain.task, item.kind)]
+        violations = [item for item in verdict.violations if violation_counts(chain.task, item.kind)]
         if not violations:
             return OptimisedMotion(index, curve, motion, chain.value(smaller), verdict, point.evaluations)
         reason, share = violations[0].kind, share * _SMALLER
     return reason
 
 
-def counts(task: ExcitationTask, kind: str) -> bool:
+def violation_counts(task: ExcitationTask, kind: str) -> bool:
     """Whether a violation of that kind matters: collisions only where they are to be avoided."""
     return task.avoid_collisions or kind != "self_collision"

@@ -12,7 +12,7 @@ from excite.errors import InputError
 from excite.export.arms.franka_limits import LIMITS, franka_violations
 from excite.export.exporter import Exporter
 from excite.export.setting import Setting
-from excite.export.statement import commented, remarks, statement
+from excite.export.statement import as_comments, motion_remarks, motion_statement
 from excite.motion.motion import Motion
 from excite.robot.chain import is_serial
 from excite.safety.verdict import Violation
@@ -63,9 +63,9 @@ class FrankaExporter(Exporter):
         """See :class:`Exporter`; numbers are written with all their digits."""
         names = [f"{prefix}.{joint}" for prefix in "qva" for joint in motion.joint_names]
         rows = np.hstack([motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()])
-        said = statement(motion) | {"rate_hz": RATE_HZ, "columns": names}
+        said = motion_statement(motion) | {"rate_hz": RATE_HZ, "columns": names}
         with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
-            stream.write(commented([*remarks(motion), json.dumps(said)]))
+            stream.write(as_comments([*motion_remarks(motion), json.dumps(said)]))
             stream.writelines(f"{' '.join(map(repr, row))}\n" for row in rows.tolist())
 
     def _model(self) -> str:

@@ -10,7 +10,7 @@ from excite.atomic import atomic_path
 from excite.errors import InputError
 from excite.export.exporter import Exporter
 from excite.export.setting import Setting
-from excite.export.statement import comments, remarks
+from excite.export.statement import comment_lines, motion_remarks
 from excite.motion.motion import Motion
 from excite.robot.chain import is_serial
 
@@ -64,7 +64,7 @@ class UrScriptExporter(Exporter):
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
         with atomic_path(path) as temporary:
-            temporary.write_text(comments(motion) + self._program(motion), encoding="utf-8")
+            temporary.write_text(comment_lines(motion) + self._program(motion), encoding="utf-8")
 
     def _program(self, motion: Motion) -> str:
         rate = (motion.n_samples - 1) / motion.duration
@@ -74,7 +74,7 @@ class UrScriptExporter(Exporter):
         speed, acceleration = self.number("approach_speed"), self.number("approach_acceleration")
         lines = [f"def {function_name(motion.name)}():"]
         if self.word("confirm") == "yes":
-            lines.append(f'  popup("{_question(motion)}", "excite", False, False, True)')
+            lines.append(f'  popup("{_first_remark(motion)}", "excite", False, False, True)')
         lines.append(f"  movej({rows[0]}, a={acceleration:g}, v={speed:g})")
         lines += [f"  servoj({row}, {servo}" for row in rows]
         lines += [
@@ -95,7 +95,7 @@ def function_name(name: str) -> str:
     return word if word[:1].isalpha() else f"motion_{word}"
 
 
-def _question(motion: Motion) -> str:
+def _first_remark(motion: Motion) -> str:
     """The first remark, which is the warning of a motion that is not safe, and the question."""
-    first = remarks(motion)[0].replace('"', "'").replace("\\", "/")
+    first = motion_remarks(motion)[0].replace('"', "'").replace("\\", "/")
     return f"{first[:_LONGEST_POPUP]}. Is the way to its start free?"

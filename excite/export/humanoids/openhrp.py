@@ -13,7 +13,7 @@ from excite.atomic import atomic_folder
 from excite.errors import InputError
 from excite.export.exporter import Exporter
 from excite.export.setting import Setting
-from excite.export.statement import remarks, statement
+from excite.export.statement import motion_remarks, motion_statement
 from excite.motion.motion import Motion
 from excite.motion.readers.openhrp import STATEMENT
 from excite.robot.robot import Robot
@@ -50,9 +50,9 @@ class OpenHrpExporter(Exporter):
             files |= {"waist": np.hstack([motion.q[:, :3], angles]), "hip": angles}
             if self.robot.feet:
                 files["zmp"] = _zmp_in_base(self.robot, motion, rotations)
-        said = statement(motion) | {
+        said = motion_statement(motion) | {
             "joints": [motion.joint_names[k] for k in order],
-            "remarks": remarks(motion),
+            "remarks": motion_remarks(motion),
         }
         time = (motion.time - motion.time[0])[:, None]
         with atomic_folder(path) as folder:

@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import InputError
 from excite.export.exporter import Exporter
-from excite.export.statement import remarks
+from excite.export.statement import motion_remarks
 from excite.human.osim import PELVIS, TO_ISB, coordinate_names
 from excite.motion.motion import Motion
 
@@ -48,14 +48,14 @@ class OpenSimExporter(Exporter):
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
         names = ["time", *PELVIS, *motion.joint_names]
-        rows = np.hstack([motion.time[:, None], _pelvis(motion), motion.joint_positions()])
+        rows = np.hstack([motion.time[:, None], _pelvis_coordinates(motion), motion.joint_positions()])
         head = [
             motion.name,
             "version=1",
             f"nRows={len(rows)}",
             f"nColumns={len(names)}",
             "inDegrees=no",
-            *remarks(motion),
+            *motion_remarks(motion),
             "endheader",
             "\t".join(names),
         ]
@@ -64,7 +64,7 @@ class OpenSimExporter(Exporter):
             stream.writelines("\t".join(map(repr, row)) + "\n" for row in rows.tolist())
 
 
-def _pelvis(motion: Motion) -> Array:
+def _pelvis_coordinates(motion: Motion) -> Array:
     """Tilt, list, rotation [rad] and translation [m] of the pelvis in OpenSim's axes, ``(n, 6)``."""
     turns = np.array([TO_ISB @ pin.Quaternion(row).matrix() @ TO_ISB.T for row in motion.q[:, 3:7]])
     angles = np.unwrap(Rotation.from_matrix(turns).as_euler("ZXY"), axis=0)

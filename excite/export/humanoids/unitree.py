@@ -13,7 +13,7 @@ from excite.errors import InputError
 from excite.export.exporter import Exporter
 from excite.export.humanoids.unitree_motors import MODEL, motor_places
 from excite.export.setting import Setting
-from excite.export.statement import remarks, statement
+from excite.export.statement import motion_remarks, motion_statement
 from excite.motion.motion import Motion
 from excite.motion.readers.unitree import HEADER
 from excite.simulation.drives import nominal_drives
@@ -66,10 +66,10 @@ class UnitreeExporter(Exporter):
         places = motor_places(self.robot, self.word("motors"))
         order = self._order(motion)
         gains = {name: self._gains(name, order) for name in _GAINS}
-        said = statement(motion) | {
+        said = motion_statement(motion) | {
             "motors": {str(places[motion.joint_names[k]]): motion.joint_names[k] for k in order},
             "mode_pr": 0,
-            "remarks": remarks(motion),
+            "remarks": motion_remarks(motion),
         }
         q, dq = motion.joint_positions(), motion.joint_velocities()
         with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:

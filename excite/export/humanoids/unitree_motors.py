@@ -44,7 +44,7 @@ def motor_places(robot: Robot, order: str) -> dict[str, int]:
     if order == MODEL:
         return {joint: place for place, joint in enumerate(joints)}
     if order:
-        return _said(robot, [name.strip() for name in order.split(",")])
+        return _stated_motors(robot, [name.strip() for name in order.split(",")])
     short = [joint.removesuffix("_joint") for joint in joints]
     found = [
         tuple(names.index(name) for name in short)
@@ -61,7 +61,7 @@ def motor_places(robot: Robot, order: str) -> dict[str, int]:
     return dict(zip(joints, found[0], strict=True))
 
 
-def _said(robot: Robot, names: list[str]) -> dict[str, int]:
+def _stated_motors(robot: Robot, names: list[str]) -> dict[str, int]:
     places = {joint: [k for k, name in enumerate(names) if name == joint] for joint in robot.driven_names}
     for joint, found in places.items():
         if len(found) != 1:

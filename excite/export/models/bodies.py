@@ -87,8 +87,8 @@ def split_segment(total: Array, members: Sequence[Member]) -> Split:
     others = [(member, own) for member, own in stated if member is not main and own.any()]
     massless = [member.name for member, own in others if own[0] <= 0.0]
     others = [(member, own) for member, own in others if own[0] > 0.0]
-    pseudo = _pseudo(total)
-    fixed = [moved_pseudo(_pseudo(own), member.placement) for member, own in others]
+    pseudo = _pseudo_inertia_of(total)
+    fixed = [moved_pseudo(_pseudo_inertia_of(own), member.placement) for member, own in others]
     carried = np.sum([np.zeros((4, 4)), *fixed], axis=0)
     share = _physical_share(pseudo, carried)
     rest = moved_pseudo(pseudo - share * carried, main.placement.inverse())
@@ -136,7 +136,7 @@ class CentredBody:
     inertia: Array
 
 
-def centred(parameters: Array, link: str) -> CentredBody:
+def centred_body(parameters: Array, link: str) -> CentredBody:
     """A link's ten parameters as a file states them; raises InconsistentModelError without mass."""
     mass = float(parameters[0])
     if not np.any(parameters):
@@ -178,7 +178,7 @@ def changed_segments(robot: Robot, identification: Found, *, force: bool) -> tup
     return changed
 
 
-def _pseudo(parameters: Array) -> Array:
+def _pseudo_inertia_of(parameters: Array) -> Array:
     return np.asarray(pseudo_inertia_matrices(parameters)[0])
 
 

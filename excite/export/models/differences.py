@@ -110,7 +110,7 @@ def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> Di
         nominal, std, determined = (block.get(key) or {} for key in ("nominal", "std", "determined"))
         for kind, names in _NAMES.items():
             for k, name in enumerate(names):
-                values = [_value(source.get(kind), k) for source in (nominal, block, std, determined)]
+                values = [_value_at(source.get(kind), k) for source in (nominal, block, std, determined)]
                 if values[0] is None or values[1] is None:
                     continue
                 segment = str(block.get("name") or link)
@@ -120,7 +120,7 @@ def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> Di
     return Differences(tuple(rows))
 
 
-def _value(source: Any, index: int) -> float | None:
+def _value_at(source: Any, index: int) -> float | None:
     if isinstance(source, list):
         source = source[index] if index < len(source) else None
     return None if source is None else float(source)

@@ -13,8 +13,8 @@ from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import NoSolutionError
 from excite.export.models.bodies import changed_segments
-from excite.export.models.mjcf_bodies import difference, segment_bodies
-from excite.export.models.mjcf_compiled import compiled
+from excite.export.models.mjcf_bodies import segment_bodies, segment_difference
+from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.export.models.mjcf_template import read_template, template_names
 from excite.export.models.parameters import Found
 from excite.export.models.servos import with_servos
@@ -72,26 +72,26 @@ def write_mjcf(
         friction = identified_drives(moving, identification) if drives else nominal_drives(moving)
         content = exact_text(build_spec(moving, identification.parameters, friction, World()))
         links = tuple(robot.segments[k].link for k in changed)
-        model, names_here = compiled(content, None), template_names(robot, {})
+        model, names_here = compile_mjcf(content, None), template_names(robot, {})
         error = mujoco_error(robot, model, names_here, identification.parameters)
-        return _write(content, WrittenModel(Path(path), links, (), None, error))
+        return _write_mjcf(content, WrittenModel(Path(path), links, (), None, error))
     names = names or {}
     given = read_template(robot, template, names)
     edit = given.edited(robot, identification, drives=drives)
     content, notes = edit.text.edited(), list(edit.notes)
     if template.resolve().parent != Path(path).resolve().parent and list(edit.text.root.everywhere("mesh")):
         notes.append(f"mesh paths are relative: put it beside {template.name}")
-    model = compiled(content, template)
+    model = compile_mjcf(content, template)
     places = template_names(robot, names)
     taken = segment_bodies(robot, model, places, names)
-    error = max((difference(taken[k], ten[k]) for k in edit.segments), default=0.0)
+    error = max((segment_difference(taken[k], ten[k]) for k in edit.segments), default=0.0)
     in_motion = mujoco_error(robot, model, places, identification.parameters)
     if in_motion > TOLERANCE:
         notes.append(
             f"its torques are {in_motion:.1e} off the robot's: that is how far its geometry (or the inertia of "
             "bodies that were left alone) is from the URDF's"
         )
-    return _write(content, WrittenModel(Path(path), edit.changed, tuple(notes), None, error))
+    return _write_mjcf(content, WrittenModel(Path(path), edit.changed, tuple(notes), None, error))
 
 
 def exact_text(spec: mujoco.MjSpec) -> bytes:
@@ -118,7 +118,7 @@ def exact_text(spec: mujoco.MjSpec) -> bytes:
     return text.edited()
 
 
-def _write(content: bytes, model: WrittenModel) -> WrittenModel:
+def _write_mjcf(content: bytes, model: WrittenModel) -> WrittenModel:
     error = model.mujoco_error or 0.0
     if not error <= TOLERANCE:
         raise NoSolutionError(

@@ -72,7 +72,7 @@ def segment_bodies(
                 source="MuJoCo model",
                 remedy="give a model of the same robot, or map the names of its joints",
             )
-        entry = Member(name, inside[0], _nominal(model, body))
+        entry = Member(name, inside[0], _compiled_parameters(model, body))
         members[carrier[body] - 1].insert(0 if body in own else len(members), entry)
     for segment, inside_segment in enumerate(members):
         if not inside_segment and robot.nominal_parameters[10 * segment]:
@@ -101,7 +101,7 @@ def _base_placement(
     return pose.bodies[body] if body > 0 else pin.SE3.Identity()
 
 
-def _nominal(model: mujoco.MjModel, body: int) -> Array | None:
+def _compiled_parameters(model: mujoco.MjModel, body: int) -> Array | None:
     """Ten parameters of a compiled body about its own frame; None without mass."""
     if model.body_mass[body] == 0.0:
         return None
@@ -112,7 +112,7 @@ def _nominal(model: mujoco.MjModel, body: int) -> Array | None:
     return np.asarray(inertia.toDynamicParameters())
 
 
-def difference(members: list[Member], total: Array) -> float:
+def segment_difference(members: list[Member], total: Array) -> float:
     """How far bodies together are from a segment's parameters, relative to the pseudo-inertia."""
     target = pseudo_inertia_matrices(total)[0]
     for member in members:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-def compiled(content: bytes, template: Path | None) -> mujoco.MjModel:
+def compile_mjcf(content: bytes, template: Path | None) -> mujoco.MjModel:
     """Compile a text as if it stood where ``template`` stands: somebody else's, in a process of its own."""
     # The child process starts in a third of the time without what reading descriptions needs.
     from excite.robot.mjcf.conversion import COMPILE_MEMORY_GB, COMPILE_SECONDS  # lazy: pinocchio

@@ -12,8 +12,8 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.export.models.bodies import Member, changed_segments, split_segment
-from excite.export.models.mjcf_bodies import difference, segment_bodies
-from excite.export.models.mjcf_compiled import compiled
+from excite.export.models.mjcf_bodies import segment_bodies, segment_difference
+from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.export.models.mujoco_places import MujocoNames, robot_names
 from excite.export.models.parameters import Found
 from excite.export.models.verification import held_joints
@@ -76,7 +76,7 @@ class MjcfTemplate:
         ten = identification.parameters.reshape(-1, 10)
         text = XmlText(self.content, self.file)
         bodies = {str(body.attributes.get("name")): body for body in text.root.everywhere("body")}
-        other = [k for k in range(len(ten)) if difference(self.members[k], ten[k]) > _SAME_INERTIA]
+        other = [k for k in range(len(ten)) if segment_difference(self.members[k], ten[k]) > _SAME_INERTIA]
         segments = tuple(sorted({*changed, *other}))
         notes, written = [], []
         for segment in segments:
@@ -125,7 +125,7 @@ def read_template(robot: Robot, file: Path, names: Mapping[str, str]) -> MjcfTem
         InputError: the file is another robot's, or MuJoCo refuses it.
     """
     content = read_mjcf(file)
-    nominal = compiled(content, file)
+    nominal = compile_mjcf(content, file)
     members = segment_bodies(robot, nominal, template_names(robot, names), names)
     return MjcfTemplate(file, content, members, names)
 

@@ -10,7 +10,7 @@ from excite.errors import RobotError
 from excite.logs.bare_urdf import is_bare
 from excite.robot.description import ControllerBlock
 from excite.robot.robot import Robot
-from excite.robot.scaffold.description import draft
+from excite.robot.scaffold.description import draft_description
 from excite.robot.scaffold.said import Said
 
 ASSUMED = (
@@ -25,7 +25,7 @@ def with_servos(robot: Robot) -> Robot:
     if not is_bare(robot):
         return robot
     try:
-        made = draft(robot.source, None, np.random.default_rng(0), Said(floating=robot.floating))[
+        made = draft_description(robot.source, None, np.random.default_rng(0), Said(floating=robot.floating))[
             "controller"
         ]
     except RobotError:

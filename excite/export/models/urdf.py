@@ -14,7 +14,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import InputError, NoSolutionError, RobotError
-from excite.export.models.bodies import Member, centred, changed_segments, parameters_of, split_segment
+from excite.export.models.bodies import Member, centred_body, changed_segments, parameters_of, split_segment
 from excite.export.models.mujoco_places import robot_names
 from excite.export.models.parameters import Found
 from excite.export.models.urdf_dynamics import complete_limits, set_dynamics
@@ -28,7 +28,7 @@ from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 from excite.robot.urdf.free_root import WORLD, declare_world
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import parse_urdf
 
 TOLERANCE = 1e-9
@@ -73,8 +73,8 @@ def write_urdf(
     notes = [*edit.notes, *_held_note(robot, file), *_mesh_note(edit.text, file, path)]
     content = edit.text.edited()
     in_pinocchio = pinocchio_error(robot, content, identification.parameters)
-    in_mujoco = _mujoco(robot, content, identification.parameters, notes)
-    _agreed(path, in_pinocchio, in_mujoco)
+    in_mujoco = _verify_in_mujoco(robot, content, identification.parameters, notes)
+    _check_agreed(path, in_pinocchio, in_mujoco)
     with atomic_path(Path(path)) as temporary:
         temporary.write_bytes(content)
     return WrittenModel(Path(path), edit.changed, tuple(notes), in_pinocchio, in_mujoco)
@@ -107,7 +107,7 @@ def edited_urdf(robot: Robot, identification: Found, *, drives: bool, force: boo
         text.insert_first(text.root, f'<link name="{WORLD}"/>')
     links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
     links = {name: link for name, link in links.items() if name in loaded}
-    members = _members(robot, links, file)
+    members = _segment_members(robot, links, file)
     _unchanged_since_loading(robot, members, file)
     notes = complete_limits(text, robot)
     written: list[str] = []
@@ -124,7 +124,7 @@ def edited_urdf(robot: Robot, identification: Found, *, drives: bool, force: boo
     return UrdfEdit(text, tuple(written), tuple(notes))
 
 
-def _mujoco(robot: Robot, content: bytes, parameters: Array, notes: list[str]) -> float | None:
+def _verify_in_mujoco(robot: Robot, content: bytes, parameters: Array, notes: list[str]) -> float | None:
     try:
         model = urdf_in_mujoco(robot, content)
     except InputError as error:
@@ -134,7 +134,7 @@ def _mujoco(robot: Robot, content: bytes, parameters: Array, notes: list[str]) -
     return mujoco_error(robot, model, names, parameters)
 
 
-def _agreed(path: Path, *errors: float | None) -> None:
+def _check_agreed(path: Path, *errors: float | None) -> None:
     for error in errors:
         if error is not None and not error <= TOLERANCE:
             raise NoSolutionError(
@@ -143,14 +143,14 @@ def _agreed(path: Path, *errors: float | None) -> None:
             )
 
 
-def _members(robot: Robot, links: dict[str, Element], file: Path) -> list[list[Member]]:
+def _segment_members(robot: Robot, links: dict[str, Element], file: Path) -> list[list[Member]]:
     """Links of each segment, the moving one first."""
     members: list[list[Member]] = [[] for _ in robot.segments]
     for name, link in links.items():
         joint, placement = link_placement(robot.model, name, file, f"link {name!r}")
         if joint == 0:
             continue
-        member = Member(name, placement, _stated(link, file))
+        member = Member(name, placement, _stated_inertial(link, file))
         if name == robot.segments[joint - 1].link:
             members[joint - 1].insert(0, member)
         else:
@@ -158,10 +158,10 @@ def _members(robot: Robot, links: dict[str, Element], file: Path) -> list[list[M
     return members
 
 
-def _stated(link: Element, file: Path) -> Array | None:
+def _stated_inertial(link: Element, file: Path) -> Array | None:
     """A link's own parameters as its inertial states them."""
     for inertial in link.named("inertial"):
-        mass, com, rpy, inertia = _values(inertial, file)
+        mass, com, rpy, inertia = _inertial_values(inertial, file)
         turn = pin.rpy.rpyToMatrix(*rpy)
         return np.asarray(pin.Inertia(mass, com, turn @ inertia @ turn.T).toDynamicParameters())
     return None
@@ -176,17 +176,19 @@ class _Inertial(NamedTuple):
     inertia: Array
 
 
-def _values(inertial: Element, file: Path) -> _Inertial:
+def _inertial_values(inertial: Element, file: Path) -> _Inertial:
     parts = {}
     for child in inertial.children:
         parts[child.tag] = ElementTree.Element(child.tag, dict(child.attributes))
     origin = parts.get("origin", ElementTree.Element("origin"))
-    com, rpy = (np.array(numbers(origin, key, 3, file, "origin", default="0 0 0")) for key in ("xyz", "rpy"))
-    six = [numbers(parts["inertia"], key, 1, file, "inertia")[0] for key in _MOMENTS]
+    com, rpy = (
+        np.array(read_numbers(origin, key, 3, file, "origin", default="0 0 0")) for key in ("xyz", "rpy")
+    )
+    six = [read_numbers(parts["inertia"], key, 1, file, "inertia")[0] for key in _MOMENTS]
     inertia = np.zeros((3, 3))
     inertia[_UPPER] = six
     inertia.T[_UPPER] = six
-    return _Inertial(numbers(parts["mass"], "value", 1, file, "mass")[0], com, rpy, inertia)
+    return _Inertial(read_numbers(parts["mass"], "value", 1, file, "mass")[0], com, rpy, inertia)
 
 
 def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file: Path) -> None:
@@ -208,7 +210,7 @@ def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file
 
 
 def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, file: Path) -> None:
-    body = centred(parameters, name)
+    body = centred_body(parameters, name)
     found = link.named("inertial")
     if not found:
         moments = body.inertia[_UPPER]
@@ -220,7 +222,7 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, fi
         )
         return
     inertial = found[0]
-    turn = pin.rpy.rpyToMatrix(*_values(inertial, file).rpy)
+    turn = pin.rpy.rpyToMatrix(*_inertial_values(inertial, file).rpy)
     moments = (turn.T @ body.inertia @ turn)[_UPPER]
     origin = inertial.named("origin")
     if origin:

@@ -92,7 +92,9 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
     neutral = pin.neutral(raw)
     ids = [raw.getJointId(name) for name in held]
     for index, value in zip(ids, held.values(), strict=True):
-        neutral[raw.joints[index].idx_q :][: raw.joints[index].nq] = _turned(raw.joints[index].nq, value)
+        neutral[raw.joints[index].idx_q :][: raw.joints[index].nq] = _turn_coordinates(
+            raw.joints[index].nq, value
+        )
     model = pin.buildReducedModel(raw, ids, neutral)
     if list(model.names) != list(robot.model.names):
         raise InputError("its joints are not the robot's", source="written model")
@@ -102,7 +104,7 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
         own = np.concatenate(
             [np.zeros(0)]
             + [
-                part if len(part) == joint.nq else _turned(joint.nq, float(part[0]))
+                part if len(part) == joint.nq else _turn_coordinates(joint.nq, float(part[0]))
                 for joint, part in zip(model.joints[1:], _by_joint(robot, q), strict=True)
             ]
         )
@@ -110,7 +112,7 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
     return np.array(torque)
 
 
-def _rooted(text: bytes) -> ElementTree.Element:
+def _robot_element(text: bytes) -> ElementTree.Element:
     """The ``robot`` element of a URDF text, what carries the robot as it is loaded."""
     root: ElementTree.Element = elements_of(text)
     drop_free_root(root)
@@ -120,7 +122,7 @@ def _rooted(text: bytes) -> ElementTree.Element:
 
 def _links_apart(text: bytes) -> ElementTree.Element:
     """The robot with links that no joint is called like: pinocchio reduces no model in which names stand twice."""
-    root = _rooted(text)
+    root = _robot_element(text)
     for element in root.iter():
         if element.tag == "link" and element.get("name"):
             element.set("name", f"{element.get('name')} (link)")
@@ -134,7 +136,7 @@ def _by_joint(robot: Robot, q: Array) -> list[Array]:
     return [q[joint.idx_q : joint.idx_q + joint.nq] for joint in joints]
 
 
-def _turned(nq: int, value: float) -> Array:
+def _turn_coordinates(nq: int, value: float) -> Array:
     """Coordinates of a joint that turns without end are cosine and sine."""
     return np.array([np.cos(value), np.sin(value)]) if nq == 2 else np.array([value])
 
@@ -190,7 +192,7 @@ def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
     """
     import mujoco
 
-    root = _rooted(text)
+    root = _robot_element(text)
     for link in root.findall("link"):
         for kind in ("visual", "collision"):
             for element in link.findall(kind):

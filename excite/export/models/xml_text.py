@@ -63,8 +63,8 @@ class XmlText:
         self._content = content
         self._edits: list[tuple[int, int, bytes]] = []
         self._attributes: dict[int, dict[str, str]] = {}
-        self.root = _parse(content, source)
-        self._by_start = {element.start: element for element in [self.root, *_all(self.root)]}
+        self.root = _parse_xml_text(content, source)
+        self._by_start = {element.start: element for element in [self.root, *_all_elements(self.root)]}
 
     def set(self, element: Element, **values: str) -> None:
         """Give attributes new values; one that is absent is added behind the others."""
@@ -99,7 +99,7 @@ class XmlText:
         return content
 
     def _attribute_edits(self, element: Element, values: Mapping[str, str]) -> list[tuple[int, int, bytes]]:
-        edits, last = [], element.start + len(_tag(self._content, element.start))
+        edits, last = [], element.start + len(_start_tag(self._content, element.start))
         found = set()
         for match in self._matches(element):
             name, last = match[1].decode(), match.end()
@@ -111,7 +111,7 @@ class XmlText:
         return [*edits, (last, last, added.encode("ascii"))] if added else edits
 
     def _matches(self, element: Element) -> Iterator[re.Match[bytes]]:
-        position = element.start + len(_tag(self._content, element.start))
+        position = element.start + len(_start_tag(self._content, element.start))
         while match := _ATTRIBUTE.match(self._content, position, element.head):
             yield match
             position = match.end()
@@ -122,26 +122,26 @@ def number_text(*values: float) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
-def _all(element: Element) -> Iterator[Element]:
+def _all_elements(element: Element) -> Iterator[Element]:
     for child in element.children:
         yield child
-        yield from _all(child)
+        yield from _all_elements(child)
 
 
-def _tag(content: bytes, start: int) -> bytes:
+def _start_tag(content: bytes, start: int) -> bytes:
     match = _TAG.match(content, start)
     return match[0] if match else b"<"
 
 
-def _head(content: bytes, start: int) -> int:
+def _start_tag_end(content: bytes, start: int) -> int:
     """Offset just after the start tag at ``start``; ``>`` may stand inside quotes."""
-    position = start + len(_tag(content, start))
+    position = start + len(_start_tag(content, start))
     while match := _ATTRIBUTE.match(content, position):
         position = match.end()
     return content.index(b">", position) + 1
 
 
-def _parse(content: bytes, source: Path | str) -> Element:
+def _parse_xml_text(content: bytes, source: Path | str) -> Element:
     if content[:2] in {b"\xff\xfe", b"\xfe\xff"}:
         raise RobotError("is UTF-16", source=source, remedy="save it as UTF-8")
     parse_xml(content, Path(source), RobotError)
@@ -154,7 +154,7 @@ def _parse(content: bytes, source: Path | str) -> Element:
 
     def closed(_: str) -> None:
         tag, attributes, start, children = stack.pop()
-        head = _head(content, start)
+        head = _start_tag_end(content, start)
         empty = content[head - 2 : head] == b"/>"
         end = head if empty else content.index(b">", parser.CurrentByteIndex) + 1
         siblings = stack[-1][3] if stack else top

@@ -13,7 +13,7 @@ from excite.atomic import atomic_path
 from excite.export.exporter import Exporter
 from excite.export.mujoco.layout import OTHER, POSITION, Layout, model_layout, robot_layout
 from excite.export.setting import Setting
-from excite.export.statement import remarks, statement
+from excite.export.statement import motion_remarks, motion_statement
 from excite.motion.motion import Motion
 from excite.motion.readers.keyframes import STATEMENT
 from excite.simulation.coordinates import position_to_mujoco, velocity_to_mujoco
@@ -42,14 +42,14 @@ class KeyframesExporter(Exporter):
         model = self.word("model")
         layout = model_layout(Path(model), self.robot) if model else robot_layout(self.robot)
         names = motion.joint_names
-        said = statement(motion) | {
+        said = motion_statement(motion) | {
             "qpos": [layout.positions[name] for name in names],
             "zero": [float(layout.qpos[layout.positions[name]]) for name in names],
             "qvel": [layout.velocities[name] for name in names],
         }
         lines = ["<mujoco>"]
         # Two hyphens end a comment's text.
-        lines += [f"  <!-- {line.replace('--', '- -')} -->" for line in remarks(motion)]
+        lines += [f"  <!-- {line.replace('--', '- -')} -->" for line in motion_remarks(motion)]
         text = quoteattr(json.dumps(said))
         lines += [
             f"  <custom><text name={quoteattr(f'{STATEMENT}.{motion.name}')} data={text}/></custom>",
@@ -72,17 +72,17 @@ class KeyframesExporter(Exporter):
             rows = list(zip(motion.q, motion.v, strict=True))
             qpos[:, q : q + 7] = [position_to_mujoco(row, floating=True)[:7] for row, _ in rows]
             qvel[:, v : v + 6] = [velocity_to_mujoco(row, rate, floating=True)[:6] for row, rate in rows]
-        ctrl = _controls(layout, qpos, qvel)
+        ctrl = _keyframe_controls(layout, qpos, qvel)
         digits = len(str(motion.n_samples - 1))
         return [
             f'    <key name={quoteattr(f"{motion.name}.{k:0{digits}d}")} time="{float(time)!r}"'
-            f' qpos="{_row(qpos[k])}" qvel="{_row(qvel[k])}"'
-            + (f' ctrl="{_row(ctrl[k])}"/>' if layout.actuators else "/>")
+            f' qpos="{_format_row(qpos[k])}" qvel="{_format_row(qvel[k])}"'
+            + (f' ctrl="{_format_row(ctrl[k])}"/>' if layout.actuators else "/>")
             for k, time in enumerate(motion.time)
         ]
 
 
-def _controls(layout: Layout, qpos: Array, qvel: Array) -> Array:
+def _keyframe_controls(layout: Layout, qpos: Array, qvel: Array) -> Array:
     """Controls that ask for the state itself, ``(n, n_actuators)``."""
     ctrl = np.zeros((len(qpos), len(layout.actuators)))
     for k, actuator in enumerate(layout.actuators):
@@ -97,5 +97,5 @@ def _controls(layout: Layout, qpos: Array, qvel: Array) -> Array:
     return ctrl
 
 
-def _row(values: Array) -> str:
+def _format_row(values: Array) -> str:
     return " ".join(map(repr, values.tolist()))

@@ -108,11 +108,11 @@ def compiled_layout(path: Path) -> Layout:
         {model.joint(k).name: int(model.jnt_qposadr[k]) for k in joints},
         {model.joint(k).name: int(model.jnt_dofadr[k]) for k in joints},
         (int(model.jnt_qposadr[free[0]]), int(model.jnt_dofadr[free[0]])) if len(free) else None,
-        tuple(_actuator(model, k) for k in range(model.nu)),
+        tuple(_read_actuator(model, k) for k in range(model.nu)),
     )
 
 
-def _actuator(m: Any, k: int) -> Actuator:
+def _read_actuator(m: Any, k: int) -> Actuator:
     """A servo of position pulls with gain·ctrl − gain·q, one of velocity with gain·ctrl − gain·v."""
     import mujoco
 

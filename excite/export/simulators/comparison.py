@@ -58,10 +58,10 @@ class Change:
         return values | {"percent": self.percent}
 
 
-def changes(subject: Subject) -> tuple[Change, ...]:
+def list_changes(subject: Subject) -> tuple[Change, ...]:
     """All parameters of bodies and joints, before and after."""
-    before = _bodies(subject.found.identified.nominal)
-    after = _bodies(subject.parameters)
+    before = _body_values(subject.found.identified.nominal)
+    after = _body_values(subject.parameters)
     rows = [
         Change(segment.link, name, unit, float(before[k, j]), float(after[k, j]))
         for k, segment in enumerate(subject.robot.segments)
@@ -89,7 +89,7 @@ def changes_csv(rows: tuple[Change, ...]) -> str:
     return stream.getvalue()
 
 
-def _bodies(parameters: Array) -> Array:
+def _body_values(parameters: Array) -> Array:
     """Mass, centre of mass and central inertia of each segment, ``(n, 10)``; zeros without mass."""
     ten = parameters.reshape(-1, 10)
     rows = np.zeros((len(ten), 10))

@@ -39,7 +39,7 @@ def parameters_of(robot: Robot, inertial: Array, drives: dict[str, float]) -> Id
     )
 
 
-def diagnosed(file: Path, folder: Path, nominal: str | None) -> Subject:
+def diagnosed_subject(file: Path, folder: Path, nominal: str | None) -> Subject:
     """The robot that ``excite diagnose --apply`` wrote.
 
     Args:
@@ -78,15 +78,15 @@ def diagnosed(file: Path, folder: Path, nominal: str | None) -> Subject:
     }
     identified = parameters_of(robot, robot.nominal_parameters.copy(), drives)
     if nominal is not None:
-        identified.nominal[:] = _before(nominal, robot, file).nominal_parameters
-    late, said = _late(document)
+        identified.nominal[:] = _robot_before(nominal, robot, file).nominal_parameters
+    late, said = _stated_delay(document)
     beyond = tuple(
         Lost("effect", robot.name, None, text) for text in document.applied.left_out if text != said
     )
     return Subject(robot, ModelParameters(robot.name, identified), folder, None, beyond, late)
 
 
-def _late(document: Diagnosis) -> tuple[float | None, str]:
+def _stated_delay(document: Diagnosis) -> tuple[float | None, str]:
     """How late the motors follow what they are told [s], and how a description says that it lacks that."""
     for found in document.effects:
         effect = EFFECTS.get(found.effect)
@@ -96,7 +96,7 @@ def _late(document: Diagnosis) -> tuple[float | None, str]:
     return None, ""
 
 
-def _before(nominal: str, robot: Robot, file: Path) -> Robot:
+def _robot_before(nominal: str, robot: Robot, file: Path) -> Robot:
     before = load_robot(nominal)
     if [segment.link for segment in before.segments] != [segment.link for segment in robot.segments]:
         raise InputError(

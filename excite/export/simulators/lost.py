@@ -26,11 +26,13 @@ _BELOW_ZERO = "was found below zero, which no joint can be: what the model had b
 
 def lost_in(model_format: ModelFormat, subject: Subject) -> tuple[Lost, ...]:
     """All that was found of a robot and that its files in a format do not hold."""
-    found = [item for name, value in subject.drives.items() for item in _lost(model_format, name, value)]
-    return (*found, *_servos(model_format, subject), *subject.beyond, *model_format.lost(subject))
+    found = [
+        item for name, value in subject.drives.items() for item in _lost_terms(model_format, name, value)
+    ]
+    return (*found, *_lost_servo_terms(model_format, subject), *subject.beyond, *model_format.lost(subject))
 
 
-def _servos(model_format: ModelFormat, subject: Subject) -> list[Lost]:
+def _lost_servo_terms(model_format: ModelFormat, subject: Subject) -> list[Lost]:
     """Terms of servos that are known and not held, one entry for all joints."""
     held = model_format.servo(subject)
     return [
@@ -40,7 +42,7 @@ def _servos(model_format: ModelFormat, subject: Subject) -> list[Lost]:
     ]
 
 
-def _lost(model_format: ModelFormat, name: str, value: float) -> list[Lost]:
+def _lost_terms(model_format: ModelFormat, name: str, value: float) -> list[Lost]:
     term, _, joint = name.partition(".")
     if value == 0.0:
         return []

@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.export.models.mjcf import exact_text, identified_drives
-from excite.export.models.mjcf_compiled import compile_text, compiled
+from excite.export.models.mjcf_compiled import compile_mjcf, compile_text
 from excite.export.models.mjcf_template import template_names
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
 from excite.export.models.verification import States, mujoco_torques
@@ -19,7 +19,7 @@ from excite.export.models.xml_text import Element, XmlText
 from excite.export.simulators.friction import with_friction
 from excite.export.simulators.mjcf_physics import physics_alone
 from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
-from excite.export.simulators.relative import move_attribute, moved
+from excite.export.simulators.relative import move_attribute, relocate_path
 from excite.export.simulators.subject import Subject
 from excite.robot.robot import Robot
 from excite.simulation.mjcf import World, build_spec
@@ -69,7 +69,7 @@ class MjcfFormat(ModelFormat):
             return LoadedMjcf(subject.robot, compile_text(content, None), names)
         alone = physics_alone(content)
         where = subject.folder / rendered.main
-        model = compiled(content, where) if alone is None else compile_text(alone, None)
+        model = compile_mjcf(content, where) if alone is None else compile_text(alone, None)
         return LoadedMjcf(subject.robot, model, names)
 
     def servo(self, subject: Subject) -> tuple[str, ...]:
@@ -108,7 +108,7 @@ class LoadedMjcf(LoadedModel):
             "coulomb": np.asarray(model.dof_frictionloss[place], dtype=float),
             "armature": np.asarray(model.dof_armature[place], dtype=float),
         }
-        super().__init__(drives, _servos(model, robot.joint_names))
+        super().__init__(drives, _servo_terms(model, robot.joint_names))
 
     def torques(self, states: States) -> Array:
         """MuJoCo's own; dry friction, which it solves as a constraint, is that of a joint that moves."""
@@ -116,7 +116,7 @@ class LoadedMjcf(LoadedModel):
         return with_friction(self._robot, whole, states, {"coulomb": self.drives["coulomb"]})
 
 
-def _servos(model: mujoco.MjModel, names: tuple[str, ...]) -> dict[str, Array]:
+def _servo_terms(model: mujoco.MjModel, names: tuple[str, ...]) -> dict[str, Array]:
     """Terms of the position servos that are named like their joints; NaN where a joint has none."""
     import mujoco
 
@@ -143,7 +143,7 @@ def _move_paths(text: XmlText, old: Path, new: Path) -> None:
         stated = next((c for c in compilers if {attribute, "assetdir"} & set(c.attributes)), None)
         if stated is not None:
             name = stated.attributes.get(attribute) or stated.attributes.get("assetdir", "")
-            text.set(stated, **{attribute: moved(name or ".", old, new)})
+            text.set(stated, **{attribute: relocate_path(name or ".", old, new)})
             continue
         for element in text.root.everywhere(tag):
             move_attribute(text, element, "file", old, new)

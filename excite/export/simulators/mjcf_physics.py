@@ -35,11 +35,11 @@ def physics_alone(content: bytes) -> bytes | None:
     if _depends_on_more(root):
         return None
     for tag in (*_ASIDE, "tendon", "deformable"):
-        _remove(root, tag)
+        _remove_elements(root, tag)
     for world in root.findall("worldbody"):
         for parent in [world, *world.iter("body"), *world.iter("frame")]:
             for tag in _SHAPES:
-                _remove(parent, tag)
+                _remove_elements(parent, tag)
     for default in root.iter("default"):
         for element in list(default):
             if element.tag not in ("default", "joint"):
@@ -70,6 +70,6 @@ def _weighs_by_shape(parent: ElementTree.Element, *, moves: bool) -> bool:
     return False
 
 
-def _remove(parent: ElementTree.Element, tag: str) -> None:
+def _remove_elements(parent: ElementTree.Element, tag: str) -> None:
     for element in parent.findall(tag):
         parent.remove(element)

@@ -57,7 +57,7 @@ class Proof:
     not_held: tuple[str, ...]
 
 
-def prove(model_format: ModelFormat, subject: Subject) -> Proof:
+def prove_taken(model_format: ModelFormat, subject: Subject) -> Proof:
     """Render, read again and change every parameter in turn.
 
     Args:

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from excite.export.models.xml_text import Element, XmlText
 
 
-def moved(name: str, old: Path, new: Path) -> str:
+def relocate_path(name: str, old: Path, new: Path) -> str:
     """A path relative to a folder, as seen from another; one that is absolute, or a URI, as it is."""
     if not name or "://" in name or PurePosixPath(name).is_absolute() or "\0" in name:
         return name
@@ -18,6 +18,6 @@ def moved(name: str, old: Path, new: Path) -> str:
 def move_attribute(text: XmlText, element: Element, attribute: str, old: Path, new: Path) -> None:
     """Let an attribute that holds a path name the same file from another folder."""
     name = element.attributes.get(attribute, "")
-    there = moved(name, old, new)
+    there = relocate_path(name, old, new)
     if there != name and there.isascii() and not set(there) & set("\"'<>&"):
         text.set(element, **{attribute: there})

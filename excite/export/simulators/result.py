@@ -15,7 +15,7 @@ from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
 from excite.export.models.parameters import Found, ModelParameters
 from excite.export.models.servos import with_servos
-from excite.export.simulators.diagnosed import diagnosed, parameters_of
+from excite.export.simulators.diagnosed import diagnosed_subject, parameters_of
 from excite.export.simulators.subject import Lost, Subject
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import FILE_ORDER
@@ -70,10 +70,10 @@ def read_subject(
         InputError: there is no such result, a number in it is missing, or it is another robot's.
         RobotError: the robot cannot be loaded.
     """
-    file = _document(result)
+    file = _result_document(result)
     schema = read_json(file, remedy=_AGAIN).get("schema")
     if schema == schema_of(Diagnosis):
-        return diagnosed(file, folder, robot)
+        return diagnosed_subject(file, folder, robot)
     if schema == schema_of(Campaign):
         document = read_document(file, Campaign, remedy=_AGAIN).identification
     else:
@@ -93,19 +93,19 @@ def read_subject(
             source=file,
             remedy="state the unit (map.yaml) and identify again",
         )
-    name = robot or _named(document, file)
-    loaded = with_servos(_robot(name, document, file))
+    name = robot or _named_robot(document, file)
+    loaded = with_servos(_result_robot(name, document, file))
     if template is None and Path(name).is_file() and is_mjcf(Path(name)):
         template = Path(name)
     beyond: tuple[Lost, ...] = ()
     if document.torque_delay is not None:
         why = "how late torques were logged is no part of the robot: correct the log"
         beyond = (Lost("torque_delay", loaded.name, document.torque_delay.value_s, why),)
-    found = ModelParameters(document.robot, _identified(document, loaded, file))
+    found = ModelParameters(document.robot, _identified_parameters_of(document, loaded, file))
     return Subject(loaded, found, folder, template, beyond)
 
 
-def _document(result: Path) -> Path:
+def _result_document(result: Path) -> Path:
     if not result.is_dir():
         return result
     found = next((result / name for name in _FILES if (result / name).is_file()), None)
@@ -116,7 +116,7 @@ def _document(result: Path) -> Path:
     return found
 
 
-def _named(document: Identification, file: Path) -> str:
+def _named_robot(document: Identification, file: Path) -> str:
     if document.robot_file is None:
         return document.robot
     there = file.parent / document.robot_file
@@ -130,7 +130,7 @@ def _named(document: Identification, file: Path) -> str:
     return str(there)
 
 
-def _robot(name: str, document: Identification, file: Path) -> Robot:
+def _result_robot(name: str, document: Identification, file: Path) -> Robot:
     """The robot, with the joints free that the log of the identification has."""
     log = None if document.log_file is None else file.parent / document.log_file
     try:
@@ -154,7 +154,7 @@ def _robot(name: str, document: Identification, file: Path) -> Robot:
     return loaded
 
 
-def _identified(document: Identification, robot: Robot, file: Path) -> IdentifiedParameters:
+def _identified_parameters_of(document: Identification, robot: Robot, file: Path) -> IdentifiedParameters:
     values: list[Array] = []
     for link, block in document.standard_parameters.items():
         ten = [block.mass, *block.first_moment, *_pinocchio_order(list(block.inertia))]

@@ -60,7 +60,7 @@ class LoadedUrdf(LoadedModel):
         joints = {joint.get("name"): joint for joint in elements_of(text).findall("joint")}
         super().__init__(
             {
-                term: np.array([_dynamics(joints[name], attribute) for name in robot.joint_names])
+                term: np.array([_dynamics_attribute(joints[name], attribute) for name in robot.joint_names])
                 for term, attribute in _ATTRIBUTES.items()
             }
         )
@@ -71,6 +71,6 @@ class LoadedUrdf(LoadedModel):
         return with_friction(self._robot, bodies, states, self.drives)
 
 
-def _dynamics(joint: ElementTree.Element, attribute: str) -> float:
+def _dynamics_attribute(joint: ElementTree.Element, attribute: str) -> float:
     dynamics = joint.find("dynamics")
     return 0.0 if dynamics is None else float(dynamics.get(attribute, "0"))

@@ -12,10 +12,10 @@ from typing import Any
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.export.models.bodies import InconsistentModelError
 from excite.export.models.servos import ASSUMED
-from excite.export.simulators.comparison import Change, changes, changes_csv
+from excite.export.simulators.comparison import Change, changes_csv, list_changes
 from excite.export.simulators.lost import lost_in
 from excite.export.simulators.model_format import ModelFormat
-from excite.export.simulators.proof import Proof, prove
+from excite.export.simulators.proof import Proof, prove_taken
 from excite.export.simulators.registry import MODEL_FORMATS
 from excite.export.simulators.result import subject_of
 from excite.export.simulators.subject import Lost, Subject
@@ -125,15 +125,19 @@ def write_simulator_model(
     if bad:
         raise InconsistentModelError(bad, can_be_forced=False)
     rendered = model_format.render(subject)
-    proof = prove(model_format, subject)
+    proof = prove_taken(model_format, subject)
     written = SimulatorModel(
         format_name,
         subject.robot.name,
         folder,
         tuple(rendered.files),
-        changes(subject),
+        list_changes(subject),
         lost_in(model_format, subject),
-        (*rendered.notes, *_off(proof, model_format.tolerance), *_servos(model_format, subject)),
+        (
+            *rendered.notes,
+            *_describe_off(proof, model_format.tolerance),
+            *_servo_lines(model_format, subject),
+        ),
         proof,
     )
     with all_or_nothing():
@@ -145,11 +149,11 @@ def write_simulator_model(
     return written
 
 
-def _servos(model_format: ModelFormat, subject: Subject) -> list[str]:
+def _servo_lines(model_format: ModelFormat, subject: Subject) -> list[str]:
     return [ASSUMED] if is_bare(subject.robot) and "kp" in model_format.servo(subject) else []
 
 
-def _off(proof: Proof, tolerance: float) -> list[str]:
+def _describe_off(proof: Proof, tolerance: float) -> list[str]:
     if proof.error <= tolerance:
         return []
     return [

@@ -25,7 +25,7 @@ from excite.human.posture.skeleton import (
     N_SEGMENTS,
     N_VELOCITY,
     Pose,
-    place,
+    place_segments,
     point_jacobian,
 )
 from excite.human.segments import NAMES, PARENTS
@@ -62,7 +62,7 @@ class Calibration:
     frames: int
 
 
-def calibrate(
+def calibrate_body(
     subject: Subject, sites: Mapping[str, MarkerSite], recordings: Sequence[Mapping[str, Array]]
 ) -> Calibration:
     """Calibrate a body from recordings of its markers.
@@ -95,7 +95,7 @@ def calibrate(
             for label in labels
         ]
     )
-    points = np.concatenate([_chosen(recording, labels) for recording in recordings])
+    points = np.concatenate([_choose_frames(recording, labels) for recording in recordings])
     usable = _trunk_seen(points, segment, guess)
     points = points[usable]
     if not len(points):
@@ -113,13 +113,13 @@ def calibrate(
     model = _with_free_markers(
         replace(model, local=np.where(np.isfinite(guess), guess, np.nan)), points, solution
     )
-    sound = _sound(solution, _BAD_FRAME)
+    sound = _sound_frames(solution, _BAD_FRAME)
     points, solution = points[sound], replace(solution, pose=solution.pose[sound])
     sigma = np.where(np.isfinite(guess).all(axis=1), _LANDMARK_SIGMA, _FREE_SIGMA)
-    return _adjust(model, dimensions, points, solution.pose, sigma)
+    return _adjust_jointly(model, dimensions, points, solution.pose, sigma)
 
 
-def _chosen(recording: Mapping[str, Array], labels: tuple[str, ...]) -> Array:
+def _choose_frames(recording: Mapping[str, Array], labels: tuple[str, ...]) -> Array:
     """Some frames spread over a recording, ``(k, m, 3)``."""
     n = len(next(iter(recording.values())))
     frames = np.unique(np.linspace(0, n - 1, min(n, _FRAMES)).astype(int))
@@ -135,7 +135,7 @@ def _trunk_seen(points: Array, segment: NDArray[np.int64], guess: Array) -> NDAr
 
 def _with_free_markers(model: MarkerModel, points: Array, solution: Solution) -> MarkerModel:
     """Places of markers without landmark: their median in their segments' frames."""
-    placed = place(solution.pose, model.offsets)
+    placed = place_segments(solution.pose, model.offsets)
     local = model.local.copy()
     for m in np.flatnonzero(~np.isfinite(local).all(axis=1)):
         k = model.segment[m]
@@ -145,12 +145,12 @@ def _with_free_markers(model: MarkerModel, points: Array, solution: Solution) ->
     return replace(model, local=local)
 
 
-def _sound(solution: Solution, most: float) -> NDArray[np.bool_]:
+def _sound_frames(solution: Solution, most: float) -> NDArray[np.bool_]:
     """Frames without a limb that was found the wrong way, which would pull the joints: cost near the usual one."""
     return np.asarray(solution.cost <= most * np.median(solution.cost))
 
 
-def _adjust(
+def _adjust_jointly(
     model: MarkerModel, dimensions: Dimensions, points: Array, pose: Pose, sigma: Array
 ) -> Calibration:
     """Gauss-Newton on postures, dimensions and places together."""
@@ -164,7 +164,7 @@ def _adjust(
     for _ in range(_ROUNDS):
         model = replace(model, local=local, offsets=basis @ values)
         solution = solve_poses(model, points, pose, steps=6)
-        pose, sound = solution.pose, np.flatnonzero(_sound(solution, _FOLDED))
+        pose, sound = solution.pose, np.flatnonzero(_sound_frames(solution, _FOLDED))
         share = min(1.0, _INDEPENDENT_FRAMES / len(sound))
         normal = np.diag(precision)
         right = precision * np.concatenate([first_values - values, (first_local - local).ravel()])
@@ -184,7 +184,7 @@ def _adjust(
     solution = solve_poses(model, points, pose, steps=10)
     spread = np.sqrt(np.diag(covariance))[: len(values)]
     changed = replace(dimensions, values=values, spread=spread)
-    sound = np.flatnonzero(_sound(solution, _FOLDED))
+    sound = np.flatnonzero(_sound_frames(solution, _FOLDED))
     rms = float(np.sqrt(np.nanmean(solution.residual[sound] ** 2)))
     if n_shared > np.isfinite(points).sum():
         raise InputError("has too few markers and frames to calibrate a body", field="markers")
@@ -200,7 +200,7 @@ class _Normal(NamedTuple):
 
 
 def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Array) -> _Normal:
-    placed = place(pose, model.offsets)
+    placed = place_segments(pose, model.offsets)
     predicted = placed.points(model.segment, model.local)
     seen = np.asarray(np.isfinite(points).all(axis=2))
     error = np.where(seen[:, :, None], points - predicted, 0.0)
@@ -211,7 +211,7 @@ def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Arra
     shared = np.zeros((n, m, 3, basis.shape[2] + 3 * m))
     for k in range(1, N_SEGMENTS):
         moved = placed.rotation[:, PARENTS[k]] @ basis[k]
-        carried = [i for i in range(m) if _carries(k, int(model.segment[i]))]
+        carried = [i for i in range(m) if _joint_carries(k, int(model.segment[i]))]
         shared[..., : basis.shape[2]][:, carried] += moved[:, None]
     for i in range(m):
         start = basis.shape[2] + 3 * i
@@ -229,7 +229,7 @@ def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Arra
     return _Normal(h, g, float((right**2).sum()))
 
 
-def _carries(joint: int, segment: int) -> bool:
+def _joint_carries(joint: int, segment: int) -> bool:
     while segment > 0:
         if segment == joint:
             return True

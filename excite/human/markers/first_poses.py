@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
-from excite.human.posture.skeleton import COLUMNS, N_SEGMENTS, neutral, place
+from excite.human.posture.skeleton import COLUMNS, N_SEGMENTS, neutral_pose, place_segments
 from excite.human.segments import NAMES, PARENTS
 
 _FEWEST_MARKERS = 3
@@ -30,20 +30,20 @@ def first_poses(model: MarkerModel, points: Array) -> Solution:
         local=model.local[known],
     )
     shown = points[:, known]
-    start = neutral(len(points))
-    rotation, origin = aligned(part, shown, "pelvis")
+    start = neutral_pose(len(points))
+    rotation, origin = align_segment(part, shown, "pelvis")
     start.rotation[:, 0], start.position[:] = rotation, origin
     for name in NAMES[1:]:
         k = NAMES.index(name)
         if k in _SPHERICAL and (part.segment == k).sum() >= _FEWEST_MARKERS:
-            world, _ = aligned(part, shown, name)
-            carrier = place(start, model.offsets).rotation[:, PARENTS[k]]
+            world, _ = align_segment(part, shown, name)
+            carrier = place_segments(start, model.offsets).rotation[:, PARENTS[k]]
             start.rotation[:, k] = carrier.transpose(0, 2, 1) @ world
     rough = solve_poses(part, shown, start, steps=40, robust=False)
     return solve_poses(part, shown, rough.pose, steps=10)
 
 
-def aligned(model: MarkerModel, points: Array, segment: str) -> tuple[Array, Array]:
+def align_segment(model: MarkerModel, points: Array, segment: str) -> tuple[Array, Array]:
     """Rotation ``(n, 3, 3)`` and origin ``(n, 3)`` of a segment by its own markers alone (Kabsch 1976).
 
     Frames that show fewer than three of them get an upright segment at the mean of what is seen.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.human.markers.posture_loops import fit_frames
-from excite.human.posture.skeleton import N_SEGMENTS, Pose, neutral, place
+from excite.human.posture.skeleton import N_SEGMENTS, Pose, neutral_pose, place_segments
 
 _PRIOR = 2.0
 
@@ -37,7 +37,7 @@ class MarkerModel:
 
     def predicted(self, pose: Pose) -> Array:
         """World positions of the markers, ``(n, m, 3)`` [m]."""
-        return place(pose, self.offsets).points(self.segment, self.local)
+        return place_segments(pose, self.offsets).points(self.segment, self.local)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def solve_poses(
         seen,
         pose.position,
         pose.rotation,
-        contiguous((neutral() if prior is None else prior).rotation),
+        contiguous((neutral_pose() if prior is None else prior).rotation),
         contiguous(weight),
         contiguous(model.offsets),
         contiguous(model.segment),

@@ -78,13 +78,13 @@ LANDMARKS: tuple[str, ...] = (
 
 def landmark_segment(name: str) -> str:
     """The segment that carries a landmark; raises UnknownNameError."""
-    landmark, side = _find(name)
+    landmark, side = _find_landmark(name)
     return landmark.kind if side is None or landmark.kind in NAMES else f"{side}_{landmark.kind}"
 
 
 def landmark_place(name: str, subject: Subject, dimensions: Dimensions) -> Array:
     """Where a landmark lies in its segment's frame, ``(3,)`` [m]; raises UnknownNameError."""
-    landmark, side = _find(name)
+    landmark, side = _find_landmark(name)
     scale = subject.height / _STATURE
     x, y, z = landmark.place
     place = np.array([x, -y if side == "right" else y, z]) * scale
@@ -100,7 +100,7 @@ def landmark_place(name: str, subject: Subject, dimensions: Dimensions) -> Array
     return place
 
 
-def _find(name: str) -> tuple[Landmark, str | None]:
+def _find_landmark(name: str) -> tuple[Landmark, str | None]:
     side, _, rest = name.partition("_")
     if side in SIDES and rest in _SIDED:
         return _SIDED[rest], side

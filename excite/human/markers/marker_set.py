@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from excite.errors import InputError, UnknownNameError
-from excite.finding import listed
+from excite.finding import list_names
 from excite.human.markers.landmarks import LANDMARKS, landmark_segment
 from excite.human.segments import NAMES
 from excite.reading.yaml_document import read_yaml
@@ -44,7 +44,7 @@ class MarkerSet:
     sites: Mapping[str, MarkerSite]
 
 
-def _sided(pairs: Mapping[str, str], right: str = "R", left: str = "L") -> dict[str, str]:
+def _both_sides(pairs: Mapping[str, str], right: str = "R", left: str = "L") -> dict[str, str]:
     """Landmarks (without side) by label's ending, for both sides."""
     return {
         f"{letter}{ending}": f"{side}_{name}"
@@ -69,7 +69,7 @@ _JOVIC = _from_landmarks(
         "XIPH": "xiphoid",
         "SACR": "sacrum",
         "RSCAP": "right_scapula",
-        **_sided(
+        **_both_sides(
             {
                 "HEAD": "temple",
                 "SHO": "acromion",
@@ -95,7 +95,7 @@ _RAJAGOPAL = _from_landmarks(
     {
         "C7": "c7",
         "CLAV": "suprasternale",
-        **_sided(
+        **_both_sides(
             {
                 "ACR": "acromion",
                 "ASI": "asis",
@@ -133,7 +133,7 @@ _PLUG_IN_GAIT = _from_landmarks(
         "CLAV": "suprasternale",
         "STRN": "xiphoid",
         "RBAK": "right_scapula",
-        **_sided(
+        **_both_sides(
             {
                 "FHD": "temple",
                 "BHD": "back_of_head",
@@ -176,7 +176,7 @@ def find_marker_set(labels: Iterable[str]) -> MarkerSet:
     found = len(present & best.sites.keys())
     if found < max(_FEWEST, _SHARE * min(len(best.sites), len(present))):
         raise InputError(
-            f"labels fit no known marker set ({best.name} has {found} of them): {listed(sorted(present), 4)}",
+            f"labels fit no known marker set ({best.name} has {found} of them): {list_names(sorted(present), 4)}",
             field="markers",
             remedy="give a mapping file with --markers: schema: excite.markers/1, markers:, and a line a label, "
             "{landmark: right_acromion} or {segment: right_thigh} behind it",
@@ -212,11 +212,11 @@ def read_marker_set(name_or_path: str | Path) -> MarkerSet:
             "lists no markers", source=path, field="markers", remedy="map label to landmark or segment"
         )
     return MarkerSet(
-        path.stem, {str(label): _site(entry, str(label), path) for label, entry in entries.items()}
+        path.stem, {str(label): _read_site(entry, str(label), path) for label, entry in entries.items()}
     )
 
 
-def _site(entry: object, label: str, path: Path) -> MarkerSite:
+def _read_site(entry: object, label: str, path: Path) -> MarkerSite:
     field = f"markers.{label}"
     if not isinstance(entry, dict) or not entry.keys() <= {"segment", "landmark"} or not entry:
         raise InputError(

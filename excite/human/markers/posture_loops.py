@@ -9,8 +9,8 @@ from excite.human.markers.tree_loops import (
     HINGE,
     SIZE,
     marker_equations,
-    multiply,
-    placed,
+    multiply_matrices,
+    place_markers,
     solve_tree,
 )
 from excite.human.posture.skeleton import N_SEGMENTS, N_VELOCITY
@@ -64,7 +64,7 @@ def _vector_into(r, out):
 
 
 @LazyKernel
-def _turns(rotation, prior, turns, bent):
+def _joint_turns(rotation, prior, turns, bent):
     """Turn of each joint away from the prior, and how far each hinge is bent the wrong way."""
     relative = np.empty((3, 3))
     for k in range(1, N_SEGMENTS):
@@ -82,7 +82,7 @@ def _turns(rotation, prior, turns, bent):
 
 
 @LazyKernel
-def _cost(target, seen, segment, local, world, origin, robust, turns, bent, weight, points, distance):
+def _frame_cost(target, seen, segment, local, world, origin, robust, turns, bent, weight, points, distance):
     """Cost of one frame; fills in predicted points and distances."""
     cost = 0.0
     for m in range(len(segment)):
@@ -102,7 +102,7 @@ def _cost(target, seen, segment, local, world, origin, robust, turns, bent, weig
 
 
 @LazyKernel
-def _count(seen, distance, robust, weight):
+def _distance_weight(seen, distance, robust, weight):
     """How much the square of each marker's distance counts."""
     for m in range(len(seen)):
         weight[m] = _SIGMA**-2 if seen[m] else 0.0
@@ -111,7 +111,7 @@ def _count(seen, distance, robust, weight):
 
 
 @LazyKernel
-def _pulls(turns, bent, weight, normal, gradient):
+def _add_pulls(turns, bent, weight, normal, gradient):
     """Add what the prior and the hinges' springs pull."""
     for k in range(1, N_SEGMENTS):
         square = weight[k] ** 2
@@ -128,7 +128,7 @@ def _pulls(turns, bent, weight, normal, gradient):
 
 
 @LazyKernel
-def _shorten(step):
+def _shorten_step(step):
     """Make a step no longer than its linearisation holds."""
     largest = 0.0
     for c in range(3, N_VELOCITY):
@@ -139,7 +139,7 @@ def _shorten(step):
 
 
 @LazyKernel
-def _turned(rotation, step, out):
+def _apply_step(rotation, step, out):
     """Rotations after a step ``(40,)``."""
     turn, little = np.empty(3), np.empty((3, 3))
     for k in range(N_SEGMENTS):
@@ -149,11 +149,11 @@ def _turned(rotation, step, out):
             else:
                 turn[i] = step[FIRST[k] + SIZE[k] - 3 + i]
         _turn_into(turn, little)
-        multiply(rotation[k], little, out[k])
+        multiply_matrices(rotation[k], little, out[k])
 
 
 @LazyKernel
-def _copy(position, rotation, to_position, to_rotation):
+def _copy_pose(position, rotation, to_position, to_rotation):
     for i in range(3):
         to_position[i] = position[i]
     for k in range(N_SEGMENTS):
@@ -196,26 +196,26 @@ def fit_frames(
     for n in range(len(target)):
         pulled = prior[n] if len(prior) > 1 else prior[0]
         damping = 1e-3
-        _copy(position[n], rotation[n], place, joints)
-        placed(place, joints, offsets, world, origin)
-        _turns(joints, pulled, turns, bent)
-        best = _cost(
+        _copy_pose(position[n], rotation[n], place, joints)
+        place_markers(place, joints, offsets, world, origin)
+        _joint_turns(joints, pulled, turns, bent)
+        best = _frame_cost(
             target[n], seen[n], segment, local, world, origin, robust, turns, bent, weight[n], points, far
         )
         for _ in range(steps):
-            _count(seen[n], far, robust, counts)
+            _distance_weight(seen[n], far, robust, counts)
             marker_equations(target[n], counts, segment, world, origin, points, normal, step)
-            _pulls(turns, bent, weight[n], normal, step)
+            _add_pulls(turns, bent, weight[n], normal, step)
             for c in range(N_VELOCITY):
                 normal[c, c] = (normal[c, c] + 1e-9) * (1.0 + damping)
             solve_tree(normal, step)
-            _shorten(step)
+            _shorten_step(step)
             for i in range(3):
                 new_place[i] = place[i] + step[i]
-            _turned(joints, step, new_joints)
-            placed(new_place, new_joints, offsets, new_world, new_origin)
-            _turns(new_joints, pulled, new_turns, new_bent)
-            new = _cost(
+            _apply_step(joints, step, new_joints)
+            place_markers(new_place, new_joints, offsets, new_world, new_origin)
+            _joint_turns(new_joints, pulled, new_turns, new_bent)
+            new = _frame_cost(
                 target[n], seen[n], segment, local, new_world, new_origin, robust, new_turns, new_bent,
                 weight[n], new_points, new_far,
             )  # fmt: skip
@@ -233,7 +233,7 @@ def fit_frames(
                 damping = 10.0 * max(damping, 1e-6)
                 if damping >= 1e4:
                     break
-        _copy(place, joints, position[n], rotation[n])
+        _copy_pose(place, joints, position[n], rotation[n])
         cost[n] = best
         for i in range(m):
             distance[n, i] = far[i]

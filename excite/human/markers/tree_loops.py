@@ -31,7 +31,7 @@ _BEFORE = _parent_columns()
 
 
 @LazyKernel
-def multiply(a, b, out):
+def multiply_matrices(a, b, out):
     """Product of two matrices of three rows and columns, into ``out (3, 3)``."""
     for i in range(3):
         for j in range(3):
@@ -39,7 +39,7 @@ def multiply(a, b, out):
 
 
 @LazyKernel
-def placed(position, rotation, offsets, world, origin):
+def place_markers(position, rotation, offsets, world, origin):
     """Forward kinematics of one frame."""
     for i in range(3):
         origin[0, i] = position[i]
@@ -47,14 +47,14 @@ def placed(position, rotation, offsets, world, origin):
             world[0, i, j] = rotation[0, i, j]
     for k in range(1, N_SEGMENTS):
         p = _PARENT[k]
-        multiply(world[p], rotation[k], world[k])
+        multiply_matrices(world[p], rotation[k], world[k])
         for i in range(3):
             origin[k, i] = origin[p, i] + world[p, i, 0] * offsets[k, 0]
             origin[k, i] += world[p, i, 1] * offsets[k, 1] + world[p, i, 2] * offsets[k, 2]
 
 
 @LazyKernel
-def _axes(world, origin):
+def _velocity_axes(world, origin):
     """Velocity about the pelvis that each column gives what it carries: linear, angular ``(40, 6)``."""
     axes = np.zeros((N_VELOCITY, 6))
     for k in range(N_SEGMENTS):
@@ -119,7 +119,7 @@ def marker_equations(target, weight, segment, world, origin, points, normal, gra
             body[_PARENT[k], i] += body[k, i]
         for i in range(6):
             pull[_PARENT[k], i] += pull[k, i]
-    axes = _axes(world, origin)
+    axes = _velocity_axes(world, origin)
     for k in range(N_SEGMENTS):
         b = body[k]
         for c in range(FIRST[k], FIRST[k] + SIZE[k]):

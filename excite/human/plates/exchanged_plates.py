@@ -34,7 +34,7 @@ def unswapped_plates(
         return plates, []
     best, best_miss, order = plates, worst, tuple(range(len(plates)))
     for chosen in permutations(range(len(plates))):
-        moved = [_moved(plates[i], plates[j]) for i, j in enumerate(chosen)]
+        moved = [_move_plate(plates[i], plates[j]) for i, j in enumerate(chosen)]
         miss = max(typical_miss(plate, feet, height) for plate in moved)
         if miss < best_miss:
             best, best_miss, order = moved, miss, chosen
@@ -48,18 +48,18 @@ def unswapped_plates(
     return best, [Finding("swapped_plates", text, {"miss_m": worst, "mended_m": best_miss}, names)]
 
 
-def _moved(plate: PlateRecording, other: PlateRecording) -> PlateRecording:
+def _move_plate(plate: PlateRecording, other: PlateRecording) -> PlateRecording:
     """A plate's reading at another plate's pose."""
     if plate.corners is None or other.corners is None:
         return plate
-    here, there = _pose(plate.corners), _pose(other.corners)
+    here, there = _plate_pose(plate.corners), _plate_pose(other.corners)
     turn = there[0] @ here[0].T
     local = plate.moment - np.cross(here[1], plate.force)
     force, moment = plate.force @ turn.T, local @ turn.T
     return replace(plate, force=force, moment=moment + np.cross(there[1], force), corners=other.corners)
 
 
-def _pose(corners: Array) -> tuple[Array, Array]:
+def _plate_pose(corners: Array) -> tuple[Array, Array]:
     """Rotation and centre of a plate; x and y along its edges, as C3D counts its corners."""
     x = corners[0] + corners[3] - corners[1] - corners[2]
     y = corners[0] + corners[1] - corners[2] - corners[3]

@@ -81,7 +81,7 @@ def plate_readings(
     """
     source, findings = recording.source, []
     plates = []
-    turned, signs = _upward(list(recording.plates), source)
+    turned, signs = _turn_upward(list(recording.plates), source)
     in_newtons, forces = _in_newtons(turned, body.subject.mass * GRAVITY, source)
     for plate in in_newtons:
         largest = float(np.linalg.norm(plate.force, axis=1).max())
@@ -103,11 +103,11 @@ def plate_readings(
     read, units = _in_metres(read, feet, ground, source)
     read, moments = _in_newton_metres(read, feet, ground, source)
     read, swaps = unswapped_plates(read, feet, ground, source)
-    readings, sides = _assigned(read, feet, ground, source)
+    readings, sides = _assign_feet(read, feet, ground, source)
     return readings, (*findings, *signs, *forces, *units, *moments, *swaps, *sides)
 
 
-def _upward(plates: list[PlateRecording], source: Path) -> tuple[list[PlateRecording], list[Finding]]:
+def _turn_upward(plates: list[PlateRecording], source: Path) -> tuple[list[PlateRecording], list[Finding]]:
     """Plates whose vertical forces point up: nobody pulls at a plate."""
     vertical = [plate.force[:, 2] for plate in plates]
     down = [float((force * np.abs(force)).sum()) < 0.0 for force in vertical]
@@ -260,7 +260,7 @@ def _in_metres(
     return read, [Finding("units", text, {"factor": 1e-3}, tuple(names))]
 
 
-def _assigned(
+def _assign_feet(
     plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
 ) -> tuple[tuple[PlateReading, ...], list[Finding]]:
     """Each plate with the foot that stands on it."""
@@ -288,7 +288,7 @@ def _assigned(
             findings.append(Finding("shared_plate", text, {"right_share": share}, (plate.name,)))
         if plate.foot is not None and plate.foot != foot:
             swapped.append((plate.name, foot))
-        center = _center(plate, height)
+        center = _plate_center(plate, height)
         readings.append(
             PlateReading(
                 name=plate.name,
@@ -307,7 +307,7 @@ def _assigned(
     return tuple(readings), findings
 
 
-def _center(plate: PlateRecording, height: float) -> Array:
+def _plate_center(plate: PlateRecording, height: float) -> Array:
     if plate.corners is not None:
         return plate.corners.mean(axis=0)
     point = pressure_center(plate.force, plate.moment, height)

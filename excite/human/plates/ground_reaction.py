@@ -73,7 +73,7 @@ def ground_reactions(
         point = np.append(k.q[:, :2].mean(axis=0), min(place[2] for place in places.values()))
         measured = np.zeros((len(k.time), 6))
         for name, values in trial.wrenches.items():
-            measured += _about(forces_on_grid(trial.time, values, k.time), places[name] - point)
+            measured += _move_moment(forces_on_grid(trial.time, values, k.time), places[name] - point)
         at_base = base_link_regressor(inside.model, k.q, k.v, k.a) @ models
         curves = [measured, *(_in_world(at_base[:, :, i], k.q, point) for i in range(2))]
         edge = settling_samples(k.rate_hz, filters.cutoff_hz)
@@ -86,7 +86,7 @@ def ground_reactions(
     return tuple(found)
 
 
-def _about(wrench: Array, lever: Array) -> Array:
+def _move_moment(wrench: Array, lever: Array) -> Array:
     return np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
 
 
@@ -126,9 +126,9 @@ class ReactionTable:
             fits[role] = {
                 axis: ChannelFit(
                     unit=UNITS[i],
-                    rmse=_rms(measured[:, i] - identified[:, i]),
+                    rmse=_root_mean_square(measured[:, i] - identified[:, i]),
                     cc=correlation(measured[:, i], identified[:, i]),
-                    reference_rmse=_rms(measured[:, i] - nominal[:, i]),
+                    reference_rmse=_root_mean_square(measured[:, i] - nominal[:, i]),
                     reference_cc=correlation(measured[:, i], nominal[:, i]),
                     std=float(measured[:, i].std()),
                 )
@@ -147,15 +147,15 @@ class ReactionTable:
             lines.append(f"ground reaction, {role} trials, RMSE (correlation), world axes:")
             lines.append(f"  {'':8}{'identified':>20}{'nominal':>20}")
             for axis, fit in fits.items():
-                ours = f"{fit.rmse:.2f} {fit.unit} ({_cc(fit.cc)})"
-                theirs = f"{fit.reference_rmse:.2f} {fit.unit} ({_cc(fit.reference_cc)})"
+                ours = f"{fit.rmse:.2f} {fit.unit} ({_correlation_text(fit.cc)})"
+                theirs = f"{fit.reference_rmse:.2f} {fit.unit} ({_correlation_text(fit.reference_cc)})"
                 lines.append(f"  {_NAMES[axis]:8}{ours:>20}{theirs:>20}")
         return "\n".join(lines)
 
 
-def _cc(value: float | None) -> str:
+def _correlation_text(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
 
-def _rms(values: Array) -> float:
+def _root_mean_square(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))

@@ -46,7 +46,7 @@ def mass_center(body: Body, placement: Placement) -> Array:
     return np.einsum("k,nki->ni", masses / masses.sum(), points)
 
 
-def support(
+def find_support(
     body: Body, placement: Placement, readings: Sequence[PlateReading], rate_hz: float, source: Path
 ) -> Support:
     """Find the span in which all contact is on plates, and weigh the person in it.

@@ -9,7 +9,7 @@ from excite.arrays import Array
 from excite.human.posture.skeleton import N_SEGMENTS, Pose
 
 
-def interpolated(at: Array, pose: Pose, wanted: Array) -> Pose:
+def interpolate_poses(at: Array, pose: Pose, wanted: Array) -> Pose:
     """Postures between postures: positions linearly, rotations on the shortest arc.
 
     Args:

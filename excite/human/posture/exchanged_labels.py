@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from excite.arrays import Array
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution
-from excite.human.posture.between_poses import interpolated
+from excite.human.posture.between_poses import interpolate_poses
 from excite.human.recording import Recording
 
 FAR = 0.05
@@ -17,7 +17,7 @@ FAR = 0.05
 _MENDED = 0.5
 
 
-def unswapped(
+def restore_labels(
     model: MarkerModel, points: Array, solution: Solution
 ) -> tuple[Array, dict[tuple[str, str], int]]:
     """Exchange labels back in frames in which each of two markers lies where the other belongs.
@@ -30,7 +30,7 @@ def unswapped(
     good, bad = np.flatnonzero(~far), np.flatnonzero(far)
     if not len(good) or not len(bad):
         return points, {}
-    between = interpolated(good.astype(float), solution.pose[good], bad.astype(float))
+    between = interpolate_poses(good.astype(float), solution.pose[good], bad.astype(float))
     swapped: dict[tuple[str, str], int] = {}
     for predicted in (model.predicted(solution.pose[bad]), model.predicted(between)):
         shown = points[bad]
@@ -82,6 +82,6 @@ def label_findings(
     stray = tuple(label for i, label in enumerate(labels) if (distance[:, i] > 2 * FAR).any())
     if stray:
         share = float((distance > 2 * FAR).any(axis=1).mean())
-        text = f"{recording.source.name}: {listed(stray)} lie more than 10 cm off in some frames; they count less there"
+        text = f"{recording.source.name}: {list_names(stray)} lie more than 10 cm off in some frames; they count less there"
         findings.append(Finding("stray_markers", text, {"share_of_frames": share}, stray))
     return findings

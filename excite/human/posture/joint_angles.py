@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
-from excite.finding import Finding, listed
-from excite.human.posture.skeleton import N_SEGMENTS, Pose, exponential
+from excite.finding import Finding, list_names
+from excite.human.posture.skeleton import N_SEGMENTS, Pose, rotation_exponential
 from excite.human.segments import JOINT_NAMES, SEGMENTS
 
 # The turn of an upper arm about its own axis ranges from some 60° outwards to 120° inwards; counted from the
@@ -22,7 +22,7 @@ def frame_turn(index: int) -> Array:
     if segment.kind != "upper_arm":
         return np.eye(3)
     inward = 1.0 if segment.side == "right" else -1.0
-    return exponential(np.array([[0.0, 0.0, inward * SHOULDER_TURN]]))[0]
+    return rotation_exponential(np.array([[0.0, 0.0, inward * SHOULDER_TURN]]))[0]
 
 
 def joint_angles(pose: Pose) -> Array:
@@ -52,7 +52,7 @@ def pose_of(base: Array, angles: Array) -> Pose:
     for k, segment in enumerate(SEGMENTS):
         for axis in segment.axes:
             turn = np.outer(angles[:, column], np.eye(3)[axis.index] * axis.sign)
-            rotation[:, k] = rotation[:, k] @ exponential(turn)
+            rotation[:, k] = rotation[:, k] @ rotation_exponential(turn)
             column += 1
         rotation[:, k] = rotation[:, k] @ frame_turn(k)
     return Pose(base[:, :3].copy(), rotation)
@@ -78,7 +78,7 @@ def near_singular(angles: Array, source: str) -> tuple[Finding, ...]:
     if not joints:
         return ()
     text = (
-        f"{source}: {listed(joints)} come within 10° of the posture in which a joint's angles are not unique; "
+        f"{source}: {list_names(joints)} come within 10° of the posture in which a joint's angles are not unique; "
         "accelerations there are poor"
     )
     return (Finding("near_singular", text, {}, tuple(joints)),)

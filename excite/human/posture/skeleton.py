@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.human.segments import NAMES, PARENTS, SEGMENTS, ancestors
+from excite.human.segments import NAMES, PARENTS, SEGMENTS, segment_ancestors
 
 N_SEGMENTS = len(NAMES)
 
 
-def _columns() -> tuple[slice, ...]:
+def _velocity_columns() -> tuple[slice, ...]:
     """Columns of each joint in the 40 velocity coordinates: six of the pelvis, then three or one a joint."""
     columns, start = [slice(0, 6)], 6
     for segment in SEGMENTS[1:]:
@@ -23,10 +23,10 @@ def _columns() -> tuple[slice, ...]:
     return tuple(columns)
 
 
-COLUMNS = _columns()
+COLUMNS = _velocity_columns()
 N_VELOCITY = COLUMNS[-1].stop
 DESCENDANTS: tuple[tuple[int, ...], ...] = tuple(
-    tuple(k for k in range(N_SEGMENTS) if joint in ancestors(k)) for joint in range(N_SEGMENTS)
+    tuple(k for k in range(N_SEGMENTS) if joint in segment_ancestors(k)) for joint in range(N_SEGMENTS)
 )
 REVOLUTE_AXIS = {
     k: np.eye(3)[segment.axes[0].index] * segment.axes[0].sign
@@ -64,11 +64,11 @@ class Pose:
             turn = step[:, 3:6] if k == 0 else step[:, COLUMNS[k]]
             if k in REVOLUTE_AXIS:
                 turn = turn * REVOLUTE_AXIS[k]
-            rotation[:, k] = rotation[:, k] @ exponential(turn)
+            rotation[:, k] = rotation[:, k] @ rotation_exponential(turn)
         return replace(self, position=self.position + step[:, :3], rotation=rotation)
 
 
-def neutral(n: int = 1) -> Pose:
+def neutral_pose(n: int = 1) -> Pose:
     """Standing upright at the world's origin."""
     return Pose(np.zeros((n, 3)), np.tile(np.eye(3), (n, N_SEGMENTS, 1, 1)))
 
@@ -91,7 +91,7 @@ class Placement:
         return self.origin[:, segment] + turned
 
 
-def place(pose: Pose, offsets: Array) -> Placement:
+def place_segments(pose: Pose, offsets: Array) -> Placement:
     """Forward kinematics.
 
     Args:
@@ -135,7 +135,7 @@ def point_jacobian(placement: Placement, points: Array, segment: NDArray[np.int6
     return jacobian
 
 
-def exponential(turn: Array) -> Array:
+def rotation_exponential(turn: Array) -> Array:
     """Rotation matrices ``(n, 3, 3)`` of rotation vectors ``(n, 3)`` (Rodrigues)."""
     angle = np.linalg.norm(turn, axis=-1)
     square = angle**2

@@ -17,8 +17,8 @@ from excite.finding import Finding
 from excite.human.markers.calibration import Calibration
 from excite.human.markers.first_poses import first_poses
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
-from excite.human.posture.between_poses import interpolated
-from excite.human.posture.exchanged_labels import FAR, label_findings, unswapped
+from excite.human.posture.between_poses import interpolate_poses
+from excite.human.posture.exchanged_labels import FAR, label_findings, restore_labels
 from excite.human.posture.skeleton import DESCENDANTS, N_SEGMENTS, Pose
 from excite.human.recording import Recording
 from excite.human.segments import NAMES
@@ -74,40 +74,40 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
         LogError: pelvis or torso are never seen, or the trial is too short to filter.
     """
     model = calibration.model
-    points = _matrix(recording, model.labels)
+    points = _marker_matrix(recording, model.labels)
     if not np.isfinite(points).all(axis=2).any():
         raise LogError("shows no marker of the body", source=recording.source)
-    rough = _coarse(model, points)
+    rough = _coarse_solution(model, points)
     swapped: Counter[tuple[str, str]] = Counter()
     for _ in range(_REPAIRS):
-        points, found = unswapped(model, points, rough)
+        points, found = restore_labels(model, points, rough)
         swapped.update(found)
         if not found:
             break
-        rough = _repaired(model, points, solve_poses(model, points, rough.pose, steps=8))
+        rough = _repair_frames(model, points, solve_poses(model, points, rough.pose, steps=8))
     predicted = model.predicted(rough.pose)
     findings = label_findings(swapped, points, predicted, model.labels, recording)
     if cutoff_hz is not None:
-        points = _filtered(points, predicted, recording, cutoff_hz)
-    prior, weight, lost = _prior(model, points, rough.pose, recording.time)
+        points = _filter_markers(points, predicted, recording, cutoff_hz)
+    prior, weight, lost = _prior_pose(model, points, rough.pose, recording.time)
     solution = solve_poses(model, points, rough.pose, steps=10, prior=prior, prior_weight=weight)
     return TrialPoses(recording.time, solution.pose, solution.residual, model.labels, (*findings, *lost))
 
 
-def _matrix(recording: Recording, labels: tuple[str, ...]) -> Array:
+def _marker_matrix(recording: Recording, labels: tuple[str, ...]) -> Array:
     nothing = np.full((len(recording.time), 3), np.nan)
     return np.stack([recording.markers.get(label, nothing) for label in labels], axis=1)
 
 
-def _coarse(model: MarkerModel, points: Array) -> Solution:
+def _coarse_solution(model: MarkerModel, points: Array) -> Solution:
     """Postures of every few frames from scratch, then all frames from these, then bad ones from good neighbours."""
     frames = np.unique(np.append(np.arange(0, len(points), _STRIDE), len(points) - 1))
-    few = _repaired(model, points[frames], first_poses(model, points[frames]))
-    start = interpolated(frames.astype(float), few.pose, np.arange(len(points)).astype(float))
-    return _repaired(model, points, solve_poses(model, points, start, steps=6))
+    few = _repair_frames(model, points[frames], first_poses(model, points[frames]))
+    start = interpolate_poses(frames.astype(float), few.pose, np.arange(len(points)).astype(float))
+    return _repair_frames(model, points, solve_poses(model, points, start, steps=6))
 
 
-def _repaired(model: MarkerModel, points: Array, solution: Solution) -> Solution:
+def _repair_frames(model: MarkerModel, points: Array, solution: Solution) -> Solution:
     """Solve frames with far markers again from postures between good frames; the better answer stays.
 
     A limb can be found folded the wrong way where it is solved on its own; its neighbours in time know better.
@@ -118,7 +118,7 @@ def _repaired(model: MarkerModel, points: Array, solution: Solution) -> Solution
         good, bad = np.flatnonzero(~far), np.flatnonzero(far)
         if not len(bad) or not len(good):
             break
-        start = interpolated(good.astype(float), pose[good], bad.astype(float))
+        start = interpolate_poses(good.astype(float), pose[good], bad.astype(float))
         rough = solve_poses(model, points[bad], start, steps=15, robust=False)
         again = solve_poses(model, points[bad], rough.pose, steps=10)
         better = bad[again.cost < cost[bad] * 0.999]
@@ -133,7 +133,7 @@ def _repaired(model: MarkerModel, points: Array, solution: Solution) -> Solution
     return Solution(pose, residual, cost)
 
 
-def _filtered(points: Array, predicted: Array, recording: Recording, cutoff_hz: float) -> Array:
+def _filter_markers(points: Array, predicted: Array, recording: Recording, cutoff_hz: float) -> Array:
     """Low-pass each marker; gaps are bridged by the body's motion while it is filtered, and stay if long."""
     rate = recording.rate_hz
     if len(points) <= settling_samples(rate, cutoff_hz):
@@ -176,7 +176,7 @@ class _Prior(NamedTuple):
     lost: list[Finding]
 
 
-def _prior(model: MarkerModel, points: Array, pose: Pose, time: Array) -> _Prior:
+def _prior_pose(model: MarkerModel, points: Array, pose: Pose, time: Array) -> _Prior:
     """Where markers of a joint's whole outer limb are lost for a while, its posture is interpolated and held."""
     shown = np.asarray(np.isfinite(points).all(axis=2))
     usual = shown.any(axis=0)

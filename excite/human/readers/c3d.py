@@ -57,7 +57,7 @@ class C3dReader(RecordingReader):
         time = np.arange(n) / raw.rate_hz
         _check_labels(raw.labels, path)
         markers = {label: position[:, i] for i, label in enumerate(raw.labels) if i < position.shape[1]}
-        plates = tuple(_plate(plate, i, unit, time, path) for i, plate in enumerate(raw.plates))
+        plates = tuple(_read_plate(plate, i, unit, time, path) for i, plate in enumerate(raw.plates))
         return Recording(path, time, markers, plates)
 
 
@@ -69,7 +69,7 @@ def _check_labels(labels: tuple[str, ...], path: Path) -> None:
         raise LogError("stands twice", source=path, field=twice[0][:60], remedy="rename one of them")
 
 
-def _plate(plate: Any, index: int, length: float, time: np.ndarray, path: Path) -> PlateRecording:
+def _read_plate(plate: Any, index: int, length: float, time: np.ndarray, path: Path) -> PlateRecording:
     """Force and moment of a plate on the person, about the laboratory's origin.
 
     ezc3d gives moments about the centre of the surface; both come as the plate's reaction.

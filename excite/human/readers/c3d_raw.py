@@ -47,7 +47,7 @@ def read_raw(path: Path) -> RawC3d:
         return RawC3d(
             rate_hz=float(content["header"]["points"]["frame_rate"]),
             unit=str(units[0]),
-            labels=tuple(_labels(point)),
+            labels=tuple(_point_labels(point)),
             points=np.asarray(content["data"]["points"], dtype=float),
             residuals=np.asarray(content["data"]["meta_points"]["residuals"], dtype=float)[0],
             plates=tuple(_raw_plate(plate) for plate in content["data"].get("platform", ())),
@@ -62,7 +62,7 @@ def _raw_plate(plate: Any) -> dict[str, Any]:
     return values | {name: str(plate.get(name, "")) for name in ("unit_moment", "unit_position")}
 
 
-def _labels(point: Any) -> list[str]:
+def _point_labels(point: Any) -> list[str]:
     """Names of the points; a list holds 255 of them, others follow in LABELS2, LABELS3, …"""
     found: list[str] = []
     names = ["LABELS", *(f"LABELS{i}" for i in range(2, 256))]

@@ -49,7 +49,7 @@ class C3dHeader:
 
 def check_c3d(content: bytes, path: Path) -> None:
     """Refuse a file whose blocks, records or counts contradict its size; raises LogError with the field."""
-    header = _header(content, path)
+    header = _read_header(content, path)
     for field, block in (("parameter block", header.parameters), ("data block", header.data)):
         if not 2 <= block <= len(content) // BLOCK + 1:
             raise LogError(
@@ -69,10 +69,10 @@ def check_c3d(content: bytes, path: Path) -> None:
             field="frames",
             remedy="it is cut off or damaged: export it again",
         )
-    _check_counts(dict(_records(content, header, path)), header, frame, room, path)
+    _check_counts(dict(_read_records(content, header, path)), header, frame, room, path)
 
 
-def _header(content: bytes, path: Path) -> C3dHeader:
+def _read_header(content: bytes, path: Path) -> C3dHeader:
     if len(content) < 2 * BLOCK or content[1] != _MAGIC:
         raise LogError("is no C3D file", source=path, remedy="export it again")
     start = (content[0] - 1) * BLOCK
@@ -87,18 +87,18 @@ def _header(content: bytes, path: Path) -> C3dHeader:
     order = ">" if processor == _MIPS else "<"
     points, analog, first, last = struct.unpack(f"{order}4H", content[2:10])
     data = struct.unpack(f"{order}H", content[16:18])[0]
-    scale, rate = (_real(content[at : at + 4], processor) for at in (12, 20))
+    scale, rate = (_read_real(content[at : at + 4], processor) for at in (12, 20))
     size = 4 if scale < 0.0 else 2
     return C3dHeader(content[0], points, analog, last - first + 1, size, data, rate, order)
 
 
-def _real(raw: bytes, processor: int) -> float:
+def _read_real(raw: bytes, processor: int) -> float:
     if processor == _DEC:
         return float(struct.unpack("<f", raw[2:] + raw[:2])[0]) / 4.0
     return float(struct.unpack(">f" if processor == _MIPS else "<f", raw)[0])
 
 
-def _records(content: bytes, header: C3dHeader, path: Path) -> Iterator[tuple[tuple[int, str], bytes]]:
+def _read_records(content: bytes, header: C3dHeader, path: Path) -> Iterator[tuple[tuple[int, str], bytes]]:
     """Parameters by number of their group and name, with their data; the groups' names under an empty one."""
     place = (header.parameters - 1) * BLOCK + 4
     end = (header.data - 1) * BLOCK if header.data > header.parameters else len(content)
@@ -109,33 +109,33 @@ def _records(content: bytes, header: C3dHeader, path: Path) -> Iterator[tuple[tu
         after = place + 2 + length
         name = content[place + 2 : after].decode("latin-1").strip().upper()
         if after + 2 > end:
-            raise _outside(name, path)
+            raise _outside_error(name, path)
         offset = struct.unpack(f"{header.order}H", content[after : after + 2])[0]
         following = after + offset if offset else end
         if following > end or offset == 1:
-            raise _outside(name, path)
+            raise _outside_error(name, path)
         if number >= 128:
             yield (256 - number, ""), name.encode("latin-1")
         else:
-            yield (number, name), _data(content[after + 2 : following], name, path)
+            yield (number, name), _record_data(content[after + 2 : following], name, path)
         if offset == 0:
             return
         place = following
 
 
-def _data(record: bytes, name: str, path: Path) -> bytes:
+def _record_data(record: bytes, name: str, path: Path) -> bytes:
     """The values of a parameter, as large as its dimensions say."""
     kind = struct.unpack("b", record[:1])[0] if record else 0
     count = record[1] if len(record) > 1 else 255
     if kind not in _SIZES or count > 7 or len(record) < 2 + count:
-        raise _outside(name, path)
+        raise _outside_error(name, path)
     size = _SIZES[kind] * math.prod(record[2 : 2 + count])
     if len(record) < 2 + count + size:
-        raise _outside(name, path)
+        raise _outside_error(name, path)
     return record[2 + count : 2 + count + size]
 
 
-def _outside(name: str, path: Path) -> LogError:
+def _outside_error(name: str, path: Path) -> LogError:
     shown = "".join(c for c in name if c.isprintable())[:30]
     return LogError(
         "does not fit into the file", source=path, field=f"parameter {shown}".strip(), remedy=_REMEDY

@@ -75,10 +75,10 @@ def columns_of(labels: Sequence[str]) -> Columns:
     Markers end in an axis, ``RSHO.x``, ``RSHO_X``, ``RSHO X (mm)``; forces, moments and centres of pressure of a
     plate share what stands before and behind: ``FP1_Fx``, ``FP1_Mx``, ``FP1_COPx`` or ``Fx1``, ``Mx1``.
     """
-    time = next((column for name, column in map(_named, labels) if name.lower() in _TIMES), None)
+    time = next((column for name, column in map(_parse_label, labels) if name.lower() in _TIMES), None)
     plates: dict[str, Plate] = {}
     for label in labels:
-        name, column = _named(label)
+        name, column = _parse_label(label)
         found = _PLATE.fullmatch(name)
         if found:
             kind = found["kind"].lower()
@@ -89,7 +89,7 @@ def columns_of(labels: Sequence[str]) -> Columns:
     taken = {column.label for plate in plates.values() for column in plate.columns.values()}
     markers: dict[str, dict[str, Column]] = {}
     for label in labels:
-        name, column = _named(label)
+        name, column = _parse_label(label)
         found = _MARKER.fullmatch(name)
         if found and label not in taken and column != time:
             markers.setdefault(found["stem"].strip(), {})[found["axis"].lower()] = column
@@ -98,7 +98,7 @@ def columns_of(labels: Sequence[str]) -> Columns:
     return Columns(time, markers, tuple(plates.values()))
 
 
-def _named(label: str) -> tuple[str, Column]:
+def _parse_label(label: str) -> tuple[str, Column]:
     unit = _UNIT.search(label)
     if unit is None:
         return label, Column(label, 1.0)

@@ -14,7 +14,7 @@ from excite.arrays import Array
 from excite.errors import LogError
 from excite.finding import Finding
 from excite.human.readers.column_names import Column, Plate, columns_of
-from excite.human.readers.reader import RecordingReader, check_labels, checked_time, numbers, read_lines
+from excite.human.readers.reader import RecordingReader, check_labels, checked_time, read_lines, row_numbers
 from excite.human.readers.table_header import header_of
 from excite.human.recording import PlateRecording, Recording
 
@@ -61,20 +61,20 @@ class CsvReader(RecordingReader):
                     source=path,
                     remedy="write one field a column, empty for a missing marker",
                 )
-            rows.append(numbers(fields, path, place))
+            rows.append(row_numbers(fields, path, place))
         data = np.array(rows).reshape(len(rows), len(labels))
         table = {label: data[:, i] for i, label in enumerate(labels)}
         time = checked_time(named.time.factor * table[named.time.label], path)
-        markers = {stem: _vector(table, axes, stem, path) for stem, axes in named.markers.items()}
+        markers = {stem: _column_vector(table, axes, stem, path) for stem, axes in named.markers.items()}
         found: list[Finding] = []
-        plates = tuple(_plate(table, plate, time, path, found) for plate in named.plates)
-        frames = _frames(list(markers.values()), len(time))
+        plates = tuple(_table_plate(table, plate, time, path, found) for plate in named.plates)
+        frames = _sampled_rows(list(markers.values()), len(time))
         markers = {stem: values[frames] for stem, values in markers.items()}
         plates = tuple(_own_rows(plate) for plate in plates)
         return Recording(path, time[frames], markers, plates, tuple(found))
 
 
-def _frames(channels: Sequence[Array], n: int) -> NDArray[np.int64]:
+def _sampled_rows(channels: Sequence[Array], n: int) -> NDArray[np.int64]:
     """Rows in which channels were sampled: every k-th where those between are always empty, else all ``n``."""
     every = np.arange(n)
     if not channels:
@@ -90,23 +90,23 @@ def _frames(channels: Sequence[Array], n: int) -> NDArray[np.int64]:
 
 
 def _own_rows(plate: PlateRecording) -> PlateRecording:
-    rows = _frames([plate.force], len(plate.time))
+    rows = _sampled_rows([plate.force], len(plate.time))
     return replace(plate, time=plate.time[rows], force=plate.force[rows], moment=plate.moment[rows])
 
 
-def _plate(
+def _table_plate(
     table: Mapping[str, Array], plate: Plate, time: Array, path: Path, found: list[Finding]
 ) -> PlateRecording:
     def of(kind: str) -> Array:
         axes = {axis: plate.columns[kind + axis] for axis in "xyz" if kind + axis in plate.columns}
-        return _vector(table, axes, f"{plate.name}, {kind}", path)
+        return _column_vector(table, axes, f"{plate.name}, {kind}", path)
 
     force = of("f")
     if {"px", "py"} <= plate.columns.keys():
         level = np.zeros(len(time))
         point = np.column_stack(
             [
-                _values(table, plate.columns[key]) if key in plate.columns else level
+                _column_values(table, plate.columns[key]) if key in plate.columns else level
                 for key in ("px", "py", "pz")
             ]
         )
@@ -115,7 +115,7 @@ def _plate(
         torque = np.zeros_like(force)
         for k, axis in enumerate("xyz"):
             if f"t{axis}" in plate.columns:
-                torque[:, k] = _values(table, plate.columns[f"t{axis}"])
+                torque[:, k] = _column_values(table, plate.columns[f"t{axis}"])
         if not any(f"t{axis}" in plate.columns for axis in "xyz"):
             text = f"{path.name}: {plate.name} has a centre of pressure and no free torque (Tz): it is taken as zero"
             found.append(Finding("free_torque", text, {}, (plate.name,)))
@@ -130,14 +130,14 @@ def _plate(
     )
 
 
-def _values(table: Mapping[str, Array], column: Column) -> Array:
+def _column_values(table: Mapping[str, Array], column: Column) -> Array:
     return np.asarray(column.factor * table[column.label])
 
 
-def _vector(table: Mapping[str, Array], axes: Mapping[str, Column], stem: str, path: Path) -> Array:
+def _column_vector(table: Mapping[str, Array], axes: Mapping[str, Column], stem: str, path: Path) -> Array:
     missing = [axis for axis in "xyz" if axis not in axes]
     if missing:
         raise LogError(
             "column is missing", source=path, field=f"{stem}.{missing[0]}"[:60], remedy="write all components"
         )
-    return np.column_stack([_values(table, axes[axis]) for axis in "xyz"])
+    return np.column_stack([_column_values(table, axes[axis]) for axis in "xyz"])

@@ -55,7 +55,7 @@ def check_labels(labels: Sequence[str], path: Path) -> None:
         raise LogError("stands twice", source=path, field=twice[0][:60], remedy="rename one of them")
 
 
-def numbers(fields: list[str], path: Path, line: int) -> list[float]:
+def row_numbers(fields: list[str], path: Path, line: int) -> list[float]:
     """Numbers of a row, NaN for an empty field; raises LogError with the line."""
     try:
         return [float(text) if text.strip() else np.nan for text in fields]

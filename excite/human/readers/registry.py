@@ -13,7 +13,7 @@ from excite.human.readers.reader import RecordingReader
 from excite.human.readers.storage import StorageReader
 from excite.human.readers.trc import TrcReader
 from excite.human.recording import Recording
-from excite.reading.packed import plain_name, unpacked
+from excite.reading.packed import plain_name, unpack_file
 
 READERS: tuple[RecordingReader, ...] = (C3dReader(), TrcReader(), StorageReader(), CsvReader())
 
@@ -26,7 +26,7 @@ def read_recording(path: Path) -> Recording:
     """
     for reader in READERS:
         if plain_name(path).suffix.lower() in reader.suffixes:
-            with unpacked(path, limit=MAX_C3D_BYTES, error=LogError) as plain:
+            with unpack_file(path, limit=MAX_C3D_BYTES, error=LogError) as plain:
                 return check_recording(replace(reader.read(plain), source=path))
     known = ", ".join(suffix for reader in READERS for suffix in reader.suffixes)
     raise LogError(f"no reader for {path.suffix[:60]!r}", source=path, remedy=f"use one of {known}")

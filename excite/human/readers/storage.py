@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.human.readers.reader import RecordingReader, check_labels, checked_time, numbers, read_lines
+from excite.human.readers.reader import RecordingReader, check_labels, checked_time, read_lines, row_numbers
 from excite.human.recording import PlateRecording, Recording
 
 
@@ -29,12 +29,12 @@ class StorageReader(RecordingReader):
             if not label.endswith("vx"):
                 continue
             stem = label[:-2]
-            force = _vector(columns, stem + "v", path)
-            point = _vector(columns, stem + "p", path)
+            force = _storage_vector(columns, stem + "v", path)
+            point = _storage_vector(columns, stem + "p", path)
             torque_stem = stem.replace("force", "torque")
             torque = np.zeros_like(force)
             if f"{torque_stem}x" in columns and torque_stem != stem:
-                torque = _vector(columns, torque_stem, path)
+                torque = _storage_vector(columns, torque_stem, path)
             loaded = np.abs(force).max(axis=1) > 0.0
             point = np.where(loaded[:, None], point, 0.0)
             plates.append(
@@ -78,14 +78,14 @@ def read_storage(path: Path) -> dict[str, Array]:
                 source=path,
                 remedy="export it again",
             )
-        rows.append(numbers(fields, path, place))
+        rows.append(row_numbers(fields, path, place))
     if "time" not in labels or not rows:
         raise LogError("has no column time", source=path, remedy="export it again")
     data = np.array(rows)
     return {label: data[:, i] for i, label in enumerate(labels)}
 
 
-def _vector(columns: dict[str, Array], stem: str, path: Path) -> Array:
+def _storage_vector(columns: dict[str, Array], stem: str, path: Path) -> Array:
     missing = [f"{stem}{axis}" for axis in "xyz" if f"{stem}{axis}" not in columns]
     if missing:
         raise LogError(

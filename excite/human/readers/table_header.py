@@ -25,7 +25,7 @@ def header_of(lines: Sequence[str], separator: str) -> tuple[list[str], int]:
     Returns:
         Labels, none where the file holds no row of numbers below names; the number of lines above the rows.
     """
-    split = [_cells(line, separator) for line in lines[:_MOST_LINES]]
+    split = [_split_cells(line, separator) for line in lines[:_MOST_LINES]]
     first = next((k for k, cells in enumerate(split) if _is_row(cells)), None)
     if first is None or first == 0:
         return (split[0], 1) if split else ([], 0)
@@ -38,12 +38,12 @@ def header_of(lines: Sequence[str], separator: str) -> tuple[list[str], int]:
     units = above.pop() if len(above) > 1 and _are_units(above[-1]) else [""] * width
     names = above[-1]
     if len(above) > 1 and any(_BELOW.fullmatch(name) for name in names):
-        names = _below(above[-2], names)
+        names = _align_below(above[-2], names)
     labels = [f"{name} [{unit}]" if name and unit else name for name, unit in zip(names, units, strict=True)]
     return labels, first
 
 
-def _cells(line: str, separator: str) -> list[str]:
+def _split_cells(line: str, separator: str) -> list[str]:
     return [cell.strip().strip('"').strip() for cell in line.lstrip("\ufeff").split(separator)]
 
 
@@ -65,7 +65,7 @@ def _are_units(cells: Sequence[str]) -> bool:
     return bool(said) and all(cell in _UNITS for cell in said)
 
 
-def _below(headings: Sequence[str], names: Sequence[str]) -> list[str]:
+def _align_below(headings: Sequence[str], names: Sequence[str]) -> list[str]:
     found, last = [], ""
     for heading, name in zip(headings, names, strict=True):
         last = heading or last

@@ -13,8 +13,8 @@ from excite.human.readers.reader import (
     check_labels,
     checked_time,
     metres_per_unit,
-    numbers,
     read_lines,
+    row_numbers,
 )
 from excite.human.recording import Recording
 
@@ -53,7 +53,7 @@ class TrcReader(RecordingReader):
                     remedy="export it again",
                 )
             fields = (fields + [""] * width)[:width]
-            rows.append(numbers(fields, path, place))
+            rows.append(row_numbers(fields, path, place))
         if not rows:
             raise LogError("holds no frames", source=path, remedy="export it again")
         data = np.array(rows)

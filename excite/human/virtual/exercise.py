@@ -11,7 +11,7 @@ from scipy.signal import fftconvolve
 from excite.arrays import Array
 from excite.human.body import Body
 from excite.human.posture.joint_angles import pose_of
-from excite.human.posture.skeleton import place
+from excite.human.posture.skeleton import place_segments
 from excite.human.segments import JOINT_NAMES, NAMES
 
 
@@ -25,7 +25,7 @@ class Performance:
     right_share: Array
 
 
-def perform(body: Body, seconds: float = 60.0, rate_hz: float = 100.0, seed: int = 0) -> Performance:
+def perform_exercise(body: Body, seconds: float = 60.0, rate_hz: float = 100.0, seed: int = 0) -> Performance:
     """Arms, trunk and head all the time; right leg, left leg and squats in turn, weight over the standing foot."""
     rng = np.random.default_rng(seed)
     n = round(seconds * rate_hz)
@@ -79,22 +79,22 @@ def perform(body: Body, seconds: float = 60.0, rate_hz: float = 100.0, seed: int
         put(f"{side}_ankle_flexion", 0.15 + down + free * wave(0.3))
         put(f"{side}_ankle_adduction", free * wave(0.15))
         put(f"{side}_ankle_rotation", free * wave(0.1))
-    return balanced(body, time, angles, right_share)
+    return balance_pelvis(body, time, angles, right_share)
 
 
-def repeated(body: Body, show: Performance, rng: np.random.Generator) -> Performance:
+def repeat_exercise(body: Body, show: Performance, rng: np.random.Generator) -> Performance:
     """The same exercise done again: timing wanders by some tenths of a second, each joint's range by some 5 %."""
     n = len(show.time)
     rate = 1.0 / (show.time[1] - show.time[0])
-    late = np.cumsum(_wandering(n, rate, 4.0, 1, rng)[:, 0]) * 0.05 / rate
+    late = np.cumsum(_wandering_noise(n, rate, 4.0, 1, rng)[:, 0]) * 0.05 / rate
     at = np.clip(show.time + late - late.mean(), show.time[0], show.time[-1])
     angles, share = (CubicSpline(show.time, values)(at) for values in (show.angles, show.right_share))
     middle = angles.mean(axis=0)
-    angles = middle + (angles - middle) * (1.0 + 0.05 * _wandering(n, rate, 3.0, angles.shape[1], rng))
-    return balanced(body, show.time, angles, share)
+    angles = middle + (angles - middle) * (1.0 + 0.05 * _wandering_noise(n, rate, 3.0, angles.shape[1], rng))
+    return balance_pelvis(body, show.time, angles, share)
 
 
-def _wandering(n: int, rate: float, seconds: float, columns: int, rng: np.random.Generator) -> Array:
+def _wandering_noise(n: int, rate: float, seconds: float, columns: int, rng: np.random.Generator) -> Array:
     """Smooth noise of unit variance that forgets itself in so many seconds, ``(n, columns)``."""
     kernel = np.hanning(int(2 * seconds * rate))
     noise = rng.standard_normal((n + len(kernel), columns))
@@ -102,12 +102,12 @@ def _wandering(n: int, rate: float, seconds: float, columns: int, rng: np.random
     return smooth / np.sqrt((kernel**2).sum())
 
 
-def balanced(body: Body, time: Array, angles: Array, share: Array) -> Performance:
+def balance_pelvis(body: Body, time: Array, angles: Array, share: Array) -> Performance:
     """Put the pelvis so that the weighted feet keep their height and the centre of mass lies over them."""
     n = len(time)
     base = np.zeros((n, 7))
     base[:, 6] = 1.0
-    placed = place(pose_of(base, angles), body.offsets)
+    placed = place_segments(pose_of(base, angles), body.offsets)
     masses = np.array([b.mass for b in body.inertias])
     centers = np.stack([b.center for b in body.inertias])
     points = placed.origin + np.einsum("nkij,kj->nki", placed.rotation, centers)

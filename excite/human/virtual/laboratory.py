@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 from excite.arrays import Array
 from excite.human.markers.marker_set import read_marker_set
 from excite.human.posture.joint_angles import pose_of
-from excite.human.posture.skeleton import Placement, place
+from excite.human.posture.skeleton import Placement, place_segments
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS
-from excite.human.virtual.exercise import Performance, balanced
+from excite.human.virtual.exercise import Performance, balance_pelvis
 from excite.human.virtual.person import MARKERS, Belt, VirtualSubject, true_model
 
 CAMERA_M = 0.0005
@@ -44,7 +44,7 @@ def ground_wrench(model: pin.Model, show: Performance) -> Array:
     return np.hstack([force, moment + np.cross(q[:, :3], force)])
 
 
-def record(
+def record_performance(
     who: VirtualSubject,
     show: Performance,
     rng: np.random.Generator,
@@ -54,7 +54,7 @@ def record(
     name: str = "virtual",
 ) -> Recording:
     """What the laboratory's cameras and plates say of a performance."""
-    placed = place(pose_of(show.base, show.angles), who.body.offsets)
+    placed = place_segments(pose_of(show.base, show.angles), who.body.offsets)
     markers = {}
     sites = read_marker_set(MARKERS).sites
     for label in who.local:
@@ -64,7 +64,7 @@ def record(
         point = placed.origin[:, k] + np.einsum("nij,nj->ni", placed.rotation[:, k], local)
         markers[label] = point + noise * CAMERA_M * rng.standard_normal(point.shape)
     wrench = ground_wrench(true_model(who.body, belt), show)
-    plates = _plates(wrench, show, placed, rng, noise)
+    plates = _plate_recordings(wrench, show, placed, rng, noise)
     return Recording(Path(f"{name}.c3d"), show.time, markers, plates)
 
 
@@ -87,7 +87,7 @@ def _soft_tissue(coefficients: Array, show: Performance, segment: int, rng: np.r
     return basis @ coefficients.T
 
 
-def _plates(
+def _plate_recordings(
     wrench: Array, show: Performance, placed: Placement, rng: np.random.Generator, noise: float
 ) -> tuple[PlateRecording, ...]:
     """Two plates side by side at 1 kHz; the load is shared so that each foot carries its part."""
@@ -121,9 +121,9 @@ def _plates(
     return tuple(found)
 
 
-def standing(who: VirtualSubject, rng: np.random.Generator, noise: float = 1.0) -> Recording:
+def record_standing(who: VirtualSubject, rng: np.random.Generator, noise: float = 1.0) -> Recording:
     """Two seconds of quiet standing."""
     n = 200
     angles = np.zeros((n, 34))
-    show = balanced(who.body, np.arange(n) / 100.0, angles, np.full(n, 0.5))
-    return replace(record(who, show, rng, noise=noise, name="static"), plates=())
+    show = balance_pelvis(who.body, np.arange(n) / 100.0, angles, np.full(n, 0.5))
+    return replace(record_performance(who, show, rng, noise=noise, name="static"), plates=())

@@ -12,9 +12,9 @@ from excite.errors import UnknownNameError
 from excite.human.body import segment_box
 from excite.human.segments import NAMES
 from excite.human.subject import Subject
-from excite.human.virtual.exercise import perform, repeated
+from excite.human.virtual.exercise import perform_exercise, repeat_exercise
 from excite.human.virtual.files import write_mot, write_trc
-from excite.human.virtual.laboratory import record, standing
+from excite.human.virtual.laboratory import record_performance, record_standing
 from excite.human.virtual.person import Belt, draw_subject
 from excite.reading.number import check_number
 
@@ -77,15 +77,15 @@ def simulate_person(
     out.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     who = draw_subject(rng, subject)
-    show = perform(who.body, seconds, seed=seed)
-    moving = record(who, show, rng)
-    still = write_trc(standing(who, rng), out / "standing.trc")
+    show = perform_exercise(who.body, seconds, seed=seed)
+    moving = record_performance(who, show, rng)
+    still = write_trc(record_standing(who, rng), out / "standing.trc")
     trial = (write_trc(moving, out / "moving.trc"), write_mot(moving, out / "moving.mot"))
     again: tuple[Path, ...] = ()
     if weight is not None:
         place = segment_box(who.body, NAMES.index(weight[0])).mean(axis=0)
         belt = Belt(weight[0], weight[1], tuple(place.tolist()))
-        worn = record(who, repeated(who.body, show, rng), rng, belt)
+        worn = record_performance(who, repeat_exercise(who.body, show, rng), rng, belt)
         again = (write_trc(worn, out / "wearing.trc"), write_mot(worn, out / "wearing.mot"))
     masses = {name: part.mass for name, part in zip(NAMES, who.body.inertias, strict=True)}
     return SimulatedSession((still,), trial, again, masses)

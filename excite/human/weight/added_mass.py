@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.segments import NAMES
-from excite.human.weight.weight_candidate import AddedMass, best_fit, candidate
+from excite.human.weight.weight_candidate import AddedMass, best_fit, weight_candidate
 from excite.identification.problem import IdentificationProblem, build_problem
-from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.robot.robot import Robot
@@ -58,12 +58,12 @@ def locate_added_mass(
     """
     first = build_problem(robot, without, settings, role=None)
     second = build_problem(robot, loaded, settings, role=None)
-    std = np.asarray(iterate_weights(regression(first)).std)
+    std = np.asarray(iterate_weights(condense_problem(first)).std)
     rows_without, rows_loaded = (
-        _condensed(problem, std, _zeros(robot, log, settings))
+        _condense_rows(problem, std, _plate_zeros(robot, log, settings))
         for problem, log in ((first, without), (second, loaded))
     )
-    projected, target = _eliminated(first, rows_without, rows_loaded)
+    projected, target = _eliminate_body(first, rows_without, rows_loaded)
     links = [segment.link for segment in robot.segments]
     carriers = [k for k, link in enumerate(links) if link in segments]
     if not carriers:
@@ -71,12 +71,12 @@ def locate_added_mass(
     fits = {k: best_fit(projected[:, 10 * k : 10 * k + 10], target, boxes[k], robot.mass) for k in carriers}
     degrees = max(len(target) - 4, 1)
     noise = max(1.0, min(2.0 * fit.cost for fit in fits.values()) / degrees)
-    found = [candidate(links[k], fit, boxes[k], noise) for k, fit in fits.items()]
+    found = [weight_candidate(links[k], fit, boxes[k], noise) for k, fit in fits.items()]
     ranked = tuple(sorted(found, key=lambda item: -item.evidence))
     return AddedMass(ranked[0], ranked, float(target @ target))
 
 
-def _condensed(problem: IdentificationProblem, std: Array, zeros: Array) -> Array:
+def _condense_rows(problem: IdentificationProblem, std: Array, zeros: Array) -> Array:
     """Triangular factor of weighted rows: body's columns, measurement, the plates' zeros eliminated."""
     rows = np.column_stack([zeros, problem.Y, problem.y]) / std[problem.channel, None]
     n = zeros.shape[1]
@@ -85,7 +85,7 @@ def _condensed(problem: IdentificationProblem, std: Array, zeros: Array) -> Arra
     return r[n:, n:]
 
 
-def _zeros(robot: Robot, log: Log, settings: ProblemSettings | None) -> Array:
+def _plate_zeros(robot: Robot, log: Log, settings: ProblemSettings | None) -> Array:
     """What wrong zeros of the plates add to each row, six columns a trial, in units of their usual size.
 
     All plates stand still in one world, so their zeros together are one constant wrench.
@@ -117,7 +117,7 @@ def _constant_wrench(base: Array, place: Array) -> Array:
     return columns
 
 
-def _eliminated(problem: IdentificationProblem, without: Array, loaded: Array) -> tuple[Array, Array]:
+def _eliminate_body(problem: IdentificationProblem, without: Array, loaded: Array) -> tuple[Array, Array]:
     """Rows of the loaded trials with the body's parameters eliminated: columns and target."""
     scale = prior_std(problem, _PRIOR_SPREAD)
     for k in problem.unmeasured:

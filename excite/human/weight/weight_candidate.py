@@ -95,7 +95,7 @@ def best_fit(columns: Array, target: Array, box: Array, body_mass: float) -> Any
     lower, upper = box[0] - _MARGIN, box[1] + _MARGIN
 
     def residual(x: Array) -> Array:
-        return columns @ _ten(x[0], x[1:]) - target
+        return columns @ _belt_parameters(x[0], x[1:]) - target
 
     fits = [
         least_squares(
@@ -109,7 +109,7 @@ def best_fit(columns: Array, target: Array, box: Array, body_mass: float) -> Any
     return min(fits, key=lambda fit: fit.cost)
 
 
-def candidate(link: str, fit: Any, box: Array, noise: float) -> Candidate:
+def weight_candidate(link: str, fit: Any, box: Array, noise: float) -> Candidate:
     """A fit as a candidate; its evidence by Laplace's approximation.
 
     A weight is worn about the middle of a segment: its place is normal about the box's centre with half the box's
@@ -126,7 +126,7 @@ def candidate(link: str, fit: Any, box: Array, noise: float) -> Candidate:
     return Candidate(link, float(fit.x[0]), std, (x, y, z), 2.0 * float(fit.cost), evidence)
 
 
-def _ten(mass: float, place: Array) -> Array:
+def _belt_parameters(mass: float, place: Array) -> Array:
     """Ten parameters of a belt about the joint frame's origin, pinocchio's order."""
     inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
     six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]

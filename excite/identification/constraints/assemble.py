@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from excite.identification.constraints.com_box import com_in_box, equivalent_boxes
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.constraints.mass import measured_total_mass, non_negative_masses, total_mass
 from excite.identification.constraints.symmetry import symmetric_pairs
 from excite.identification.estimators.settings import (
@@ -44,7 +44,7 @@ def body_constraints(rows: Regression, settings: BoxSettings) -> ModelConstraint
     mass = known_total_mass(rows, settings)
     if mass is not None:
         parts.append(total_mass(problem, mass))
-    return ModelConstraints(stack(parts, problem.n_params), mass)
+    return ModelConstraints(stack_constraints(parts, problem.n_params), mass)
 
 
 def model_constraints(rows: Regression, settings: SymmetrySettings) -> ModelConstraints:
@@ -61,7 +61,7 @@ def model_constraints(rows: Regression, settings: SymmetrySettings) -> ModelCons
     if settings.symmetry is None:
         return bodies
     pairs = symmetric_pairs(problem, settings.symmetry, settings.free_of_symmetry(problem.robot))
-    return replace(bodies, linear=stack([bodies.linear, pairs], problem.n_params))
+    return replace(bodies, linear=stack_constraints([bodies.linear, pairs], problem.n_params))
 
 
 # A total mass is known when its standard deviation is below this share of it: forces under the feet have a tenth of

@@ -61,7 +61,7 @@ def pseudo_inertia_cones(problem: IdentificationProblem, floor: float) -> Parame
     """
     unit = np.concatenate([pseudo_inertia_matrices(row) for row in np.eye(10)])
     nominal = pseudo_inertia_matrices(problem.prior[: problem.n_inertial])
-    return _cones(problem, unit, nominal, segment_scales(problem), floor, "pseudo_inertia")
+    return _body_cones_of(problem, unit, nominal, segment_scales(problem), floor, "pseudo_inertia")
 
 
 def feasibility_cones(problem: IdentificationProblem, floor: float) -> ParameterCones:
@@ -73,7 +73,7 @@ def feasibility_cones(problem: IdentificationProblem, floor: float) -> Parameter
     unit = np.concatenate([spatial_inertia_matrices(row) for row in np.eye(10)])
     nominal = spatial_inertia_matrices(problem.prior[: problem.n_inertial])
     scales = segment_scales(problem)[:, [0, 0, 0, 3, 3, 3]]
-    return _cones(problem, unit, nominal, scales, floor, "feasible_inertia")
+    return _body_cones_of(problem, unit, nominal, scales, floor, "feasible_inertia")
 
 
 def spatial_inertia_matrices(parameters: Array) -> Array:
@@ -90,7 +90,7 @@ def spatial_inertia_matrices(parameters: Array) -> Array:
     return full
 
 
-def _cones(
+def _body_cones_of(
     problem: IdentificationProblem, unit: Array, nominal: Array, scales: Array, floor: float, kind: str
 ) -> ParameterCones:
     order = unit.shape[1]

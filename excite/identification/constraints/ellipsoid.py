@@ -77,7 +77,7 @@ def com_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> Para
     labels = []
     for place, k in enumerate(segments):
         link = problem.robot.segments[k].link
-        shape, center = _shape(ellipsoids[k], link)
+        shape, center = _ellipsoid_shape(ellipsoids[k], link)
         matrix[place, 0, 10 * k] = 1.0
         matrix[place, 1:, 10 * k] = -shape @ center
         matrix[place, 1:, 10 * k + 1 : 10 * k + 4] = shape
@@ -85,7 +85,7 @@ def com_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> Para
     return ParameterCones(0, matrix, np.zeros((len(segments), 4)), tuple(labels))
 
 
-def _shape(q: Array, link: str) -> tuple[Array, Array]:
+def _ellipsoid_shape(q: Array, link: str) -> tuple[Array, Array]:
     """``A`` and centre of an ellipsoid."""
     eigen, vectors = np.linalg.eigh(-q[:3, :3])
     size = 0.0

@@ -22,7 +22,7 @@ _CUTS_PER_SEGMENT = 3
 
 
 @cache
-def icosphere(subdivisions: int) -> Array:
+def icosphere_corners(subdivisions: int) -> Array:
     """Corners of an icosahedron whose faces are split in four ``subdivisions`` times, on the unit sphere.
 
     Returns:
@@ -44,12 +44,12 @@ def icosphere(subdivisions: int) -> Array:
         ]
     )
     for _ in range(subdivisions):
-        points, faces = _split(points, faces)
+        points, faces = _split_faces(points, faces)
     points.setflags(write=False)
     return np.asarray(points)
 
 
-def _split(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+def _split_faces(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
     edges = np.sort(np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     unique, index = np.unique(edges, axis=0, return_inverse=True)
     middle = points[unique].sum(axis=1)
@@ -92,7 +92,7 @@ class InertiaCone:
             parameters: ``(n_params,)``.
             tolerance: violation that is let pass, as a share of ``floor``.
         """
-        weights = quadratic_rows(icosphere(self.subdivisions))
+        weights = quadratic_rows(icosphere_corners(self.subdivisions))
         six = parameters[: self.problem.n_inertial].reshape(-1, 10)[:, 4:]
         values = six @ weights.T
         eigenvalues, eigenvectors = np.linalg.eigh(inertia_matrices(parameters[: self.problem.n_inertial]))

@@ -43,7 +43,7 @@ class LinearConstraints:
         return LinearConstraints(self.matrix[mask], self.bound[mask], labels)
 
 
-def stack(parts: Sequence[LinearConstraints], n_params: int) -> LinearConstraints:
+def stack_constraints(parts: Sequence[LinearConstraints], n_params: int) -> LinearConstraints:
     """Join constraints, equalities first.
 
     Args:

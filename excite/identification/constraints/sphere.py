@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.identification.constraints.inertia_cone import icosphere, quadratic_rows
+from excite.identification.constraints.inertia_cone import icosphere_corners, quadratic_rows
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.problem import IdentificationProblem
 
@@ -40,7 +40,7 @@ class SphereRows:
     @cached_property
     def vectors(self) -> Array:
         """The vectors, one of each antipodal pair, which have the same row, ``(n, 3)``."""
-        points = icosphere(self.subdivisions)
+        points = icosphere_corners(self.subdivisions)
         z, y, x = points[:, 2], points[:, 1], points[:, 0]
         upper = (z > 0.0) | ((z == 0.0) & ((y > 0.0) | ((y == 0.0) & (x > 0.0))))
         return np.asarray(points[upper])

@@ -34,7 +34,9 @@ def stated_bounds(
     for k, segment in enumerate(problem.robot.segments):
         if k in problem.unmeasured:
             continue
-        builder.body(10 * k, segment.link, known.of(segment.link), _steiner(bounds.lower[k], bounds.upper[k]))
+        builder.body(
+            10 * k, segment.link, known.of(segment.link), _steiner_bounds(bounds.lower[k], bounds.upper[k])
+        )
     for name, pair in known.drives.items():
         if name in problem.parameter_names:
             builder.within({problem.parameter_names.index(name): 1.0}, pair, name)
@@ -53,7 +55,7 @@ def speaks_of(problem: IdentificationProblem, known: KnownBounds) -> list[int]:
     ]
 
 
-def _steiner(lower: Array, upper: Array) -> Array:
+def _steiner_bounds(lower: Array, upper: Array) -> Array:
     """Least and greatest of what the mass at the centre of mass adds to the six inertias, ``(2, 6)``.
 
     Args:
@@ -62,7 +64,7 @@ def _steiner(lower: Array, upper: Array) -> Array:
     """
     corners = np.stack([lower[_FIRST], upper[_FIRST]])
     products = np.array(
-        [_product(corners[:, i], corners[:, j], i == j) for i, j in zip(ROWS, COLUMNS, strict=True)]
+        [_product_bounds(corners[:, i], corners[:, j], i == j) for i, j in zip(ROWS, COLUMNS, strict=True)]
     )
     terms = np.stack([STEINER * products[:, 0], STEINER * products[:, 1]])
     least, greatest = terms.min(axis=0).sum(axis=1), terms.max(axis=0).sum(axis=1)
@@ -75,7 +77,7 @@ def _steiner(lower: Array, upper: Array) -> Array:
     )
 
 
-def _product(first: Array, second: Array, same: bool) -> Interval:
+def _product_bounds(first: Array, second: Array, same: bool) -> Interval:
     """Least and greatest product of two coordinates; of one with itself it is not negative."""
     corners = np.outer(first, second)
     if not same:

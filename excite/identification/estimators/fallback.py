@@ -40,11 +40,11 @@ def best_feasible(
     """
     found = [start for start in starts if violation(start) <= _FEASIBLE]
     usable = [goal for goal in goals if np.isfinite(goal).all()]
-    reached = [_furthest(start, goal, violation) for start in found for goal in usable]
+    reached = [_furthest_feasible(start, goal, violation) for start in found for goal in usable]
     return min([*found, *reached], key=cost, default=None)
 
 
-def _furthest(start: Array, goal: Array, violation: Callable[[Array], float]) -> Array:
+def _furthest_feasible(start: Array, goal: Array, violation: Callable[[Array], float]) -> Array:
     """The last point from ``start`` to ``goal`` that does not violate."""
     if violation(goal) <= _FEASIBLE:
         return goal

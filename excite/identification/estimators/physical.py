@@ -15,16 +15,16 @@ from excite.identification.estimators.settings import EstimatorSettings, StatedB
 from excite.identification.judgement.statistics import parameter_labels
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.coordinates import NAMES, physical_parameters
-from excite.identification.physical.default_bounds import default_bounds, weighed, with_drives
+from excite.identification.physical.default_bounds import default_bounds, tie_total_mass, with_drives
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.objective import base_objective, essential_objective
-from excite.identification.physical.retrieval import RetrievalSettings, retrieve
+from excite.identification.physical.retrieval import RetrievalSettings, retrieve_parameters
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
     RANK_TOLERANCE,
     Regression,
+    condense_problem,
     prior_std,
-    regression,
     square_factor,
 )
 from excite.regressor.base_parameters import base_parameters
@@ -104,7 +104,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
             InputError: the bounds are of another robot.
             NoSolutionError: the bounds contradict each other; ``best`` breaks them least.
         """
-        rows = regression(problem)
+        rows = condense_problem(problem)
         allowed = feasible_set(problem, self._bounds_for(problem, settings), settings)
         n = problem.n_inertial
         base = base_parameters(rows.factor[:, :-1], parameter_labels(problem), RANK_TOLERANCE)
@@ -116,7 +116,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         )
         nominal = np.nan_to_num(physical_parameters(problem.prior[:n]))
         try:
-            found = retrieve(
+            found = retrieve_parameters(
                 objective, allowed, allowed.coordinates(nominal, problem.prior[n:]), self._effort
             )
         except NoSolutionError as error:
@@ -175,14 +175,14 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         if self._bounds is None:
             usual = default_bounds(problem.robot, settings)
             stated = settings.bounds
-            return usual if stated is None else weighed(stated.over(usual), settings.total_mass)
+            return usual if stated is None else tie_total_mass(stated.over(usual), settings.total_mass)
         if self._bounds.links != links:
             raise InputError(
                 f"bounds links {', '.join(self._bounds.links)}",
                 source=self._bounds.source or None,
                 remedy=f"the links of {problem.robot.name} are " + ", ".join(links),
             )
-        return weighed(self._bounds, settings.total_mass)
+        return tie_total_mass(self._bounds, settings.total_mass)
 
 
 def _violations(problem: IdentificationProblem, allowed: FeasibleSet, parameters: Array) -> dict[str, float]:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from excite.arrays import Array
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.identification.estimators.base import Estimate
 from excite.identification.judgement.statistics import BaseStatistics
 from excite.identification.regression import prior_std
@@ -53,7 +53,7 @@ def _unexcited(estimate: Estimate, statistics: BaseStatistics, spread: Array) ->
     names = tuple(labels[i] for i in np.argsort(-weight, kind="stable")[:_MOST_NAMED])
     text = (
         f"in {int(blind.sum())} of {len(ratios)} directions the data say less than the nominal model; what is "
-        f"identified there is the model's or noise, most in {listed(names)}: excite these joints more"
+        f"identified there is the model's or noise, most in {list_names(names)}: excite these joints more"
     )
     worst = float(np.sqrt(ratios.max()))
     return [Finding("unexcited", text, {"directions": float(blind.sum()), "worst_ratio": worst}, names)]
@@ -77,7 +77,7 @@ def _conflict(estimate: Estimate, statistics: BaseStatistics) -> list[Finding]:
     )
     text = (
         f"{estimate.method} and plain least squares differ by up to {distance.max():.0f} standard deviations "
-        f"in {listed(names, _MOST_NAMED)}: {cause}"
+        f"in {list_names(names, _MOST_NAMED)}: {cause}"
     )
     return [Finding("conflict", text, {"standard_deviations": float(distance.max())}, names)]
 
@@ -86,5 +86,5 @@ def _bounds(estimate: Estimate) -> list[Finding]:
     if not estimate.active:
         return []
     many = "1 constraint holds" if len(estimate.active) == 1 else f"{len(estimate.active)} constraints hold"
-    text = f"{many} with equality, beyond which the data would go: {listed(estimate.active, _MOST_NAMED)}"
+    text = f"{many} with equality, beyond which the data would go: {list_names(estimate.active, _MOST_NAMED)}"
     return [Finding("at_bound", text, {"constraints": float(len(estimate.active))}, estimate.active)]

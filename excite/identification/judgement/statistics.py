@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from excite.arrays import Array
 from excite.identification.noise.bands import noise_bands
-from excite.identification.noise.correlated import NoiseModel, triangle
+from excite.identification.noise.correlated import NoiseModel, upper_triangle
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, leaves_freedom
 from excite.regressor.base_parameters import BaseParameters, base_parameters
@@ -88,7 +88,7 @@ def base_statistics(rows: Regression, base: BaseParameters | None = None) -> Bas
     if base is None:
         base = base_parameters(rows.factor[:, :n], parameter_labels(problem), RANK_TOLERANCE)
     columns = base.independent
-    r = triangle(rows.factor[:, [*columns, n]])
+    r = upper_triangle(rows.factor[:, [*columns, n]])
     factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]
     estimate = solve_triangular(factor, rotated)
     weight = 1.0 / rows.std[problem.channel]

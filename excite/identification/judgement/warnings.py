@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.judgement.changes import Changes
@@ -86,7 +86,7 @@ def _of_solution(identified: IdentifiedParameters, judgement: Judgement) -> list
     if bad:
         consistent = next(name for name, kind in ESTIMATORS.items() if kind.consistent)
         text = (
-            f"no body has the parameters of {listed(bad, _MOST_NAMED)}; method {consistent} gives ones that "
+            f"no body has the parameters of {list_names(bad, _MOST_NAMED)}; method {consistent} gives ones that "
             "exist"
         )
         found.append(Finding("inconsistent", text, {"segments": float(len(bad))}, bad))
@@ -94,7 +94,7 @@ def _of_solution(identified: IdentifiedParameters, judgement: Judgement) -> list
     if broken:
         names = tuple(item.name for item in broken)
         text = (
-            f"outside the stated bounds: {listed(names, _MOST_NAMED)}; method physical keeps all of them, except "
+            f"outside the stated bounds: {list_names(names, _MOST_NAMED)}; method physical keeps all of them, except "
             "of links that the sensors do not see"
         )
         found.append(Finding("outside_bounds", text, {"parameters": float(len(names))}, names))
@@ -121,7 +121,7 @@ def _weightless(identified: IdentifiedParameters, changes: Changes) -> list[Find
         return []
     said = [f"{link} ({change:+.2f} kg of {mass:.2f} kg)" for link, (change, mass) in light.items()]
     text = (
-        f"named as changed, {listed(said)} would weigh less than nothing: no body has changed there, the torque "
+        f"named as changed, {list_names(said)} would weigh less than nothing: no body has changed there, the torque "
         "scale, the drives or the nominal model's geometry are off"
     )
     return [Finding("weightless", text, {"segments": float(len(light))}, tuple(light))]
@@ -134,7 +134,7 @@ def _of_prediction(judgement: Judgement) -> list[Finding]:
     blind = tuple(name for name in judgement.validation if name not in judgement.fit)
     if blind:
         text = (
-            f"{listed(blind, _MOST_NAMED)}: no rows on the identification trials, so what acts there alone is the "
+            f"{list_names(blind, _MOST_NAMED)}: no rows on the identification trials, so what acts there alone is the "
             "nominal model's; let the joint move"
         )
         found.append(Finding("no_rows", text, places=blind))

@@ -45,7 +45,7 @@ def solve_loads(
         start: ``(n_joints,)`` gains to begin the search at.
     """
     n = len(condensed.factors)
-    judged = _judged(condensed)
+    judged = _without_drives(condensed)
     std = np.ones(n)
     inverse = np.full(n, 0.1) if gains is None else 1.0 / gains
     if gains is None and start is not None:
@@ -54,17 +54,17 @@ def solve_loads(
         if gains is None:
             # Gains are positive and of any size: search their logarithms.
             found = least_squares(
-                lambda x, std=std: _linear(judged, np.exp(x), std, masses).rest, np.log(inverse)
+                lambda x, std=std: _linear_solution(judged, np.exp(x), std, masses).rest, np.log(inverse)
             )
             inverse = np.exp(found.x)
-        inner = _linear(condensed, inverse, std, masses)
+        inner = _linear_solution(condensed, inverse, std, masses)
         left = inner.rest.reshape(n, -1) * std[:, None]
         rms = np.sqrt((left**2).sum(axis=1) / np.maximum(condensed.counts, 1))
         std = np.maximum(rms, 1e-6 * rms.max())
     return LoadSolution(1.0 / inverse, inner.loads, inner.seen(), rms)
 
 
-def _judged(condensed: Condensed) -> Condensed:
+def _without_drives(condensed: Condensed) -> Condensed:
     """The rows without what each joint's drive explains, whatever gains and loads are.
 
     A drive's columns stand in its own joint's rows alone, and no gain scales them: they are projected out once, and the
@@ -93,11 +93,13 @@ class _Linear:
     def seen(self) -> Array:
         """As of :class:`LoadSolution`; the search asks for a hundred solutions, and this of the last."""
         shares = np.ones(self.free.shape)
-        shares[self.free] = _seen(self.columns, int(self.free.sum()))
+        shares[self.free] = _seen_share(self.columns, int(self.free.sum()))
         return shares
 
 
-def _linear(condensed: Condensed, inverse: Array, std: Array, masses: Sequence[float | None]) -> _Linear:
+def _linear_solution(
+    condensed: Condensed, inverse: Array, std: Array, masses: Sequence[float | None]
+) -> _Linear:
     """Base parameters, loads and drives for given ``1/gain``; what is left, weighted, ``(n_joints·w,)``."""
     factors, base, loads = condensed.factors, condensed.n_base, 10 * condensed.n_loads
     n, width, _ = factors.shape
@@ -126,7 +128,7 @@ def _linear(condensed: Condensed, inverse: Array, std: Array, masses: Sequence[f
     return _Linear(target - columns @ solution, found, columns / scale, free)
 
 
-def _seen(matrix: Array, count: int) -> Array:
+def _seen_share(matrix: Array, count: int) -> Array:
     """Share of each of the first columns' parameters that lies in the row space, ``(count,)``."""
     _, size, rows = np.linalg.svd(square_factor(matrix), full_matrices=False)
     return np.asarray((rows[size > RANK_TOLERANCE * size[0], :count] ** 2).sum(axis=0))

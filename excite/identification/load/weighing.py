@@ -156,13 +156,13 @@ def weigh_load(
     settings = friction_that_grows(robot, without, known, settings or ProblemSettings())
     if mass is not None:
         found = identify_drive_gains(robot, without, loaded, mass, settings)
-        return _weighed(found, f"from the stated mass of {mass:g} kg", settings)
+        return _weigh_load(found, f"from the stated mass of {mass:g} kg", settings)
     if calibration is None:
         gains = _stated_gains(without)
         found = identify_load(robot, without, loaded, gains, settings)
-        return _weighed(found, "as the log states them; what they are off, the load is too", settings)
+        return _weigh_load(found, "as the log states them; what they are off, the load is too", settings)
     found = identify_load_by_calibration(robot, without, calibration, loaded, settings)
-    return _weighed(found, f"from a calibration load of {calibration[1]:g} kg", settings)
+    return _weigh_load(found, f"from a calibration load of {calibration[1]:g} kg", settings)
 
 
 def friction_that_grows(
@@ -200,7 +200,7 @@ def friction_that_grows(
     return min(found, key=lambda one: one[0])[1]
 
 
-def _weighed(found: DriveGains, source: str, settings: ProblemSettings) -> WeighedLoad:
+def _weigh_load(found: DriveGains, source: str, settings: ProblemSettings) -> WeighedLoad:
     half = stdtrit(len(found.gains_left_out) - 1, 0.975) * found.load_std
     return WeighedLoad(
         parameters=found.load,

@@ -22,7 +22,7 @@ from excite.identification.noise.spectra import (
     TransformedTrial,
     band_edges,
     band_of,
-    blocks,
+    frequency_blocks,
     spilled_power,
     transformed_trial,
     trial_bins,
@@ -101,17 +101,17 @@ def noise_bands(
     tied = problem.freedom is not None
     power = moments.start()
     if tied:
-        power = _own(power)
+        power = _own_power(power)
     meat = moments.meat(power)
     for _ in range(_ROUNDS):
         before = power
         power = moments.improved(power, meat)
         if tied:
-            power = _own(power)
+            power = _own_power(power)
         meat = moments.meat(power)
-        if _settled(before, power):
+        if _is_settled(before, power):
             break
-    power = _significant(power, moments.freedom)
+    power = _significant_power(power, moments.freedom)
     meat = moments.meat(power)
     return NoiseBands(edges, power, moments.freedom, meat, moments.shares(power, factor))
 
@@ -132,11 +132,11 @@ class _Moments:
             spill = spilled_power(trial, band, n_bands)
             self.spilled += spill[:, :, None, None] * trial.counts
             for b in range(n_bands):
-                for part in blocks((band == b) & bins.audible):
+                for part in frequency_blocks((band == b) & bins.audible):
                     r, x = trial.r[part], trial.q[part]
                     inverse = bins.weight[part] / bins.colour[part]
                     self.observed[b] += np.einsum("f,fhc,fhd->cd", inverse, r, r)
-                    self.crossed[b] += _products(x * np.sqrt(bins.weight[part])[:, None, None, None])
+                    self.crossed[b] += _channel_products(x * np.sqrt(bins.weight[part])[:, None, None, None])
         self.numbers = np.einsum("bbcd->bcd", self.spilled)
         taken = np.einsum("bcc->bc", self.crossed)
         self.freedom = np.maximum(np.einsum("bcc->bc", self.numbers) - taken, 1.0)
@@ -154,7 +154,7 @@ class _Moments:
             bins = trial.bins
             for b in range(len(power)):
                 root = _psd_root(power[b])
-                for part in blocks(band == b):
+                for part in frequency_blocks(band == b):
                     size = np.sqrt(bins.weight[part] * bins.colour[part])[:, None, None, None]
                     z = (root.T @ (trial.q[part] * size)).reshape(-1, k)
                     meat += z.T @ z
@@ -173,9 +173,9 @@ class _Moments:
         for trial, band in zip(self.trials, self.band, strict=True):
             bins = trial.bins
             for b in range(len(power)):
-                for part in blocks((band == b) & bins.audible):
+                for part in frequency_blocks((band == b) & bins.audible):
                     size = np.sqrt(bins.weight[part] / bins.colour[part])[:, None, None, None]
-                    expected[b] += _products(_times(trial.q[part], root) * size)
+                    expected[b] += _channel_products(_multiply_last_axis(trial.q[part], root) * size)
         own, wanted = np.einsum("bcc->bc", expected), np.einsum("bcc->bc", self.observed)
         ratio = np.sqrt(np.clip(wanted / np.maximum(own, 1e-300), 0.25, 4.0))
         stretched = power * ratio[:, :, None] * ratio[:, None, :]
@@ -192,37 +192,37 @@ class _Moments:
         for trial, band in zip(self.trials, self.band, strict=True):
             bins = trial.bins
             for b in range(len(power)):
-                for part in blocks(band == b):
-                    x = _times(trial.q[part], inverse.T)
+                for part in frequency_blocks(band == b):
+                    x = _multiply_last_axis(trial.q[part], inverse.T)
                     weight = bins.weight[part] * bins.colour[part]
                     squared = np.einsum("f,fhck->ck", weight, np.square(x, out=x))
                     shares[b] += squared * np.diag(power[b])[:, None]
         return shares
 
 
-def _settled(before: Array, after: Array) -> bool:
+def _is_settled(before: Array, after: Array) -> bool:
     """Whether a round has moved no power by more than a negligible share of its channels' own."""
     own = np.sqrt(np.maximum(np.einsum("bcc->bc", after), 1e-300))
     return bool((np.abs(after - before) <= _SETTLED * own[:, :, None] * own[:, None, :]).all())
 
 
-def _own(power: Array) -> Array:
+def _own_power(power: Array) -> Array:
     """Each channel's own power, ``(n_bands, n_channels, n_channels)``, without what channels share."""
     return np.asarray(power * np.eye(power.shape[1]))
 
 
-def _times(x: Array, matrix: Array) -> Array:
+def _multiply_last_axis(x: Array, matrix: Array) -> Array:
     """``x @ matrix`` over the last axis as one product."""
     return (x.reshape(-1, x.shape[-1]) @ matrix).reshape(x.shape)
 
 
-def _products(x: Array) -> Array:
+def _channel_products(x: Array) -> Array:
     """``Σ_f Σ_h Σ_k x[f, h, c, k] x[f, h, d, k]``, ``(n_channels, n_channels)``."""
     x = x.transpose(2, 0, 1, 3).reshape(x.shape[2], -1)
     return x @ x.T
 
 
-def _significant(power: Array, freedom: Array) -> Array:
+def _significant_power(power: Array, freedom: Array) -> Array:
     """Powers between channels that do not stand out of chance removed, and all made positive."""
     own = np.sqrt(np.maximum(np.einsum("bcc->bc", power), 1e-300))
     correlation = power / (own[:, :, None] * own[:, None, :])

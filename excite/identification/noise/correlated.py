@@ -151,15 +151,15 @@ def whitened_factor(
             double[-1] = 1.0
         root = root[kept] * np.sqrt(double[kept] / grid.n_samples)[:, None]
         whiten = root[:, :, None] * vectors[kept].conj().transpose(0, 2, 1)
-        transformed = _transform(problem, grid, columns, noise.std, n_channels, kept)
+        transformed = _transform_columns(problem, grid, columns, noise.std, n_channels, kept)
         for start in range(0, len(kept), _FREQUENCIES_AT_ONCE):
             part = slice(start, start + _FREQUENCIES_AT_ONCE)
             z = (whiten[part] @ transformed[part]).reshape(-1, columns.shape[1])
-            factor = triangle(np.vstack([factor, z.real, z.imag]))
+            factor = upper_triangle(np.vstack([factor, z.real, z.imag]))
     return factor
 
 
-def _transform(
+def _transform_columns(
     problem: IdentificationProblem,
     grid: TrialGrid,
     columns: Array,
@@ -177,7 +177,7 @@ def _transform(
     return found
 
 
-def triangle(rows: Array) -> Array:
+def upper_triangle(rows: Array) -> Array:
     """``R`` of ``rows = Q R``: of rows ``(m, n)`` an upper triangle ``(min(m, n), n)``."""
     return np.asarray(np.linalg.qr(rows, mode="r"))
 

@@ -19,7 +19,7 @@ from excite.identification.noise.correlated import fft_length
 from excite.identification.noise.sensor_sources import NoiseSource, noise_sources
 from excite.identification.noise.trial_grid import TrialGrid
 from excite.identification.problem import IdentificationProblem
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.robot.robot import Robot
 from excite.rows.settings import Filters
 
@@ -46,14 +46,14 @@ class EquationNoise:
 
     def channel_std(self) -> Array:
         """Standard deviation of each channel's rows over all trials, ``(n_channels,)``."""
-        filters, sampling = _filtered(self.problem)
+        filters, sampling = _filters_of(self.problem)
         frequency = np.linspace(0.0, 0.5 * sampling, _FREQUENCIES)
         step = 2.0 * (frequency[1] - frequency[0]) / self.log_hz
         total, count = np.zeros(len(self.problem.channel_names)), 0
         for sources, grid in zip(self.sources, self.grids, strict=True):
             count += grid.n_samples
             for source in sources:
-                ways = _ways(frequency, len(source.gains), filters, sampling, source.positions)
+                ways = _noise_gains(frequency, len(source.gains), filters, sampling, source.positions)
                 power = step * (ways.conj() @ ways.T).real
                 for k, left in enumerate(source.gains):
                     for j, right in enumerate(source.gains):
@@ -67,9 +67,9 @@ class EquationNoise:
         Args:
             misfit: ``(n_channels,)`` standard deviation of what it leaves in the rows of each channel.
         """
-        filters, sampling = _filtered(self.problem)
+        filters, sampling = _filters_of(self.problem)
         frequency = np.linspace(0.0, 0.5 * sampling, _FREQUENCIES)
-        way = _ways(frequency, 1, filters, sampling, False)[0].real
+        way = _noise_gains(frequency, 1, filters, sampling, False)[0].real
         passed = 2.0 * (frequency[1] - frequency[0]) / self.log_hz * float(way @ way)
         eye = np.eye(len(misfit))
         added = tuple(
@@ -87,7 +87,7 @@ class EquationNoise:
         filter's memory. Spectra are of single precision, which halves the time: predicted deviations of G1, Talos, Go2
         and iiwa14 differ by less than 2e-7 of them.
         """
-        filters, sampling = _filtered(self.problem)
+        filters, sampling = _filters_of(self.problem)
         n_channels, width = len(self.problem.channel_names), columns.shape[1]
         meat = np.zeros((width, width))
         for sources, grid in zip(self.sources, self.grids, strict=True):
@@ -105,9 +105,11 @@ class EquationNoise:
                     rfft(np.swapaxes(gain * source.std, 1, 2).astype(np.float32) @ x, n_fft, axis=0)
                     for gain in source.gains
                 ]
-                peak = np.abs(_ways(frequency, len(seen), filters, sampling, source.positions)[-1]).max()
+                peak = np.abs(
+                    _noise_gains(frequency, len(seen), filters, sampling, source.positions)[-1]
+                ).max()
                 for fold in folds:
-                    ways = _ways(frequency + fold, len(seen), filters, sampling, source.positions)
+                    ways = _noise_gains(frequency + fold, len(seen), filters, sampling, source.positions)
                     loud = np.abs(ways[-1])
                     kept = np.flatnonzero(loud > _AUDIBLE * peak)
                     if not len(kept):
@@ -147,27 +149,29 @@ def equation_noise(
         start = float(problem.time[grid.rows].min())
         motion = motions[problem.trial_names[int(problem.trial[grid.rows[0]])]]
         time = np.clip(start + grid.step_s * np.arange(grid.n_samples), motion.time[0], motion.time[-1])
-        sampled = interpolate(motion, robot, time)
+        sampled = interpolate_motion(motion, robot, time)
         sources.append(noise_sources(robot, problem, sampled))
     return EquationNoise(problem, tuple(grids), tuple(sources), log_hz)
 
 
-def _filtered(problem: IdentificationProblem) -> tuple[Filters, float]:
+def _filters_of(problem: IdentificationProblem) -> tuple[Filters, float]:
     if problem.filters is None or problem.sampling_hz is None:
         raise InputError("nothing is known of the rows' filters", remedy="build the problem from a log")
     return problem.filters, problem.sampling_hz
 
 
-def _ways(frequency: Array, orders: int, filters: Filters, sampling_hz: float, positions: bool) -> Array:
+def _noise_gains(
+    frequency: Array, orders: int, filters: Filters, sampling_hz: float, positions: bool
+) -> Array:
     """Amplitude from noise to rows by order of derivative, ``(orders, n)``; zero above half the rate."""
-    way = _amplitude(frequency, filters.cutoff_hz, filters.order, sampling_hz)
+    way = _filter_amplitude(frequency, filters.cutoff_hz, filters.order, sampling_hz)
     if positions:
-        way = way * _amplitude(frequency, filters.kinematics_cutoff_hz, filters.order, sampling_hz)
+        way = way * _filter_amplitude(frequency, filters.kinematics_cutoff_hz, filters.order, sampling_hz)
     way = np.where(np.abs(frequency) <= 0.5 * sampling_hz, way, 0.0)
     return np.array([way * (2j * np.pi * frequency) ** order for order in range(orders)])
 
 
-def _amplitude(frequency: Array, cutoff_hz: float, order: int, sampling_hz: float) -> Array:
+def _filter_amplitude(frequency: Array, cutoff_hz: float, order: int, sampling_hz: float) -> Array:
     """Of a Butterworth filter run forwards and backwards."""
     if cutoff_hz >= 0.5 * sampling_hz:
         return np.ones_like(frequency)

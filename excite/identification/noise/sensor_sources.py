@@ -69,11 +69,11 @@ def _torque_source(robot: Robot, motion: Motion) -> NoiseSource:
         )
     gain = np.broadcast_to(np.eye(robot.n_joints), (motion.n_samples, robot.n_joints, robot.n_joints))
     if robot.floating:
-        gain = _elimination(robot, motion)[:, :, robot.n_base_v :]
+        gain = _contact_elimination(robot, motion)[:, :, robot.n_base_v :]
     return NoiseSource(std, (gain,), positions=False)
 
 
-def _elimination(robot: Robot, motion: Motion) -> Array:
+def _contact_elimination(robot: Robot, motion: Motion) -> Array:
     return contact_elimination(robot, motion.q, closed_contacts(robot, motion))
 
 
@@ -122,7 +122,7 @@ def _position_source(robot: Robot, problem: IdentificationProblem, motion: Motio
         maps[:, :, robot.mechanism.driven] = robot.mechanism.motion_maps(motion.q)
         gains = maps.transpose(0, 2, 1) @ gains @ maps
     if robot.floating and not robot.measures_contacts:
-        gains = _elimination(robot, motion) @ gains
+        gains = _contact_elimination(robot, motion) @ gains
     return NoiseSource(std, tuple(gains), positions=True)
 
 

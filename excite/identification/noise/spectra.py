@@ -82,7 +82,7 @@ def band_edges(trials: tuple[TransformedTrial, ...]) -> Array:
         absorbed = np.concatenate(
             [
                 np.einsum("fhck,fhck->fc", trial.q[part], trial.q[part])
-                for part in blocks(np.ones(len(bins.kept), dtype=bool))
+                for part in frequency_blocks(np.ones(len(bins.kept), dtype=bool))
             ]
         )
         np.add.at(taken, cell, np.where(use, bins.weight, 0.0)[:, None] * absorbed)
@@ -117,7 +117,7 @@ def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int
     return np.asarray((np.fft.irfft(seen, bins.n_fft) * pairs) @ np.fft.irfft(given, bins.n_fft).T)
 
 
-def blocks(chosen: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
+def frequency_blocks(chosen: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
     """Places of the chosen frequencies ``(n_kept,)``, a few at a time, so that columns need no second copy."""
     places = np.flatnonzero(chosen)
     for start in range(0, len(places), _FREQUENCIES_AT_ONCE):

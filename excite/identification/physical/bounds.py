@@ -85,7 +85,9 @@ class PhysicalBounds:
         if self.lower.shape != (len(self.links), 10) or self.upper.shape != (len(self.links), 10):
             raise InputError(f"bounds of shape {self.lower.shape} for {len(self.links)} links")
         for i, j in np.argwhere(~(self.lower < self.upper) | ~np.isfinite(self.upper - self.lower)):
-            raise _empty(f"{self.links[i]}.{NAMES[j]}", self.lower[i, j], self.upper[i, j], self.source)
+            raise _empty_interval(
+                f"{self.links[i]}.{NAMES[j]}", self.lower[i, j], self.upper[i, j], self.source
+            )
         if (self.lower[:, 0] <= 0.0).any():
             link = self.links[int(np.argmin(self.lower[:, 0]))]
             raise InputError(
@@ -96,9 +98,9 @@ class PhysicalBounds:
             )
         for name, (low, high) in self.drives.items():
             if not low < high:
-                raise _empty(name, low, high, self.source)
+                raise _empty_interval(name, low, high, self.source)
         if not self.total_mass[0] < self.total_mass[1]:
-            raise _empty("total_mass", *self.total_mass, self.source)
+            raise _empty_interval("total_mass", *self.total_mass, self.source)
 
     def violations(
         self, physical: Array, drives: Mapping[str, float], segments: Sequence[int] | NDArray[np.int64]
@@ -149,7 +151,7 @@ def least_density_moments(inertias: Array) -> Array:
     return np.linalg.eigvalsh(second)[:, 0]
 
 
-def _empty(name: str, low: float, high: float, source: str) -> InputError:
+def _empty_interval(name: str, low: float, high: float, source: str) -> InputError:
     return InputError(
         f"has bounds [{low:g}, {high:g}] with nothing between",
         source=source or None,

@@ -43,7 +43,7 @@ def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
     """
     path = Path(path)
     links = tuple(segment.link for segment in robot.segments)
-    known = _known(path, _document(path), links)
+    known = _known_bounds(path, _read_bounds_document(path), links)
     for name in known.drives:
         term, _, joint = name.partition(".")
         if term not in DRIVE_TERMS or joint not in robot.joint_names:
@@ -68,7 +68,7 @@ def load_physical_bounds(path: str | Path, links: tuple[str, ...]) -> PhysicalBo
         InputError: the file is malformed, a link is missing or unknown, or a bound is empty.
     """
     path = Path(path)
-    known = _known(path, _document(path), links)
+    known = _known_bounds(path, _read_bounds_document(path), links)
     for name in (f"{link}.{name}" for link in links for name in NAMES):
         if name not in known.parameters:
             raise InputError(
@@ -89,10 +89,10 @@ def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
         InputError: the file is malformed, or a parameter has no such value.
     """
     values: dict[str, float] = {}
-    for name, entry in (_document(Path(path)).get("parameters") or {}).items():
+    for name, entry in (_read_bounds_document(Path(path)).get("parameters") or {}).items():
         if not isinstance(entry, dict) or column not in entry:
             raise InputError(f"has no value {column!r}", source=path, field=name)
-        value = _number(entry[column])
+        value = _read_number(entry[column])
         if value is None or not math.isfinite(value):
             raise InputError(
                 f"is {entry[column]!r}", source=path, field=f"{name}.{column}", remedy="give a number"
@@ -101,7 +101,7 @@ def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
     return values
 
 
-def _document(path: Path) -> dict[str, Any]:
+def _read_bounds_document(path: Path) -> dict[str, Any]:
     document = read_yaml(path, remedy=f"start it with schema: {SCHEMA}")
     if document.get("schema") != SCHEMA:
         raise InputError(
@@ -115,11 +115,11 @@ def _document(path: Path) -> dict[str, Any]:
     return document
 
 
-def _known(path: Path, document: dict[str, Any], links: tuple[str, ...]) -> KnownBounds:
+def _known_bounds(path: Path, document: dict[str, Any], links: tuple[str, ...]) -> KnownBounds:
     parameters: dict[str, Interval] = {}
     drives: dict[str, Interval] = {}
-    for field, name, value in _entries(path, document):
-        pair = _pair(path, field, value)
+    for field, name, value in _bound_entries(path, document):
+        pair = _read_pair(path, field, value)
         link, _, kind = name.rpartition(".")
         if link in links and kind in NAMES:
             if kind in _POSITIVE and pair[1] <= 0.0:
@@ -145,15 +145,15 @@ def _known(path: Path, document: dict[str, Any], links: tuple[str, ...]) -> Know
     return KnownBounds(
         parameters,
         drives,
-        None if total is None else _pair(path, "total_mass", total),
-        _rules(path, document.get("rules") or {}, links),
+        None if total is None else _read_pair(path, "total_mass", total),
+        _read_rules(path, document.get("rules") or {}, links),
         str(document.get("source", path)),
     )
 
 
-def _entries(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, str, Any]]:
+def _bound_entries(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, str, Any]]:
     """Place in the file, name of the parameter and its entry."""
-    for link, block in _mapping(path, document, "links").items():
+    for link, block in _field_mapping(path, document, "links").items():
         if not isinstance(block, dict):
             raise InputError(
                 f"is {block!r}", source=path, field=f"links.{link}", remedy="write {m: [lower, upper], …}"
@@ -161,21 +161,21 @@ def _entries(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, str, A
         # A name that is no parameter must not pass for a drive's.
         for name, value in block.items():
             yield f"links.{link}.{name}", f"{link}.{name}" if name in NAMES else f"{link}.", value
-    for name, value in _mapping(path, document, "drives").items():
+    for name, value in _field_mapping(path, document, "drives").items():
         yield f"drives.{name}", str(name), value
-    for name, entry in _mapping(path, document, "parameters").items():
+    for name, entry in _field_mapping(path, document, "parameters").items():
         yield str(name), str(name), entry.get("bounds") if isinstance(entry, dict) else entry
 
 
-def _mapping(path: Path, document: dict[str, Any], field: str) -> dict[str, Any]:
+def _field_mapping(path: Path, document: dict[str, Any], field: str) -> dict[str, Any]:
     block = document.get(field) or {}
     if not isinstance(block, dict):
         raise InputError(f"is {block!r}", source=path, field=field, remedy="write NAME: […], a line each")
     return block
 
 
-def _pair(path: Path, name: str, value: Any) -> Interval:
-    numbers = [_number(entry) for entry in value] if isinstance(value, list | tuple) else []
+def _read_pair(path: Path, name: str, value: Any) -> Interval:
+    numbers = [_read_number(entry) for entry in value] if isinstance(value, list | tuple) else []
     if len(numbers) != 2 or any(number is None for number in numbers):
         raise InputError(
             f"has bounds {value!r}", source=path, field=name, remedy="write [lower, upper], two numbers in SI"
@@ -198,7 +198,7 @@ def _pair(path: Path, name: str, value: Any) -> Interval:
     return low, high
 
 
-def _number(value: Any) -> float | None:
+def _read_number(value: Any) -> float | None:
     """YAML 1.1 reads ``1e-4`` as text; it is meant as a number."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
@@ -210,7 +210,7 @@ def _number(value: Any) -> float | None:
         return None
 
 
-def _rules(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, Any]:
+def _read_rules(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, Any]:
     known = {"diagonal_ratio", "off_diagonal_share", "slenderness", "slender", "principal_triangle"}
     if not isinstance(block, dict):
         raise InputError(f"is {block!r}", source=path, field="rules", remedy="write " + ", ".join(known))
@@ -224,16 +224,16 @@ def _rules(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, Any]:
             if not isinstance(value, bool):
                 raise InputError(f"is {value!r}", source=path, field=field, remedy="write true or false")
         elif key != "slender" and not (value is None and key != "slenderness"):
-            number = _number(value)
+            number = _read_number(value)
             if number is None or not (math.isfinite(number) and number > 0.0):
                 raise InputError(f"is {value!r}", source=path, field=field, remedy="write a positive number")
-    rules = {key: _number(value) if isinstance(value, str) else value for key, value in block.items()}
+    rules = {key: _read_number(value) if isinstance(value, str) else value for key, value in block.items()}
     if "slender" in rules:
-        rules["slender"] = _slender(path, rules["slender"] or {}, links)
+        rules["slender"] = _read_slender(path, rules["slender"] or {}, links)
     return rules
 
 
-def _slender(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, int]:
+def _read_slender(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, int]:
     found = {}
     for link, axis in (block if isinstance(block, dict) else {"": block}).items():
         field = f"rules.slender.{link}"

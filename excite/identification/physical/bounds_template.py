@@ -40,17 +40,17 @@ def write_bounds_template(robot: Robot, path: str | Path) -> Path:
         InputError: the file cannot be written.
     """
     path = Path(path)
-    bounds = default_bounds(robot, BodySettings(com_boxes=_boxes(robot)))
+    bounds = default_bounds(robot, BodySettings(com_boxes=_com_boxes_of(robot)))
     lines = [
         f"# What is known of {robot.name} before it is measured, for excite identify --bounds. Every line is",
         "# [lower, upper] and may be changed or left out; what is left out keeps the bounds written here.",
         "# Inertias are about the centre of mass, along the axes of the joint's frame.",
         f"schema: {SCHEMA}",
-        f"total_mass: {_pair(*bounds.total_mass)}  # kg, all links; the surest one: weigh the robot",
+        f"total_mass: {_format_pair(*bounds.total_mass)}  # kg, all links; the surest one: weigh the robot",
         "links:",
     ]
     for link, low, high in zip(bounds.links, bounds.lower, bounds.upper, strict=True):
-        lines += [f"  {link}:", *_link(low, high)]
+        lines += [f"  {link}:", *_link_lines(low, high)]
     lines.append("# drives:")
     for joint in robot.joint_names:
         lines += [f"#   {term}.{joint}: [0.0, 1.0]  # {DRIVE_TERMS[term].unit}" for term in _USUAL_DRIVES]
@@ -58,26 +58,27 @@ def write_bounds_template(robot: Robot, path: str | Path) -> Path:
     return path
 
 
-def _link(low: Array, high: Array) -> list[str]:
+def _link_lines(low: Array, high: Array) -> list[str]:
     units = ["kg"] + ["m"] * 3 + ["kg·m²"] * 6
     return [
-        f"    {name}: {_pair(float(a), float(b))}" + (f"  # {unit}" if name in ("m", "cx", "Ixx") else "")
+        f"    {name}: {_format_pair(float(a), float(b))}"
+        + (f"  # {unit}" if name in ("m", "cx", "Ixx") else "")
         for name, a, b, unit in zip(NAMES, low, high, units, strict=True)
     ]
 
 
-def _boxes(robot: Robot) -> Array:
+def _com_boxes_of(robot: Robot) -> Array:
     try:
         return com_boxes(robot)
     except RobotError:
         return equivalent_boxes(robot)
 
 
-def _pair(low: float, high: float) -> str:
-    return f"[{_outwards(low, math.floor)}, {_outwards(high, math.ceil)}]"
+def _format_pair(low: float, high: float) -> str:
+    return f"[{_round_outwards(low, math.floor)}, {_round_outwards(high, math.ceil)}]"
 
 
-def _outwards(value: float, towards: Callable[[float], int]) -> str:
+def _round_outwards(value: float, towards: Callable[[float], int]) -> str:
     """A few digits of a number, rounded away from the interval."""
     if value == 0.0:
         return "0.0"

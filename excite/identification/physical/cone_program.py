@@ -55,10 +55,10 @@ class ConeAnswer:
     cones: tuple[Array, ...]
 
 
-def solve(program: ConeProgram) -> ConeAnswer | None:
+def solve_cone_program(program: ConeProgram) -> ConeAnswer | None:
     """Solve; None where the solver says that nothing meets the constraints or gives no numbers."""
     k, m = len(program.target), len(program.bound)
-    stacked = [np.sqrt(_counts(cone.shape[1]))[:, None] * cone for cone in program.cones]
+    stacked = [np.sqrt(_entry_counts(cone.shape[1]))[:, None] * cone for cone in program.cones]
     blocks = [program.matrix, -program.rows, *(-cone.reshape(-1, cone.shape[2]) for cone in stacked)]
     left = np.vstack(blocks) * program.scale
     right = np.zeros((len(left), k))
@@ -85,12 +85,12 @@ def solve(program: ConeProgram) -> ConeAnswer | None:
     cones, at = [], k + m
     for cone in stacked:
         length = cone.shape[0] * cone.shape[1]
-        cones.append(_valid(dual[at : at + length].reshape(cone.shape[:2])))
+        cones.append(_nearest_valid(dual[at : at + length].reshape(cone.shape[:2])))
         at += length
     return ConeAnswer(z, np.maximum(dual[k : k + m], 0.0), tuple(cones))
 
 
-def matrices(triangles: Array) -> Array:
+def symmetric_matrices(triangles: Array) -> Array:
     """Symmetric matrices of upper triangles by columns, ``(n, t)`` → ``(n, 3 or 4, 3 or 4)``."""
     order = 3 if triangles.shape[1] == 6 else 4
     full = np.empty((len(triangles), order, order))
@@ -99,15 +99,15 @@ def matrices(triangles: Array) -> Array:
     return full
 
 
-def _counts(length: int) -> Array:
+def _entry_counts(length: int) -> Array:
     """How often each entry of a triangle stands in the matrix: 1 or 2."""
     return np.array([1.0 if i == j else 2.0 for i, j in TRIANGLE[:length]])
 
 
-def _valid(dual: Array) -> Array:
+def _nearest_valid(dual: Array) -> Array:
     """Nearest positive semidefinite multipliers, entries off the diagonal counted twice."""
-    counts = _counts(dual.shape[1])
-    values, vectors = np.linalg.eigh(matrices(dual / np.sqrt(counts)))
+    counts = _entry_counts(dual.shape[1])
+    values, vectors = np.linalg.eigh(symmetric_matrices(dual / np.sqrt(counts)))
     full = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
     places = np.array(TRIANGLE[: dual.shape[1]])
     return np.asarray(full[:, places[:, 0], places[:, 1]] * counts)

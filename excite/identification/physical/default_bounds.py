@@ -57,10 +57,10 @@ def default_bounds(robot: Robot, settings: BodySettings) -> PhysicalBounds:
         rules=InertiaRules(diagonal_ratio=None, off_diagonal_share=None),
         source=f"derived from the nominal model of {robot.name}",
     )
-    return weighed(bounds, settings.total_mass)
+    return tie_total_mass(bounds, settings.total_mass)
 
 
-def weighed(bounds: PhysicalBounds, mass: float | None) -> PhysicalBounds:
+def tie_total_mass(bounds: PhysicalBounds, mass: float | None) -> PhysicalBounds:
     """The same bounds with the total mass tied to what a scale says [kg]; None leaves them."""
     if mass is None:
         return bounds

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.identification.physical.bounds import PhysicalBounds, least_density_moments
-from excite.identification.physical.cone_program import ConeProgram, solve
+from excite.identification.physical.cone_program import ConeProgram, solve_cone_program
 from excite.identification.physical.coordinates import DIAGONAL, STEINER, second_moments
 
 # How far inside the set answers are drawn, in scaled units: above rounding, of no weight in the objective.
@@ -158,7 +158,7 @@ class FeasibleSet:
         deep[0, -1] = 1.0
         identity = np.zeros((len(self.density), 6, 1))
         identity[:, DIAGONAL] = -1.0
-        answer = solve(
+        answer = solve_cone_program(
             ConeProgram(
                 matrix=deep,
                 target=np.ones(1),
@@ -196,7 +196,9 @@ class FeasibleSet:
             ``(size,)``; the interior point where the cone program has no answer.
         """
         cones = (self.density,) if len(self.density) else ()
-        answer = solve(ConeProgram(matrix, target, self.rows, self.bound, cones, weight, center, self.scale))
+        answer = solve_cone_program(
+            ConeProgram(matrix, target, self.rows, self.bound, cones, weight, center, self.scale)
+        )
         return self.interior if answer is None else self.inside(answer.z)
 
     def inside(self, x: Array) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve
+from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
 from excite.identification.physical.coordinates import COLUMNS, ROWS, STEINER
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.objective import TorqueObjective
@@ -70,7 +70,7 @@ class Relaxation:
             center=np.concatenate([self.center, np.zeros(n_moments)]),
             scale=lifted,
         )
-        answer = solve(program)
+        answer = solve_cone_program(program)
         if answer is None:
             return None
         x, moments = answer.z[: allowed.size], answer.z[allowed.size :]

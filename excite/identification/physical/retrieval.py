@@ -14,7 +14,7 @@ from excite.identification.physical.certificate import Certificate
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.objective import TorqueObjective
 from excite.identification.physical.relaxation import Relaxation, Relaxed
-from excite.identification.physical.search import LocalOptimum, descend
+from excite.identification.physical.search import LocalOptimum, descend_locally
 
 # Pull to the center that picks one of many equally good robots, as share of the unexplained part of f².
 _PULL = 1e-6
@@ -69,7 +69,7 @@ class Retrieval:
     certificate: Certificate
 
 
-def retrieve(
+def retrieve_parameters(
     objective: TorqueObjective, allowed: FeasibleSet, center: Array, settings: RetrievalSettings
 ) -> Retrieval:
     """Minimise eq. (15) under eq. (16) to (18) of Xu et al. 2020.
@@ -178,7 +178,7 @@ class _Search:
             self._descend(start)
 
     def _descend(self, start: Array) -> None:
-        self.optima.append(descend(self.problem, start))
+        self.optima.append(descend_locally(self.problem, start))
 
     def _random(self, rng: np.random.Generator) -> Array:
         """``LB + (UB − LB)u`` (step 4 of Table 1), moved to the nearest point that meets eq. (17), (18)."""

@@ -30,7 +30,7 @@ class LocalOptimum:
     iterations: int
 
 
-def descend(problem: Relaxation, start: Array) -> LocalOptimum:
+def descend_locally(problem: Relaxation, start: Array) -> LocalOptimum:
     """Minimise eq. (15), with the problem's slight pull to its center, from a point of the feasible set.
 
     Each step minimises the linearised objective with a damping over the whole set, which is convex, so that
@@ -57,7 +57,7 @@ def descend(problem: Relaxation, start: Array) -> LocalOptimum:
     small = _GAIN * max(0.5 * objective.floor**2, 1e-9 * 0.5 * float(target @ target))
     for _ in range(_ITERATIONS):
         iterations += 1
-        rest, slope = residual(x), lifted @ _derivative(allowed, x)
+        rest, slope = residual(x), lifted @ _lift_derivative(allowed, x)
         gained = 0.0
         while damping < _LARGEST_DAMPING:
             pull = np.sqrt(problem.weight**2 + damping / allowed.scale**2)
@@ -79,7 +79,7 @@ def descend(problem: Relaxation, start: Array) -> LocalOptimum:
     return LocalOptimum(x, objective.value(allowed.standard(x)), iterations)
 
 
-def _derivative(allowed: FeasibleSet, x: Array) -> Array:
+def _lift_derivative(allowed: FeasibleSet, x: Array) -> Array:
     """Derivative of ``(x, hhᵀ/m)`` by ``x``, ``(size + 6·n_free, size)``."""
     matrix = np.zeros((allowed.lift.shape[1], allowed.size))
     matrix[: allowed.size] = np.eye(allowed.size)

@@ -22,8 +22,8 @@ from excite.identification.judgement.ranges import (
 )
 from excite.identification.judgement.statistics import base_statistics, parameter_labels
 from excite.identification.problem import build_problem
-from excite.identification.regression import RANK_TOLERANCE, Regression, iterate_weights, regression
-from excite.identification.sessions.pooling import Pooled, pool
+from excite.identification.regression import RANK_TOLERANCE, Regression, condense_problem, iterate_weights
+from excite.identification.sessions.pooling import Pooled, pool_estimates
 from excite.logs.log import Log
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
@@ -189,11 +189,11 @@ def identify_sessions(
         InputError: fewer than two sessions.
     """
     rows = {
-        name: iterate_weights(regression(build_problem(robot, log, problem_settings, role=None)))
+        name: iterate_weights(condense_problem(build_problem(robot, log, problem_settings, role=None)))
         for name, log in sessions.items()
     }
     base = _common_base(rows)
-    left_out = _poorer(rows, base)
+    left_out = _poorer_sessions(rows, base)
     if len(rows) - len(left_out) < 2:
         name, own = next(iter(left_out.items()))
         raise LogError(
@@ -205,7 +205,7 @@ def identify_sessions(
     rows = {name: item for name, item in rows.items() if name not in left_out}
     found = [base_statistics(item, base) for item in rows.values()]
     values = np.array([item.estimate for item in found])
-    pooled = pool(values, np.array([item.covariance for item in found]), level)
+    pooled = pool_estimates(values, np.array([item.covariance for item in found]), level)
     problem = next(iter(rows.values())).problem
     spreads = (settings or EstimatorSettings()).spreads(problem.robot)
     return Sessions(
@@ -228,7 +228,7 @@ def _common_base(rows: Mapping[str, Regression]) -> BaseParameters:
     return base_parameters(stacked, labels, RANK_TOLERANCE)
 
 
-def _poorer(rows: Mapping[str, Regression], base: BaseParameters) -> dict[str, int]:
+def _poorer_sessions(rows: Mapping[str, Regression], base: BaseParameters) -> dict[str, int]:
     """Sessions that do not determine all of the base parameters, with the number that they do."""
     ranks = {
         name: base_parameters(item.factor[:, base.independent], base.labels, RANK_TOLERANCE).rank

@@ -56,7 +56,7 @@ class Pooled:
         return np.asarray(0.5 * (self.next_interval[1] - self.next_interval[0]) / quantile)
 
 
-def pool(values: Array, covariances: Array, level: float = 0.95) -> Pooled:
+def pool_estimates(values: Array, covariances: Array, level: float = 0.95) -> Pooled:
     """Pool estimates by the multivariate random-effects model ``values[s] = mean + b_s + e_s``.
 
     ``e_s`` has the covariance given, ``b_s`` independent components whose variances are found for each
@@ -79,7 +79,7 @@ def pool(values: Array, covariances: Array, level: float = 0.95) -> Pooled:
     fixed = 1.0 / variances
     center = (fixed * values).sum(axis=0) / fixed.sum(axis=0)
     q = (fixed * (values - center) ** 2).sum(axis=0)
-    information, moment = _joint(values, covariances, between)
+    information, moment = _joint_information(values, covariances, between)
     covariance = np.asarray(np.linalg.inv(information), dtype=float)
     size = np.sqrt(np.diag(covariance))
     return Pooled(
@@ -87,8 +87,8 @@ def pool(values: Array, covariances: Array, level: float = 0.95) -> Pooled:
         covariance=covariance,
         between=np.sqrt(between),
         inconsistency=np.clip(1.0 - (len(values) - 1) / np.maximum(q, 1e-300), 0.0, 1.0),
-        mean_interval=_interval(values, variances, level, of_next=False),
-        next_interval=_interval(values, variances, level, of_next=True),
+        mean_interval=_parameter_interval(values, variances, level, of_next=False),
+        next_interval=_parameter_interval(values, variances, level, of_next=True),
         level=level,
     )
 
@@ -118,7 +118,7 @@ def between_variance(values: Array, variances: Array) -> Array:
     return np.asarray(between * unit)
 
 
-def _joint(values: Array, covariances: Array, between: Array) -> tuple[Array, Array]:
+def _joint_information(values: Array, covariances: Array, between: Array) -> tuple[Array, Array]:
     """Sum of the inverse covariances and of them times the values."""
     k = values.shape[1]
     information, moment = np.zeros((k, k)), np.zeros(k)
@@ -133,7 +133,7 @@ def _joint(values: Array, covariances: Array, between: Array) -> tuple[Array, Ar
     return information, moment
 
 
-def _interval(values: Array, variances: Array, level: float, *, of_next: bool) -> Array:
+def _parameter_interval(values: Array, variances: Array, level: float, *, of_next: bool) -> Array:
     """Interval of each parameter's mean, or of its value in another session, ``(2, k)``.
 
     With few sessions the variance between them is hardly known, and an interval that takes its estimate for
@@ -147,7 +147,7 @@ def _interval(values: Array, variances: Array, level: float, *, of_next: bool) -
     center = y.mean(axis=0)
     y = y - center
     wanted = 2.0 * gammaincinv(0.5 * (n - 1), (np.arange(_QUANTILES) + 0.5) / _QUANTILES)[:, None]
-    between = _profile(y, v, wanted)
+    between = _profile_tau(y, v, wanted)
     w = 1.0 / (v[:, None, :] + between)
     total = w.sum(axis=0)
     mean = (w * y[:, None, :]).sum(axis=0) / total
@@ -156,7 +156,7 @@ def _interval(values: Array, variances: Array, level: float, *, of_next: bool) -
     return np.asarray(np.stack(edges) * np.sqrt(unit) + center * np.sqrt(unit))
 
 
-def _profile(y: Array, v: Array, wanted: Array) -> Array:
+def _profile_tau(y: Array, v: Array, wanted: Array) -> Array:
     """τ² at which ``Q`` is ``wanted``, zero where it is smaller for every τ², ``(n_quantiles, k)``."""
 
     def excess(between: Array) -> Array:

@@ -29,7 +29,7 @@ class CsvReader(TrialReader):
     def _columns(self, path: Path) -> dict[str, Array]:
         try:
             with path.open("rb") as stream:
-                stream.seek(_start(stream, path))
+                stream.seek(_names_line_start(stream, path))
                 table = pa.csv.read_csv(stream)
             names = [name.strip() for name in table.column_names]
         except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
@@ -48,7 +48,7 @@ class CsvReader(TrialReader):
         pa.csv.write_csv(arrow_table(columns), path, write_options=pa.csv.WriteOptions(quoting_style="none"))
 
 
-def _start(stream: BinaryIO, path: Path) -> int:
+def _names_line_start(stream: BinaryIO, path: Path) -> int:
     """Where the line of names begins, which has to be one; raises LogError."""
     for _ in range(_MOST_COMMENTS):
         start = stream.tell()

@@ -36,10 +36,10 @@ class Hdf5Reader(TrialReader):
 
         try:
             with h5py.File(path, "r") as file:
-                datasets = _datasets(file, path)
-                sizes = [math.prod(item.shape) for item in datasets.values() if _readable(item)]
+                datasets = _root_datasets(file, path)
+                sizes = [math.prod(item.shape) for item in datasets.values() if _is_readable(item)]
                 check_size(sum(sizes), len(datasets), path)
-                return {name: _array(item) for name, item in datasets.items()}
+                return {name: _read_dataset(item) for name, item in datasets.items()}
         # What h5py raises of damaged files.
         except (OSError, ValueError, KeyError, TypeError, RuntimeError, MemoryError, AttributeError) as error:
             raise unreadable(path, error) from error
@@ -59,7 +59,7 @@ def read_hdf5(paths: list[Path]) -> list[dict[str, Array]]:
     return [Hdf5Reader().read(path) for path in paths]
 
 
-def _datasets(file: h5py.File, path: Path) -> dict[str, h5py.Dataset]:
+def _root_datasets(file: h5py.File, path: Path) -> dict[str, h5py.Dataset]:
     """Datasets at the root that hold their data themselves; raises LogError for those that lie elsewhere."""
     import h5py
 
@@ -84,12 +84,12 @@ def _datasets(file: h5py.File, path: Path) -> dict[str, h5py.Dataset]:
     return found
 
 
-def _readable(item: h5py.Dataset) -> bool:
+def _is_readable(item: h5py.Dataset) -> bool:
     return item.dtype.kind in "fiu" and len(item.shape or ()) in {1, 2}
 
 
-def _array(item: h5py.Dataset) -> NDArray[Any]:
-    return np.asarray(item[()]) if _readable(item) else no_numbers(item.dtype)
+def _read_dataset(item: h5py.Dataset) -> NDArray[Any]:
+    return np.asarray(item[()]) if _is_readable(item) else no_numbers(item.dtype)
 
 
 def _require_h5py(path: Path) -> None:

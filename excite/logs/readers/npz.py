@@ -53,7 +53,9 @@ class NpzReader(TrialReader):
             with zipfile.ZipFile(path) as archive:
                 members = archive.infolist()
                 _check_members(members, path)
-                return {item.filename.removesuffix(_ENDING): _array(archive, item, path) for item in members}
+                return {
+                    item.filename.removesuffix(_ENDING): _read_array(archive, item, path) for item in members
+                }
         except _DAMAGED as error:
             raise unreadable(path, error) from error
 
@@ -85,10 +87,10 @@ def _check_members(members: list[zipfile.ZipInfo], path: Path) -> None:
             )
 
 
-def _array(archive: zipfile.ZipFile, item: zipfile.ZipInfo, path: Path) -> NDArray[Any]:
+def _read_array(archive: zipfile.ZipFile, item: zipfile.ZipInfo, path: Path) -> NDArray[Any]:
     """One array, no larger than its member says; raises LogError or one of ``_DAMAGED``."""
     with archive.open(item) as stream:
-        shape, fortran, dtype = _header(stream)
+        shape, fortran, dtype = _read_header(stream)
         if dtype.hasobject:
             raise LogError(
                 "is not numeric but pickled Python objects",
@@ -122,7 +124,7 @@ class _Header(NamedTuple):
     dtype: np.dtype[Any]
 
 
-def _header(stream: IO[bytes]) -> _Header:
+def _read_header(stream: IO[bytes]) -> _Header:
     version = npy.read_magic(stream)
     if version not in _HEADERS:
         raise ValueError(f"format {version} of arrays")

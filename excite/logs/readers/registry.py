@@ -14,7 +14,7 @@ from excite.logs.readers.parquet import ParquetReader
 from excite.logs.readers.reader import MAX_TRIAL_BYTES, TrialReader
 from excite.reading.child import in_child
 from excite.reading.file import check_file
-from excite.reading.packed import is_packed, pack, plain_name, unpacked
+from excite.reading.packed import is_packed, pack_file, plain_name, unpack_file
 from excite.temporary_folder import TemporaryFolder
 
 # A process starts in less than a second; the rest is for the file, at a tenth of what disks and gzip do [s, bytes/s].
@@ -69,7 +69,7 @@ def read_trials(paths: Sequence[Path]) -> Iterator[dict[str, Array]]:
         if reader.own_process is not None:
             yield found.pop(path)
         else:
-            with unpacked(path, limit=MAX_TRIAL_BYTES, error=LogError) as plain:
+            with unpack_file(path, limit=MAX_TRIAL_BYTES, error=LogError) as plain:
                 yield reader.read(plain)
 
 
@@ -87,7 +87,7 @@ def write_trial(columns: Mapping[str, Array], path: Path) -> None:
     folder = TemporaryFolder()
     plain = folder.path / plain_name(path).name
     reader.write(columns, plain)
-    pack(plain, path)
+    pack_file(plain, path)
 
 
 def _read_in_own_process(function: str, paths: list[Path]) -> list[dict[str, Array]]:

@@ -58,7 +58,7 @@ class Shifted:
     slope: Array
 
 
-def peak(correlation: Callable[[int], Shifted], reach: int, rate_hz: float) -> Lag:
+def find_peak(correlation: Callable[[int], Shifted], reach: int, rate_hz: float) -> Lag:
     """The lag at which ``correlation`` is greatest.
 
     Args:
@@ -80,7 +80,7 @@ def peak(correlation: Callable[[int], Shifted], reach: int, rate_hz: float) -> L
     found = correlation(int(shifts[best]))
     return Lag(
         lag_s=float(shifts[best] + offset) / rate_hz,
-        std_s=_deviation(found.residual, found.slope),
+        std_s=_lag_deviation(found.residual, found.slope),
         correlation=top,
         correlation_before=float(values[reach]),
         tried_s=shifts / rate_hz,
@@ -88,7 +88,7 @@ def peak(correlation: Callable[[int], Shifted], reach: int, rate_hz: float) -> L
     )
 
 
-def _deviation(residual: Array, slope: Array) -> float:
+def _lag_deviation(residual: Array, slope: Array) -> float:
     """Sandwich: variance of ``Σ slope·residual``, neighbours in time correlated, over ``(Σ slope²)²``."""
     n = len(residual)
     score = (residual * slope).reshape(n, -1).sum(axis=1)

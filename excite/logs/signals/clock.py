@@ -54,12 +54,12 @@ def find_clock(time: Array, positions: Array) -> Clock:
         The clock.
     """
     regular = regular_clock(time)
-    misfits = [misfit(instants, positions) for instants in (time, regular)]
+    misfits = [cubic_misfit(instants, positions) for instants in (time, regular)]
     sizes = [float(np.sqrt(np.mean(values**2))) for values in misfits]
     late = sizes[1] < _CLEARLY * sizes[0]
     chosen = regular if late else time
     velocity = np.gradient(positions, chosen, axis=0)[2:-2]
-    jitter, noise = _split(misfits[late], velocity)
+    jitter, noise = _split_variances(misfits[late], velocity)
     return Clock(chosen, late, sizes[0], sizes[1], jitter, noise)
 
 
@@ -81,7 +81,7 @@ def regular_clock(time: Array) -> Array:
     return np.asarray(time[0] + start + slope * count)
 
 
-def misfit(time: Array, values: Array) -> Array:
+def cubic_misfit(time: Array, values: Array) -> Array:
     """Distance of each sample from the cubic through two neighbours on either side, ``(n − 4, …)``.
 
     Scaled so that white noise of standard deviation 1 gives 1.
@@ -101,7 +101,7 @@ def misfit(time: Array, values: Array) -> Array:
     return np.asarray((values[2 : n - 2] - predicted) / scale)
 
 
-def _split(misfits: Array, velocity: Array) -> tuple[float, Array]:
+def _split_variances(misfits: Array, velocity: Array) -> tuple[float, Array]:
     """Standard deviations of jitter and of each channel's noise, from binned squares."""
     rows, targets = [], []
     channels = misfits.shape[1]

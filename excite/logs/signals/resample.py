@@ -39,7 +39,7 @@ def resample_noisy(time: Array, values: Array, grid: Array) -> Array:
     """
     from scipy.interpolate import PchipInterpolator
 
-    return np.asarray(PchipInterpolator(time, values)(_inside(time, grid)))
+    return np.asarray(PchipInterpolator(time, values)(_clip_to_span(time, grid)))
 
 
 def resample_smooth(time: Array, values: Array, grid: Array) -> Array:
@@ -50,10 +50,10 @@ def resample_smooth(time: Array, values: Array, grid: Array) -> Array:
     """
     from scipy.interpolate import CubicSpline
 
-    return np.asarray(CubicSpline(time, values)(_inside(time, grid)))
+    return np.asarray(CubicSpline(time, values)(_clip_to_span(time, grid)))
 
 
-def _inside(time: Array, grid: Array) -> Array:
+def _clip_to_span(time: Array, grid: Array) -> Array:
     slack = 1e-9 * max(1.0, abs(time[-1]))
     if grid[0] < time[0] - slack or grid[-1] > time[-1] + slack:
         raise LogError(

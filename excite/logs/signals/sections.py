@@ -85,12 +85,14 @@ def both_ways(
     # Of signals in one piece each a few are laid out at a time: a line of the cache holds eight numbers.
     pieces = values.flags.f_contiguous
     values, at_once = (values, 8) if pieces else (np.ascontiguousarray(values), columns)
-    _filter(values, weights, weighted, ends, rows, row_ends, sections, states, columns, at_once, room, out)
+    _filter_block(
+        values, weights, weighted, ends, rows, row_ends, sections, states, columns, at_once, room, out
+    )
     return out.T
 
 
 @LazyKernel
-def _filter(
+def _filter_block(
     values, weights, weighted, ends, rows, row_ends, sections, states, columns, at_once, room, out
 ):  # pragma: no cover - compiled
     """:func:`both_ways`, so many columns of so many trials at a time as there is ``room`` for.
@@ -106,9 +108,9 @@ def _filter(
             for k in range(trial, last):
                 start = ends[k - 1] if k else 0
                 n, place = ends[k] - start, (k - trial) * columns
-                _lay(values, weights, weighted, start, n, column, at_once, room, place, width)
-            _pass(room, sections, states, 0, 1)
-            _pass(room, sections, states, longest - 1, -1)
+                _lay_out_signals(values, weights, weighted, start, n, column, at_once, room, place, width)
+            _run_sections(room, sections, states, 0, 1)
+            _run_sections(room, sections, states, longest - 1, -1)
             for k in range(trial, last):
                 for row in range(row_ends[k - 1] if k else 0, row_ends[k]):
                     for c in range(width):
@@ -116,7 +118,7 @@ def _filter(
 
 
 @LazyKernel
-def _lay(
+def _lay_out_signals(
     values, weights, weighted, start, n, column, at_once, room, place, width
 ):  # pragma: no cover - compiled
     """Lay a trial's signals out in ``room`` from column ``place`` on, times their weights, held at its end."""
@@ -137,7 +139,7 @@ def _lay(
 
 
 @LazyKernel
-def _pass(signals, sections, states, begin, step):  # pragma: no cover - compiled
+def _run_sections(signals, sections, states, begin, step):  # pragma: no cover - compiled
     """Signals ``(n, n_signals)`` through the sections in place, in one direction (direct form II transposed)."""
     n, width = signals.shape
     memory = np.empty((len(sections), 2, width))

@@ -7,7 +7,7 @@ import numpy as np
 from excite.arrays import Array
 
 
-def welch(
+def welch_spectrum(
     values: Array, rate_hz: float, length: int, *, median: bool = False, centred: bool = True
 ) -> tuple[Array, Array]:
     """One-sided power density by segments under a Hann window, half over each other (Welch 1967).

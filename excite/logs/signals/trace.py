@@ -72,8 +72,8 @@ class SignalTrace:
                     "effect": step.effect,
                     "quantity": step.quantity,
                     "axis": step.axis,
-                    "before": _points(step.before_x, step.before),
-                    "after": _points(step.after_x, step.after),
+                    "before": _plot_points(step.before_x, step.before),
+                    "after": _plot_points(step.after_x, step.after),
                     "dots": step.dots,
                 }
                 for step in self.steps
@@ -94,7 +94,7 @@ def trace_from_json(document: dict[str, Any]) -> SignalTrace:
     return SignalTrace(document["trial"], document["channel"], tuple(steps))
 
 
-def _points(x: Array, y: Array) -> dict[str, list[float | None]]:
+def _plot_points(x: Array, y: Array) -> dict[str, list[float | None]]:
     every = slice(None, None, max(1, -(-len(x) // _MOST_POINTS)))
     finite = [float(f"{value:.6g}") if np.isfinite(value) else None for value in y[every]]
     return {"x": [float(f"{value:.7g}") for value in x[every]], "y": finite}

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints, stands_on_either, upper_body
 from excite.motion.generators.candidate import Candidate, Draws, SupportPhase
 from excite.motion.generators.generator import Generator
-from excite.motion.generators.leg_swing import swinging
+from excite.motion.generators.leg_swing import swinging_candidate
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Robot
 
@@ -51,17 +51,17 @@ class Aimed(Generator):
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """A spline from rest to rest through random targets; for legs a stance on the other one."""
         rng = np.random.default_rng(seed)
-        shares, fast = _shares(robot, targets, rng)
+        shares, fast = _joint_shares(robot, targets, rng)
         legs = {i for foot in robot.feet for i in leg_joints(robot, foot)}
         if robot.joint_index(targets[0]) in legs:
             reach = rng.uniform(*_LEG, size=robot.n_joints)
             reach[np.isin(robot.joint_names, targets)] = _FAR
-            return swinging(robot, seed, targets, name, self.name, reach)
+            return swinging_candidate(robot, seed, targets, name, self.name, reach)
         stays = rng.integers(*_STAY, size=int(rng.integers(*_ENDS)))
         draws = posture_draws(robot, targets, shares, 3, 3 + int(stays.sum()))
         curve = posture_curve(robot, draws, draws.stop + 3, rng)
         postures = curve.control[draws.first : draws.stop]
-        postures[:, ~fast] = _slow(postures[:, ~fast])
+        postures[:, ~fast] = _slow_ways(postures[:, ~fast])
         for target in targets:
             column = robot.joint_index(target)
             curve.control[draws.first : draws.stop, column] = _from_end_to_end(draws, column, stays, rng)
@@ -79,7 +79,7 @@ def _from_end_to_end(draws: Draws, column: int, stays: NDArray[np.int64], rng: n
     return np.asarray(lower + share * (upper - lower))
 
 
-def _slow(points: Array) -> Array:
+def _slow_ways(points: Array) -> Array:
     """Straight ways through every few of the points, ``(n, k)``."""
     kept = np.unique(np.r_[0 : len(points) : _SLOWLY, len(points) - 1])
     rows = np.arange(len(points))
@@ -89,7 +89,7 @@ def _slow(points: Array) -> Array:
     return slow
 
 
-def _shares(
+def _joint_shares(
     robot: Robot, targets: tuple[str, ...], rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Share of its range that each joint uses, and whether it is a target or next to one."""

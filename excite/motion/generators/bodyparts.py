@@ -85,7 +85,7 @@ def support_corners(robot: Robot, feet: Sequence[Foot]) -> Array:
 def sole_half_width(foot: Foot) -> float:
     """Distance of a sole's middle from its nearest edge [m]; corners of rounded soles lie nearer to its middle line."""
     corners = (foot.sole - foot.placement.translation) @ foot.placement.rotation[:, :2]
-    return float(-_edges(corners)[:, 2].max())
+    return float(-_hull_edges(corners)[:, 2].max())
 
 
 def stands_on_either(robot: Robot) -> bool:
@@ -93,7 +93,7 @@ def stands_on_either(robot: Robot) -> bool:
     return len(robot.feet) == 2 and all(has_area(support_corners(robot, [foot])) for foot in robot.feet)
 
 
-def _edges(corners: Array) -> Array:
+def _hull_edges(corners: Array) -> Array:
     """Edges of the hull of points ``(n, 2)`` as rows ``n_x, n_y, c``: ``n·x + c ≤ 0`` inside, n of length one."""
     return np.asarray(scipy.spatial.ConvexHull(corners).equations)
 
@@ -117,7 +117,7 @@ def base_shift(robot: Robot, shift: Array, roll: float) -> Array:
 def support_reach(robot: Robot, feet: Sequence[Foot]) -> float:
     """Distance at rest of the centre of mass from the edge of a support polygon, seen from above [m]."""
     centre = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))[:2]
-    edges = _edges(support_corners(robot, feet))
+    edges = _hull_edges(support_corners(robot, feet))
     return float(-(edges[:, :2] @ centre + edges[:, 2]).max())
 
 
@@ -127,7 +127,7 @@ def support_centre(robot: Robot, feet: Sequence[Foot], near: Array) -> Array:
     The first point on the straight way from ``near`` to the middle of the largest circle inside that is at least
     :data:`_DEEP` of the circle's radius away from every edge.
     """
-    edges = _edges(support_corners(robot, feet))
+    edges = _hull_edges(support_corners(robot, feet))
     widest = scipy.optimize.linprog(
         [0.0, 0.0, -1.0],
         A_ub=np.column_stack([edges[:, :2], np.ones(len(edges))]),

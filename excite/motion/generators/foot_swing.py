@@ -55,7 +55,7 @@ class FootSwing(Generator):
     def _free_feet(self, robot: Robot) -> list[Foot]:
         if len(robot.feet) < 3:
             return []
-        return [f for f in robot.feet if has_area(support_corners(robot, _others(robot, f)))]
+        return [f for f in robot.feet if has_area(support_corners(robot, _other_feet(robot, f)))]
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
         """The joints of legs that may be lifted, one of each leg in turn."""
@@ -67,12 +67,12 @@ class FootSwing(Generator):
         free = self._free_feet(robot)
         target = robot.joint_index(targets[0])
         swing = next((foot for foot in free if target in leg_joints(robot, foot)), free[0])
-        stance = _others(robot, swing)
+        stance = _other_feet(robot, swing)
         data = robot.model.createData()
         centre = np.array(pin.centerOfMass(robot.model, data, robot.rest))[:2]
         shift = support_centre(robot, stance, centre) - centre
         height = pelvis_height(robot)
-        points = _swings(robot, swing, np.append(shift, 0.0), int(rng.integers(*_SWINGS)), rng)
+        points = _swing_displacements(robot, swing, np.append(shift, 0.0), int(rng.integers(*_SWINGS)), rng)
         lift, land = 6, 6 + len(points)
         m = land + 6
         com, foot, trunk = np.zeros((m, 2)), np.zeros((m, 6)), np.zeros((m, 4))
@@ -103,11 +103,11 @@ class FootSwing(Generator):
         )
 
 
-def _others(robot: Robot, foot: Foot) -> list[Foot]:
+def _other_feet(robot: Robot, foot: Foot) -> list[Foot]:
     return [other for other in robot.feet if other.name != foot.name]
 
 
-def _swings(robot: Robot, swing: Foot, shift: Array, n: int, rng: np.random.Generator) -> Array:
+def _swing_displacements(robot: Robot, swing: Foot, shift: Array, n: int, rng: np.random.Generator) -> Array:
     """Displacements of the free foot, ``(up to n + 6, 6)``: first and last straight above where it stood.
 
     The others are where random joint positions of the leg bring it with the trunk shifted; draws too low or out of
@@ -125,7 +125,9 @@ def _swings(robot: Robot, swing: Foot, shift: Array, n: int, rng: np.random.Gene
     ground, turned = np.array(data.oMi[swing.joint].act(swing.placement.translation)), data.oMi[swing.joint]
     sole_turn = np.array(turned.rotation)
     hip = robot.model.getJointId(robot.joint_names[leg[0]])
-    offsets = [robot.model.jointPlacements[joint].translation for joint in _beyond(robot, hip, swing)]
+    offsets = [
+        robot.model.jointPlacements[joint].translation for joint in _joints_beyond_hip(robot, hip, swing)
+    ]
     length = float(sum(np.linalg.norm(offset) for offset in (*offsets, swing.placement.translation)))
     q = robot.rest.copy()
     q[:3] += shift
@@ -146,6 +148,6 @@ def _swings(robot: Robot, swing: Foot, shift: Array, n: int, rng: np.random.Gene
     return np.vstack([up, points[:found], settle])
 
 
-def _beyond(robot: Robot, hip: int, foot: Foot) -> list[int]:
+def _joints_beyond_hip(robot: Robot, hip: int, foot: Foot) -> list[int]:
     """Joints of a leg after its first."""
     return [int(joint) for joint in robot.model.supports[foot.joint] if joint > hip]

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.motion.generators.polynomials import PolynomialCurve, hermite
+from excite.motion.generators.polynomials import PolynomialCurve, hermite_curve
 from excite.robot.robot import Foot, Robot
 
 
@@ -108,7 +108,7 @@ def there_and_back(soles: Sequence[Sole], first: int, ways: Array, width: float)
     middle = np.mean([sole.print.position for sole in soles], axis=0)
     place, yaw, out = np.zeros(2), 0.0, []
     for x, y, turn in ways:
-        place = place + _rotation(yaw) @ np.array([x, y])
+        place = place + _plane_rotation(yaw) @ np.array([x, y])
         yaw += float(turn)
         out.append((place, yaw))
     back = [(share * place, share * yaw) for share in np.linspace(1.0, 0.0, len(ways) + 1)[1:]]
@@ -117,7 +117,7 @@ def there_and_back(soles: Sequence[Sole], first: int, ways: Array, width: float)
     for k, (at, turned) in enumerate(places):
         sole = soles[(first + k) % 2].print
         apart = width if k < len(places) - 2 else 1.0
-        position = middle + at + _rotation(turned) @ (apart * (sole.position - middle))
+        position = middle + at + _plane_rotation(turned) @ (apart * (sole.position - middle))
         steps.append(Step((first + k) % 2, Print(position, sole.yaw + turned)))
     return tuple(steps)
 
@@ -147,8 +147,8 @@ def sole_curve(
         second += [np.zeros(6), -24.0 * bump / duration**2, np.zeros(6)]
     for column in (values, first, second):
         column.append(column[-1])
-    return hermite(np.r_[knots, length], np.array(values), np.array(first), np.array(second))
+    return hermite_curve(np.r_[knots, length], np.array(values), np.array(first), np.array(second))
 
 
-def _rotation(angle: float) -> Array:
+def _plane_rotation(angle: float) -> Array:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

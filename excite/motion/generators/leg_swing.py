@@ -74,10 +74,10 @@ class LegSwing(Generator):
 
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """A candidate whose free leg is the one that holds the first target."""
-        return swinging(robot, seed, targets, name, self.name)
+        return swinging_candidate(robot, seed, targets, name, self.name)
 
 
-def swinging(
+def swinging_candidate(
     robot: Robot,
     seed: int,
     targets: tuple[str, ...],
@@ -100,9 +100,9 @@ def swinging(
     swing, stance = robot.feet
     if robot.joint_index(targets[0]) in leg_joints(robot, stance):
         swing, stance = stance, swing
-    ground = _ground(robot, stance, swing)
+    ground = _stance_ground(robot, stance, swing)
     n = int(rng.integers(*(_QUICK_SWINGS if ground.half_width >= _BROAD else _SWINGS)))
-    swings = _swings(robot, swing, ground, n, rng, shares)
+    swings = _swing_displacements(robot, swing, ground, n, rng, shares)
     lift, land = 6, 6 + len(swings)
     free = slice(lift + len(_UP), land - len(_SETTLE))
     m = land + 6
@@ -112,7 +112,7 @@ def swinging(
     foot[lift:land] = swings
     turns = np.array(_PELVIS) * [ground.height, 1.0, 1.0, 1.0]
     pelvis = np.zeros((m, 4))
-    pelvis[3 : land + 3, 0] = -_down(robot, swing, ground)
+    pelvis[3 : land + 3, 0] = -_pelvis_drop(robot, swing, ground)
     pelvis[3 : land + 3, 1] = ground.outward * _LEAN
     moved = rng.uniform(-1.0, 1.0, size=(free.stop - free.start, 4)) * turns
     moved = moved if shares is None else moved * float(shares[list(leg_joints(robot, swing))].mean())
@@ -160,7 +160,7 @@ class _Ground:
     rotation: Array
 
 
-def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
+def _stance_ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     data = robot.model.createData()
     centre = np.array(pin.centerOfMass(robot.model, data, robot.rest))
     corners = np.array([data.oMi[stance.joint].act(corner) for corner in stance.sole])
@@ -182,7 +182,7 @@ def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     )
 
 
-def _leaning(robot: Robot, ground: _Ground, down: float) -> Array:
+def _leaning_base(robot: Robot, ground: _Ground, down: float) -> Array:
     """About where the base is over the stance foot, its pelvis lower by ``down`` [m], all joints at rest ``(nq,)``."""
     data, q = robot.model.createData(), robot.rest.copy()
     pin.forwardKinematics(robot.model, data, robot.rest)
@@ -194,7 +194,7 @@ def _leaning(robot: Robot, ground: _Ground, down: float) -> Array:
     return np.asarray(q)
 
 
-def _down(robot: Robot, swing: Foot, ground: _Ground) -> float:
+def _pelvis_drop(robot: Robot, swing: Foot, ground: _Ground) -> float:
     """How far the pelvis goes down while the weight shifts [m]: no less than the other leg needs to reach its foot."""
     data = robot.model.createData()
     joints = [robot.model.getJointId(robot.joint_names[i]) for i in leg_joints(robot, swing)]
@@ -203,12 +203,12 @@ def _down(robot: Robot, swing: Foot, ground: _Ground) -> float:
     knee = before_knee(np.linalg.norm(np.diff(places, axis=0), axis=1)) + 1 if len(joints) > 1 else 0
     hip, ankle = places[0], places[-2]
     reach = _STRAIGHT * (np.linalg.norm(places[knee] - hip) + np.linalg.norm(ankle - places[knee]))
-    pin.forwardKinematics(robot.model, data, _leaning(robot, ground, 0.0))
+    pin.forwardKinematics(robot.model, data, _leaning_base(robot, ground, 0.0))
     x, y, z = data.oMi[joints[0]].translation - ankle
     return float(max(_DOWN * ground.height, z - np.sqrt(max(reach**2 - x**2 - y**2, 0.0))))
 
 
-def _swings(
+def _swing_displacements(
     robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.Generator, shares: Array | None
 ) -> Array:
     """Displacements of the free sole, ``(up to n + 6, 6)``: first and last straight above where it stood.
@@ -230,7 +230,7 @@ def _swings(
     hip = robot.model.getJointId(robot.joint_names[leg[0]])
     pin.forwardKinematics(robot.model, data, robot.rest)
     reach = _STRETCH * np.linalg.norm(ground.sole - data.oMi[hip].translation)
-    q = _leaning(robot, ground, _down(robot, swing, ground))
+    q = _leaning_base(robot, ground, _pelvis_drop(robot, swing, ground))
     found = 0
     for _ in range(_DRAWS):
         if found == n:

@@ -26,7 +26,7 @@ AIMED_ARM_MIX: Mapping[str, float] = {"aimed": 1.0}
 AIMED_MANY_FEET_MIX: Mapping[str, float] = {"aimed": 0.4, "sway": 0.2, "foot_swing": 0.4}
 
 
-def draw(robot: Robot, proposal: Proposal) -> Candidate:
+def draw_candidate(robot: Robot, proposal: Proposal) -> Candidate:
     """The candidate that a proposal stands for; raises UnknownNameError."""
     return make_generator(proposal.generator).draw(robot, proposal.seed, proposal.targets, proposal.name)
 
@@ -57,7 +57,9 @@ def plan_candidates(
         UnknownNameError: a generator or a target is unknown.
         RobotError: a generator of ``mix`` does not apply to the robot.
     """
-    return [draw(robot, item) for item in plan_proposals(robot, count, seed, mix=mix, targets=targets)]
+    return [
+        draw_candidate(robot, item) for item in plan_proposals(robot, count, seed, mix=mix, targets=targets)
+    ]
 
 
 def plan_proposals(
@@ -80,10 +82,10 @@ def plan_proposals(
     shares = dict(mix if mix is not None else usual_mix(robot, aimed=bool(targets)))
     for joint in targets:
         robot.joint_index(joint)
-    aims = {name: _aims(make_generator(name), robot, targets) for name in shares}
+    aims = {name: _target_joints(make_generator(name), robot, targets) for name in shares}
     if targets:
         shares = {name: share for name, share in shares.items() if aims[name]}
-    numbers = _apportion(np.array(list(shares.values()), dtype=float), count)
+    numbers = _apportion_counts(np.array(list(shares.values()), dtype=float), count)
     drawn: list[Iterator[Proposal]] = []
     for name, number in zip(shares, numbers, strict=True):
         position = list(GENERATORS).index(name)
@@ -123,14 +125,14 @@ def usual_mix(robot: Robot, *, aimed: bool) -> dict[str, float]:
     return shares
 
 
-def _aims(generator: Generator, robot: Robot, targets: Sequence[str]) -> tuple[str, ...]:
+def _target_joints(generator: Generator, robot: Robot, targets: Sequence[str]) -> tuple[str, ...]:
     if not targets or not generator.applies(robot):
         return ()
     possible = generator.aims(robot)
     return tuple(joint for joint in targets if joint in possible)
 
 
-def _apportion(shares: np.ndarray, count: int) -> np.ndarray:
+def _apportion_counts(shares: np.ndarray, count: int) -> np.ndarray:
     """Whole numbers in proportion to ``shares`` that add up to ``count`` (largest remainders)."""
     exact = count * shares / shares.sum()
     numbers = np.floor(exact).astype(int)

@@ -46,7 +46,7 @@ class PolynomialCurve(Curve):
         return PolynomialCurve(self.breaks, scaled)
 
 
-def hermite(
+def hermite_curve(
     s: Array, values: Array, first: Array | None = None, second: Array | None = None
 ) -> PolynomialCurve:
     """The quintic Hermite polynomials through knots: value and two derivatives are those given at each.
@@ -67,7 +67,7 @@ def hermite(
     return PolynomialCurve(np.asarray(polynomial.x), np.asarray(polynomial.c))
 
 
-def polyline(s: Array, values: Array) -> PolynomialCurve:
+def polyline_curve(s: Array, values: Array) -> PolynomialCurve:
     """Straight lines through knots ``(m,)``, increasing from 0, with values ``(m, dimension)``."""
     slope = np.diff(values, axis=0) / np.diff(s)[:, None]
     return PolynomialCurve(s, np.stack([slope, values[:-1]]))

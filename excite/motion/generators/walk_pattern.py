@@ -82,14 +82,14 @@ def plan_pattern(soles: Sequence[Sole], steps: Sequence[Step], timing: Timing, c
     left = int(soles[1].print.position[1] > soles[0].print.position[1])
     sides = [placo.HumanoidRobot_Side.right, placo.HumanoidRobot_Side.right]
     sides[left] = placo.HumanoidRobot_Side.left
-    parameters = _parameters(soles, timing, float(com[2]))
-    robot = placo.HumanoidRobot("", int(placo.Flags.ignore_collisions), _skeleton())
+    parameters = _walk_parameters(soles, timing, float(com[2]))
+    robot = placo.HumanoidRobot("", int(placo.Flags.ignore_collisions), _skeleton_urdf())
     footsteps = placo.Footsteps()
     last = steps[0].foot
     for foot, where in ((last, soles[last].print), (1 - last, soles[1 - last].print)):
-        footsteps.append(_footstep(parameters, sides[foot], where))
+        footsteps.append(_build_footstep(parameters, sides[foot], where))
     for step in steps:
-        footsteps.append(_footstep(parameters, sides[step.foot], step.print))
+        footsteps.append(_build_footstep(parameters, sides[step.foot], step.print))
     supports = placo.FootstepsPlanner.make_supports(footsteps, 0.0, True, False, True)
     try:
         plan = placo.WalkPatternGenerator(robot, parameters).plan(supports, com, 0.0)
@@ -97,10 +97,10 @@ def plan_pattern(soles: Sequence[Sole], steps: Sequence[Step], timing: Timing, c
         raise NoSolutionError(
             "no walk over these footprints", best=None, remedy="shorten the steps"
         ) from error
-    return _read(plan, timing)
+    return _read_plan(plan, timing)
 
 
-def _read(plan: Any, timing: Timing) -> WalkPattern:
+def _read_plan(plan: Any, timing: Timing) -> WalkPattern:
     """The plan's knots and phases."""
     knots, swings, start = [0.0], [], 0.0
     while start < plan.t_end - 1e-9:
@@ -121,7 +121,7 @@ def _read(plan: Any, timing: Timing) -> WalkPattern:
     return WalkPattern(time, com, velocity, acceleration, np.array(swings))
 
 
-def _parameters(soles: Sequence[Sole], timing: Timing, height: float) -> Any:
+def _walk_parameters(soles: Sequence[Sole], timing: Timing, height: float) -> Any:
     import placo
 
     parameters = placo.HumanoidParameters()
@@ -140,7 +140,7 @@ def _parameters(soles: Sequence[Sole], timing: Timing, height: float) -> Any:
     return parameters
 
 
-def _footstep(parameters: Any, side: Any, where: Print) -> Any:
+def _build_footstep(parameters: Any, side: Any, where: Print) -> Any:
     import placo
 
     footstep = placo.Footstep(parameters.foot_width, parameters.foot_length)
@@ -153,7 +153,7 @@ def _footstep(parameters: Any, side: Any, where: Print) -> Any:
     return footstep
 
 
-def _skeleton() -> str:
+def _skeleton_urdf() -> str:
     links = "".join(f'<link name="{name}"/>' for name in ("trunk", *_FRAMES))
     joints = "".join(
         f'<joint name="to_{name}" type="fixed"><parent link="trunk"/><child link="{name}"/></joint>'

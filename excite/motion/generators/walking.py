@@ -13,7 +13,7 @@ from excite.motion.generators.bodyparts import leg_joints, pelvis_height
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.footprints import Sole, Step, Swing, resting_soles, sole_curve, there_and_back
 from excite.motion.generators.generator import Generator
-from excite.motion.generators.polynomials import PolynomialCurve, hermite, polyline
+from excite.motion.generators.polynomials import PolynomialCurve, hermite_curve, polyline_curve
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.motion.generators.rocking import rocking_period
 from excite.motion.generators.walk_pattern import Timing, WalkPattern, plan_pattern
@@ -74,9 +74,11 @@ class Walking(Generator):
         rng = np.random.default_rng(seed)
         height = pelvis_height(robot)
         soles = resting_soles(robot)
-        width, gap = _width(rng, soles)
+        width, gap = _walking_width(rng, soles)
         length = max(sole.length for sole in soles)
-        steps = there_and_back(soles, int(rng.integers(2)), _ways(rng, height, gap, length), width)
+        steps = there_and_back(
+            soles, int(rng.integers(2)), _step_displacements(rng, height, gap, length), width
+        )
         interval = float(rng.uniform(*_PERIODS)) * rocking_period(robot)
         timing = Timing(interval, 1 + int(np.ceil(_SWING_S / interval)), _ENDS)
         com = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))
@@ -86,13 +88,13 @@ class Walking(Generator):
         # One unit of the path parameter is a span of the arms' spline.
         rate = spans / duration
         draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 3, spans)
-        offset, velocity, acceleration = _com(pattern, com[:2])
+        offset, velocity, acceleration = _com_offset(pattern, com[:2])
         gravity = float(np.linalg.norm(robot.model.gravity.linear))
-        lift = _lift(robot, self.aims(robot), (timing.step - 1) * timing.interval)
+        lift = _lift_range(robot, self.aims(robot), (timing.step - 1) * timing.interval)
         feet = {}
         for index, sole in enumerate(soles):
             own = [k for k, each in enumerate(steps) if each.foot == index]
-            swings = [_swing(rng, sole, rate * pattern.swings[k], lift, gap) for k in own]
+            swings = [_build_swing(rng, sole, rate * pattern.swings[k], lift, gap) for k in own]
             feet[sole.foot.name] = sole_curve(sole, [steps[k].print for k in own], swings, float(spans))
         return Candidate(
             name,
@@ -102,15 +104,15 @@ class Walking(Generator):
             posture_curve(robot, draws, spans + 3, rng),
             speed=rate,
             draws=draws,
-            pelvis=_pelvis(rng, soles, steps, rate * pattern.swings, float(spans), height),
-            com=hermite(rate * pattern.time, offset, velocity / rate, acceleration / rate**2),
-            zmp=polyline(rate * pattern.time, offset - acceleration * com[2] / gravity),
+            pelvis=_pelvis_curve(rng, soles, steps, rate * pattern.swings, float(spans), height),
+            com=hermite_curve(rate * pattern.time, offset, velocity / rate, acceleration / rate**2),
+            zmp=polyline_curve(rate * pattern.time, offset - acceleration * com[2] / gravity),
             feet=feet,
-            phases=_phases(soles, steps, rate * pattern.swings, float(spans)),
+            phases=_support_phases(soles, steps, rate * pattern.swings, float(spans)),
         )
 
 
-def _ways(rng: np.random.Generator, height: float, gap: float, length: float) -> Array:
+def _step_displacements(rng: np.random.Generator, height: float, gap: float, length: float) -> Array:
     """What the robot is carried with each step out: mostly forwards or backwards, ``(k, 3)``.
 
     Args:
@@ -125,7 +127,7 @@ def _ways(rng: np.random.Generator, height: float, gap: float, length: float) ->
     return np.column_stack([ahead, rng.uniform(-aside, aside, size=k), rng.uniform(-turn, turn, size=k)])
 
 
-def _width(rng: np.random.Generator, soles: Sequence[Sole]) -> tuple[float, float]:
+def _walking_width(rng: np.random.Generator, soles: Sequence[Sole]) -> tuple[float, float]:
     """Distance of the soles while the robot walks, in that at rest, and the gap between them [m].
 
     They come near to each other, so that the robot need not sway far.
@@ -137,7 +139,7 @@ def _width(rng: np.random.Generator, soles: Sequence[Sole]) -> tuple[float, floa
     return width, max(0.0, width * spacing - wide)
 
 
-def _lift(robot: Robot, legs: Sequence[str], swing_s: float) -> tuple[float, float]:
+def _lift_range(robot: Robot, legs: Sequence[str], swing_s: float) -> tuple[float, float]:
     """Least and largest lift of a foot in a swing of so many seconds [m]."""
     height = pelvis_height(robot)
     slowest = float(robot.limits.acceleration[[robot.joint_index(joint) for joint in legs]].min())
@@ -145,7 +147,7 @@ def _lift(robot: Robot, legs: Sequence[str], swing_s: float) -> tuple[float, flo
     return min(_LIFT[0], largest) * height, largest * height
 
 
-def _swing(
+def _build_swing(
     rng: np.random.Generator, sole: Sole, times: Array, lift: tuple[float, float], gap: float
 ) -> Swing:
     up = float(rng.uniform(*lift))
@@ -159,7 +161,7 @@ def _swing(
     return Swing(float(times[0]), float(times[1]), up, turn, aside)
 
 
-def _com(pattern: WalkPattern, rest: Array) -> Moved:
+def _com_offset(pattern: WalkPattern, rest: Array) -> Moved:
     """Offset of the centre of mass from where it rests, and its derivatives, at the pattern's knots.
 
     The pattern ends half way between the soles; during the last stance the centre of mass returns to where it rests.
@@ -176,7 +178,7 @@ def _com(pattern: WalkPattern, rest: Array) -> Moved:
     return Moved(com, velocity, acceleration)
 
 
-def _pelvis(
+def _pelvis_curve(
     rng: np.random.Generator,
     soles: Sequence[Sole],
     steps: Sequence[Step],
@@ -196,10 +198,10 @@ def _pelvis(
             knots.append(time)
             values.append(moved + facing)
             yaws[step.foot] = step.print.yaw
-    return hermite(np.array([*knots, length]), np.array([*values, np.zeros(4)]))
+    return hermite_curve(np.array([*knots, length]), np.array([*values, np.zeros(4)]))
 
 
-def _phases(
+def _support_phases(
     soles: Sequence[Sole], steps: Sequence[Step], swings: Array, length: float
 ) -> tuple[SupportPhase, ...]:
     names = [sole.foot.name for sole in soles]

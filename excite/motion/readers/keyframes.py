@@ -44,9 +44,9 @@ class KeyframesReader(MotionReader):
             said = parse_json(root.find("custom/text").get("data", ""))  # type: ignore[union-attr]
             names, places = said["joints"], {"qpos": said["qpos"], "qvel": said["qvel"]}
             keys = root.findall("keyframe/key")
-            columns: dict[str, NDArray[Any]] = {"time": _numbers(keys, "time")[:, 0]}
+            columns: dict[str, NDArray[Any]] = {"time": _key_numbers(keys, "time")[:, 0]}
             for channel, field in (("q", "qpos"), ("v", "qvel")):
-                values = _numbers(keys, field)
+                values = _key_numbers(keys, field)
                 columns |= {
                     f"{channel}.{joint}": values[:, int(place)]
                     for joint, place in zip(names, places[field], strict=True)
@@ -58,6 +58,6 @@ class KeyframesReader(MotionReader):
         return RawMotion(columns, of_robot(said))
 
 
-def _numbers(keys: Sequence[Element], field: str) -> NDArray[Any]:
+def _key_numbers(keys: Sequence[Element], field: str) -> NDArray[Any]:
     """An attribute of every key, ``(n, width)``."""
     return np.array([[float(value) for value in key.get(field, "").split()] for key in keys], ndmin=2)

@@ -52,7 +52,7 @@ class LeRobotReader(MotionReader):
         check_file(files[0], limit=MAX_FILE_BYTES, error=MotionError)
         try:
             table = read_parquet(files[0])
-            columns = _columns(table, info, path)
+            columns = _dataset_columns(table, info, path)
         except DAMAGED as error:
             raise unreadable(files[0], error) from error
         except (KeyError, TypeError, AttributeError) as error:
@@ -63,7 +63,7 @@ class LeRobotReader(MotionReader):
         return RawMotion(columns, of_robot(said))
 
 
-def _columns(table: pa.Table, info: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
+def _dataset_columns(table: pa.Table, info: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
     numbers = numpy_columns(
         table.select([n for n in table.column_names if not pa.types.is_nested(table[n].type)])
     )

@@ -48,24 +48,26 @@ class NpzReader(MotionReader):
             said: dict[str, str] = {
                 name: str(arrays.pop(name)) for name in ("robot", "robot_hash") if name in arrays
             }
-            return RawMotion(_columns(arrays, path), said if text is None else _metadata(text, path))
+            return RawMotion(
+                _matrix_columns(arrays, path), said if text is None else _parse_metadata(text, path)
+            )
         if text is None:
             raise MotionError(
                 "has neither metadata nor joint_names", source=path, remedy="add joint_names, or write a CSV"
             )
         # Written by numpy for its own option of that name.
         arrays.pop("allow_pickle", None)
-        return RawMotion(arrays, of_ours(_metadata(text, path)))
+        return RawMotion(arrays, of_ours(_parse_metadata(text, path)))
 
 
-def _metadata(text: NDArray[Any] | None, path: Path) -> Any:
+def _parse_metadata(text: NDArray[Any] | None, path: Path) -> Any:
     try:
         return {} if text is None else parse_json(str(text))
     except (ValueError, RecursionError) as error:
         raise unreadable(path, error) from error
 
 
-def _columns(arrays: dict[str, NDArray[Any]], path: Path) -> dict[str, NDArray[Any]]:
+def _matrix_columns(arrays: dict[str, NDArray[Any]], path: Path) -> dict[str, NDArray[Any]]:
     """Columns of matrices."""
     names = [str(name) for name in np.ravel(arrays.pop("joint_names"))]
     columns: dict[str, NDArray[Any]] = {}

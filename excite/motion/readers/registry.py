@@ -18,7 +18,7 @@ from excite.motion.readers.rows import RowsReader
 from excite.motion.readers.table import TableReader
 from excite.motion.readers.unitree import UnitreeReader
 from excite.motion.readers.ur_script import UrScriptReader
-from excite.reading.packed import plain_name, unpacked
+from excite.reading.packed import plain_name, unpack_file
 
 READERS: dict[str, type[MotionReader]] = {
     reader.name: reader
@@ -49,7 +49,7 @@ def read_motion(path: Path, joints: Sequence[str] = ()) -> RawMotion:
     Raises:
         MotionError: no reader knows it, or it cannot be read.
     """
-    with unpacked(path, limit=MAX_FILE_BYTES, error=MotionError) as plain:
+    with unpack_file(path, limit=MAX_FILE_BYTES, error=MotionError) as plain:
         for reader in READERS.values():
             if reader().recognises(plain):
                 return reader().read(plain, joints)

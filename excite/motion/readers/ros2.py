@@ -58,9 +58,11 @@ def read_bag(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
             wanted = [c for c in bag.connections if c.msgtype in {JOINT_TRAJECTORY, BASE_TRAJECTORY}]
             for connection, _, raw in bag.messages(connections=wanted) if wanted else ():
                 message = bag.deserialize(raw, connection.msgtype)
-                for name, values in _columns(connection.topic, connection.msgtype, message, path).items():
+                for name, values in _trajectory_columns(
+                    connection.topic, connection.msgtype, message, path
+                ).items():
                     columns.setdefault(name, values)
-            metadata = _said(bag.readers[0])
+            metadata = _bag_statement(bag.readers[0])
     except (AnyReaderError, OSError) as error:
         line = " ".join(str(error).split())
         raise MotionError(f"cannot be read ({line[:160]})", source=path, remedy="record it again") from error
@@ -71,20 +73,20 @@ def read_bag(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
     return columns, metadata
 
 
-def _said(bag: Any) -> dict[str, str]:
+def _bag_statement(bag: Any) -> dict[str, str]:
     """What the bag's custom data say of the robot, under the names of ``excite.motion/1``."""
     custom = getattr(getattr(bag, "metadata", None), "custom", None) or {}
     return {key.removeprefix("excite."): str(custom[key]) for key in (ROBOT, ROBOT_HASH) if key in custom}
 
 
-def _columns(topic: str, kind: str, message: Any, path: Path) -> dict[str, NDArray[Any]]:
+def _trajectory_columns(topic: str, kind: str, message: Any, path: Path) -> dict[str, NDArray[Any]]:
     points = message.points
     if len(points) * max(len(message.joint_names), 1) > MAX_VALUES:
         raise MotionError(f"has {len(points)} points", source=path, remedy="check that it is a motion")
     if kind == BASE_TRAJECTORY:
-        return _base(points)
+        return _base_columns(points)
     if topic == CONTACTS:
-        flags = _matrix([point.positions for point in points], message.joint_names, "positions", path)
+        flags = _stack_rows([point.positions for point in points], message.joint_names, "positions", path)
         return {f"contact.{foot}": flags[:, i] for i, foot in enumerate(message.joint_names)}
     stamps = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points]
     columns: dict[str, NDArray[Any]] = {"time": np.array(stamps)}
@@ -92,12 +94,12 @@ def _columns(topic: str, kind: str, message: Any, path: Path) -> dict[str, NDArr
         rows = [getattr(point, name) for point in points]
         if prefix != "q" and not any(len(row) for row in rows):
             continue
-        values = _matrix(rows, message.joint_names, name, path)
+        values = _stack_rows(rows, message.joint_names, name, path)
         columns |= {f"{prefix}.{joint}": values[:, i] for i, joint in enumerate(message.joint_names)}
     return columns
 
 
-def _matrix(rows: Sequence[Any], names: Sequence[str], what: str, path: Path) -> NDArray[np.float64]:
+def _stack_rows(rows: Sequence[Any], names: Sequence[str], what: str, path: Path) -> NDArray[np.float64]:
     for number, row in enumerate(rows):
         if len(row) != len(names):
             raise MotionError(
@@ -108,7 +110,7 @@ def _matrix(rows: Sequence[Any], names: Sequence[str], what: str, path: Path) ->
     return np.array(rows, dtype=float).reshape(len(rows), len(names))
 
 
-def _base(points: Sequence[Any]) -> dict[str, NDArray[Any]]:
+def _base_columns(points: Sequence[Any]) -> dict[str, NDArray[Any]]:
     """Pose, twist and acceleration of the base, the first of each point."""
     poses: list[tuple[float, ...]] = []
     twists: list[tuple[float, ...]] = []

@@ -51,10 +51,10 @@ class Ros2YamlReader(MotionReader):
             seconds=120.0,
             memory_gb=16.0,
         )
-        return RawMotion(columns, of_robot(stated_in_comments(_goals(path)[0])), goal=True)
+        return RawMotion(columns, of_robot(stated_in_comments(_goal_files(path)[0])), goal=True)
 
 
-def _goals(path: Path) -> list[Path]:
+def _goal_files(path: Path) -> list[Path]:
     """The file, or a folder's files in their order."""
     return sorted(path.glob("goal_*.yaml")) if path.is_dir() else [path]
 
@@ -62,7 +62,7 @@ def _goals(path: Path) -> list[Path]:
 def read_goals(path: Path) -> dict[str, NDArray[Any]]:
     """Columns of a goal, or of a folder of goals at the times that they state; raises MotionError."""
     parts: list[dict[str, NDArray[Any]]] = []
-    for file in _goals(path):
+    for file in _goal_files(path):
         part = read_goal(file)
         start = stated_in_comments(file).get("start_s", 0.0)
         if not isinstance(start, int | float) or (parts and part.keys() != parts[0].keys()):
@@ -85,16 +85,18 @@ def read_goal(path: Path) -> dict[str, NDArray[Any]]:
         )
     if not all(isinstance(point, Mapping) for point in points):
         raise MotionError("holds a point that is no mapping", source=path, remedy="name its fields")
-    columns: dict[str, NDArray[Any]] = {"time": np.array([_time(k, p, path) for k, p in enumerate(points)])}
+    columns: dict[str, NDArray[Any]] = {
+        "time": np.array([_point_time(k, p, path) for k, p in enumerate(points)])
+    }
     for prefix, field in _FIELDS.items():
         if prefix != "q" and not any(point.get(field) for point in points):
             continue
-        rows = np.array([_row(k, point, field, len(names), path) for k, point in enumerate(points)])
+        rows = np.array([_point_row(k, point, field, len(names), path) for k, point in enumerate(points)])
         columns |= {f"{prefix}.{joint}": rows[:, i] for i, joint in enumerate(names)}
     return columns
 
 
-def _time(number: int, point: Mapping[str, Any], path: Path) -> float:
+def _point_time(number: int, point: Mapping[str, Any], path: Path) -> float:
     stamp = point.get("time_from_start")
     parts = [stamp.get(name, 0) for name in ("sec", "nanosec")] if isinstance(stamp, Mapping) else []
     if not parts or not all(isinstance(part, int) for part in parts):
@@ -107,7 +109,7 @@ def _time(number: int, point: Mapping[str, Any], path: Path) -> float:
     return float(parts[0]) + 1e-9 * float(parts[1])
 
 
-def _row(number: int, point: Mapping[str, Any], field: str, width: int, path: Path) -> list[float]:
+def _point_row(number: int, point: Mapping[str, Any], field: str, width: int, path: Path) -> list[float]:
     row = point.get(field)
     if not isinstance(row, list) or len(row) != width:
         found = len(row) if isinstance(row, list) else "no"

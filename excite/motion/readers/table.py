@@ -74,7 +74,7 @@ class TableReader(MotionReader):
                     text = line[1:].decode().strip()
                     metadata = parse_json(text) if text.startswith("{") and not metadata else metadata
                     start += len(line)
-                names, separator = _names(line, path)
+                names, separator = _column_names(line, path)
                 stream.seek(start)
                 table = pa.csv.read_csv(
                     stream,
@@ -85,10 +85,10 @@ class TableReader(MotionReader):
             columns = numpy_columns(table.rename_columns(names))
         except DAMAGED as error:
             raise unreadable(path, error) from error
-        return RawMotion(columns if metadata else _renamed(columns, joints), metadata)
+        return RawMotion(columns if metadata else _rename_columns(columns, joints), metadata)
 
 
-def _names(line: bytes, path: Path) -> tuple[list[str], str]:
+def _column_names(line: bytes, path: Path) -> tuple[list[str], str]:
     """Names of the columns, each once, and what separates them."""
     text = line.decode("utf-8-sig")
     separator = max(",;\t", key=text.count)
@@ -97,7 +97,7 @@ def _names(line: bytes, path: Path) -> tuple[list[str], str]:
     return names, separator
 
 
-def _renamed(columns: dict[str, NDArray[Any]], joints: Sequence[str]) -> dict[str, NDArray[Any]]:
+def _rename_columns(columns: dict[str, NDArray[Any]], joints: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Columns under the names of ``excite.motion/1``, as far as they mean anything; others keep theirs."""
     renamed: dict[str, NDArray[Any]] = {}
     for name, values in columns.items():
@@ -105,11 +105,11 @@ def _renamed(columns: dict[str, NDArray[Any]], joints: Sequence[str]) -> dict[st
         if unit is not None:
             renamed["time"] = values if unit == 1.0 else np.asarray(values) * unit
         else:
-            renamed[_channel(name, joints) or name] = values
+            renamed[_channel_of(name, joints) or name] = values
     return renamed
 
 
-def _channel(name: str, joints: Sequence[str]) -> str | None:
+def _channel_of(name: str, joints: Sequence[str]) -> str | None:
     """``q.JOINT``, ``v.JOINT`` or ``a.JOINT`` for a column that names a joint."""
     for joint in joints:
         before, found, after = name.partition(joint)

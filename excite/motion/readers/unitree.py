@@ -40,7 +40,7 @@ class UnitreeReader(MotionReader):
             with path.open(encoding="utf-8") as stream:
                 said = parse_json(stream.readline())[HEADER]
                 motors = {int(place): str(joint) for place, joint in said["motors"].items()}
-                rows = [_row(json.loads(line), motors) for line in stream]
+                rows = [_command_row(json.loads(line), motors) for line in stream]
         except (KeyError, TypeError, AttributeError, *DAMAGED) as error:
             raise unreadable(path, error) from error
         values, names = np.array(rows, ndmin=2), [motors[place] for place in sorted(motors)]
@@ -53,7 +53,7 @@ class UnitreeReader(MotionReader):
         return RawMotion(columns, of_robot(said))
 
 
-def _row(line: dict[str, Any], motors: dict[int, str]) -> list[float]:
+def _command_row(line: dict[str, Any], motors: dict[int, str]) -> list[float]:
     """Time, then positions, then velocities of all motors in their order."""
     commands = {int(command["index"]): command for command in line["motor_cmd"]}
     if set(commands) != set(motors):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from excite.report.conclusions.identified import of_identification, taken
+from excite.report.conclusions.identified import model_command, of_identification
 from excite.report.conclusions.result import NAMED, Conclusion, begun_with, robot_words
 from excite.report.folder import Document, Findings
 from excite.shown import count
@@ -14,7 +14,7 @@ from excite.shown import count
 def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     """Of ``campaign.json``."""
     if not campaign["iterations"]:
-        return _awaiting("Nothing is recorded yet, and so nothing is known", campaign, findings)
+        return _awaiting_conclusion("Nothing is recorded yet, and so nothing is known", campaign, findings)
     last = campaign["iterations"][-1]
     judged, missed = {*last["rsd_percent"], *last["not_met"]}, last["not_met"]
     target, motions = (
@@ -24,13 +24,13 @@ def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     wanted = "their target" if target is None else f"{target:g} %"
     done = f"{count(len(campaign['iterations']), 'iteration')} and {count(motions, 'motion')}"
     found = (
-        f"After {done}{_judging(motions, findings)}, "
+        f"After {done}{_judging_sentence(motions, findings)}, "
         f"{len(judged) - len(missed)} of {len(judged)} parameters are known to within {wanted}"
     )
     if campaign["awaits"]:
-        return _awaiting(found, campaign, findings)
+        return _awaiting_conclusion(found, campaign, findings)
     if campaign["targets_met"]:
-        return Conclusion(f"{found}: the targets are met.", True, *taken(findings))
+        return Conclusion(f"{found}: the targets are met.", True, *model_command(findings))
     worst = ", ".join(missed[:NAMED]) + (f" and {len(missed) - NAMED} more" if len(missed) > NAMED else "")
     if last["helped"] == []:
         said = f"{found}; not enough for {worst}, and more motion would help none of them, see Certainty for why."
@@ -46,12 +46,12 @@ def of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     return Conclusion(
         f"{found}; not enough for {worst}{those}, see Certainty for why.",
         False,
-        _again(findings, "--max-iterations", 2 * len(campaign["iterations"])),
+        _resume_command(findings, "--max-iterations", 2 * len(campaign["iterations"])),
         "go on with more motions",
     )
 
 
-def _awaiting(found: str, campaign: Document, findings: Findings) -> Conclusion:
+def _awaiting_conclusion(found: str, campaign: Document, findings: Findings) -> Conclusion:
     """Of a campaign that was stopped for its motions to be recorded."""
     log = Path(campaign["awaits"])
     iteration = os.path.normpath(findings.folder / log.parent.name)
@@ -64,13 +64,13 @@ def _awaiting(found: str, campaign: Document, findings: Findings) -> Conclusion:
     )
 
 
-def _judging(motions: int, findings: Findings) -> str:
+def _judging_sentence(motions: int, findings: Findings) -> str:
     """How many of the motions were chosen to identify from, where others judge."""
     chosen = len(findings.plan["selected"]) if findings.plan is not None else motions
     return f" ({chosen} to identify from, {motions - chosen} to judge by)" if 0 < chosen < motions else ""
 
 
-def _again(findings: Findings, *options: object) -> tuple[object, ...]:
+def _resume_command(findings: Findings, *options: object) -> tuple[object, ...]:
     """The command that goes on with it: a campaign is resumed with the options that it was begun with."""
     begun = begun_with(findings, "campaign", "--max-iterations") or ["campaign", robot_words(findings)]
     words = [word for word in begun if word not in {"--resume", *options}]

@@ -12,7 +12,7 @@ from excite.report.conclusions.result import Conclusion
 from excite.report.folder import Findings
 
 
-def conclusion(findings: Findings) -> Conclusion | None:
+def draw_conclusion(findings: Findings) -> Conclusion | None:
     """Of the last step that the folder holds: what came before it is in the sections below."""
     if findings.diagnosis is not None:
         return of_diagnosis(findings.diagnosis, findings)

@@ -7,7 +7,7 @@ from pathlib import Path
 from excite.logs.log import LogHeader
 from excite.report.conclusions.result import Conclusion, log_words, robot_of_result
 from excite.report.folder import Document, Findings
-from excite.report.html import number
+from excite.report.html import format_number
 from excite.report.plots.forces import channel_label
 from excite.robot.catalogue import robot_of_log
 
@@ -34,9 +34,9 @@ def of_diagnosis(found: Document, findings: Findings) -> Conclusion:
         return Conclusion(sentence + " The model is good enough for what this record shows.", True)
     if verdict == "effect" or (verdict == "unknown" and found["effects"]):
         purpose = "write the effects into the robot, then see what is left"
-        enough = _enough(found)
+        enough = _is_enough(found)
         return Conclusion(
-            sentence + _times_the_noise(found, enough) + _left(found),
+            sentence + _times_the_noise(found, enough) + _describe_rest(found),
             enough,
             ("diagnose", log_words(found, findings), "--apply", "better", "--out", "first"),
             purpose,
@@ -76,7 +76,7 @@ def identify_fitted(
     return ("identify", robot, log, "--out", "result")
 
 
-def _enough(found: Document) -> bool | None:
+def _is_enough(found: Document) -> bool | None:
     """Whether the effects leave so little of the gap that the model will do; None where nobody knows."""
     closed = found["gap"]["share_closed"]
     return None if closed is None else closed >= 1.0 - _LEFT
@@ -87,11 +87,11 @@ def _times_the_noise(found: Document, enough: bool | None) -> str:
     after, floor = found["gap"]["after"], found["gap"]["noise_floor"]
     if enough is None or after is None or not floor:
         return ""
-    left = f" What is left is {number(after / floor, 2)} times the noise: "
+    left = f" What is left is {format_number(after / floor, 2)} times the noise: "
     return left + ("good enough for motions like these." if enough else "not good enough yet.")
 
 
-def _left(found: Document) -> str:
+def _describe_rest(found: Document) -> str:
     """What most of the rest is, where the accepted effects leave much."""
     closed, accepted = found["gap"]["share_closed"], {(e["effect"], e["location"]) for e in found["effects"]}
     if closed is None or closed >= 1.0 - _LEFT:

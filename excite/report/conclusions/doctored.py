@@ -24,7 +24,7 @@ def of_doctor(found: Document, findings: Findings) -> Conclusion:
             else "it spoils what is computed from it"
         )
         return Conclusion(
-            f"{_sentence(worst['text'])}{more}: {nothing} before that is mended{also}.",
+            f"{_as_sentence(worst['text'])}{more}: {nothing} before that is mended{also}.",
             False,
             purpose=worst["remedy"],
         )
@@ -44,5 +44,5 @@ def of_doctor(found: Document, findings: Findings) -> Conclusion:
     return Conclusion(f"{verdict}{also}.", True, command, "identify from it")
 
 
-def _sentence(text: str) -> str:
+def _as_sentence(text: str) -> str:
     return text[:1].upper() + text[1:]

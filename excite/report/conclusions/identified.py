@@ -6,7 +6,7 @@ from statistics import median
 
 from excite.identification.judgement.poor import POOR_RSD
 from excite.report.conclusions.result import Conclusion, log_words, robot_name, robot_words
-from excite.report.doubt import doubt
+from excite.report.doubt import describe_doubt
 from excite.report.folder import Document, Findings
 from excite.shown import count
 
@@ -42,7 +42,7 @@ def of_identification(found: Document, findings: Findings) -> Conclusion:
     vague = sum(value is None or value > POOR_RSD for value in rsd)
     single = f"{vague} of {len(rsd)} parameters by themselves are not known to within {POOR_RSD:.0f} %"
     said = f"{known}; {predicted}"
-    why = doubt(found, len(judged))
+    why = describe_doubt(found, len(judged))
     if why:
         command = ("diagnose", log_words(found, findings), "--out", "diagnosis")
         return Conclusion(f"{said}, but {why}.", False, command, "see what the model lacks")
@@ -56,10 +56,12 @@ def of_identification(found: Document, findings: Findings) -> Conclusion:
             command,
             "see what it is",
         )
-    return Conclusion(f"{said}: good enough to predict motions like these{single}.", True, *taken(findings))
+    return Conclusion(
+        f"{said}: good enough to predict motions like these{single}.", True, *model_command(findings)
+    )
 
 
-def taken(findings: Findings) -> tuple[tuple[object, ...], str]:
+def model_command(findings: Findings) -> tuple[tuple[object, ...], str]:
     """The command that takes it into a simulator, and what for."""
     command = ("model", findings.folder, "--format", "mjcf", "--out", f"{robot_name(findings)}_mujoco")
     return command, "take the identified robot into a simulator"

@@ -35,7 +35,7 @@ def of_plan(plan: Document, findings: Findings) -> Conclusion:
     promise = f"{within} of {n} essential parameters are to be expected within {target} %"
     if within == n:
         return Conclusion(f"{found}: {promise}, which is enough.", True, capture, purpose)
-    more = _longer(forecast)
+    more = _longer_motion(forecast)
     return Conclusion(f"{found}: {promise}{more}.", None, capture, purpose)
 
 
@@ -55,7 +55,7 @@ def of_refusals(found: Document, findings: Findings) -> Conclusion:
     return Conclusion(f"{sentence}. No single limit lifted helps.", False, again, purpose)
 
 
-def _longer(forecast: Document) -> str:
+def _longer_motion(forecast: Document) -> str:
     """How much motion of this kind the others take, as far as anybody would have the patience for it."""
     seconds = forecast["seconds"]
     needed = [s for s in forecast["needed_s"].values() if s > seconds]

@@ -72,7 +72,7 @@ class Picture:
     marked: tuple[Array, ...] = ()
 
 
-def picture(
+def draw_posture(
     robot: Robot, q: Array, loaded: frozenset[str], view: View, marked: frozenset[str] = frozenset()
 ) -> Picture:
     """Draw a posture.
@@ -99,15 +99,15 @@ def picture(
     if standing:
         ground = np.vstack(standing)
         ground[:, 2] = 0.0
-        support = flat(ground[outline(ground[:, :2])])
+        support = flat(ground[hull_outline(ground[:, :2])])
     com = None
     if robot.floating:
         centre = pin.centerOfMass(robot.model, data, q) * np.array([1.0, 1.0, 0.0])
         com = flat(centre[None])[0]
-    hulls = _hulls(robot, data, view, flat)
+    hulls = _hull_outlines(robot, data, view, flat)
     return Picture(
         hulls=tuple(outline for link, outline in hulls if link not in marked),
-        bones=tuple(flat(bone) for bone in _bones(robot, data)),
+        bones=tuple(flat(bone) for bone in _bone_lines(robot, data)),
         soles=tuple(flat(corners) for corners in soles.values()),
         support=support,
         com=com,
@@ -115,7 +115,7 @@ def picture(
     )
 
 
-def _bones(robot: Robot, data: pin.Data) -> list[Array]:
+def _bone_lines(robot: Robot, data: pin.Data) -> list[Array]:
     """Lines from each joint to its parent, and from each last one through what it carries."""
     model = robot.model
     feet = {foot.joint for foot in robot.feet}
@@ -132,7 +132,7 @@ def _bones(robot: Robot, data: pin.Data) -> list[Array]:
     return [bone for bone in bones if np.linalg.norm(bone[1] - bone[0]) > _SHORTEST_BONE]
 
 
-def _hulls(robot: Robot, data: pin.Data, view: View, flat) -> tuple[tuple[str, Array], ...]:
+def _hull_outlines(robot: Robot, data: pin.Data, view: View, flat) -> tuple[tuple[str, Array], ...]:
     """Links and outlines of their shapes, far ones first."""
     try:
         shapes = collision_shapes(robot)
@@ -145,14 +145,14 @@ def _hulls(robot: Robot, data: pin.Data, view: View, flat) -> tuple[tuple[str, A
         pose = data.oMi[shape.joint] * shape.placement
         points = shape_points(shape) @ pose.rotation.T + pose.translation
         seen = flat(points)
-        corners = outline(seen)
+        corners = hull_outline(seen)
         if len(corners) > 2:
             outlines.append((float(points.mean(axis=0) @ view.towards), shape.link, seen[corners]))
     outlines.sort(key=lambda item: item[0])
     return tuple((link, corners) for _, link, corners in outlines)
 
 
-def outline(points: Array) -> NDArray[np.intp]:
+def hull_outline(points: Array) -> NDArray[np.intp]:
     """Corners of the convex hull of points ``(n, 2)``, as indices anticlockwise; two or fewer if there is no area.
 
     The hulls of scipy take a fifth of a second to load, most of what a page's snapshots take.

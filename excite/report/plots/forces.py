@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.report.comparisons import ForceComparison
-from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, short
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure, shorten_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,9 +56,10 @@ def plot_forces(
             for label, (values, color, line) in zip(labels, curves, strict=True):
                 axes.plot(time, values[shown, i], color=color.light, lw=1.0, ls=line, label=label)
             before, after = (
-                _rmse(data.measured[:, i] - model[:, i]) for model in (data.nominal, data.identified)
+                _root_mean_square(data.measured[:, i] - model[:, i])
+                for model in (data.nominal, data.identified)
             )
-            name, unit = short(channel_label(data.channels[i])), short(data.units[i])
+            name, unit = shorten_name(channel_label(data.channels[i])), shorten_name(data.units[i])
             axes.set_title(f"{name}, RMSE {before:.3g} → {after:.3g} {unit}")
             axes.set_ylabel(f"[{unit}]")
             axes.margins(x=0.0)
@@ -69,8 +70,8 @@ def plot_forces(
             grid[-2, 1].tick_params(labelbottom=True)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
 
-    return draw(paint, height_in=0.7 + 1.55 * rows)
+    return draw_figure(paint, height_in=0.7 + 1.55 * rows)
 
 
-def _rmse(residual: np.ndarray) -> float:
+def _root_mean_square(residual: np.ndarray) -> float:
     return float(np.sqrt(np.mean(residual**2)))

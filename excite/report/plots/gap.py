@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from excite.report.plots.forces import channel_label
-from excite.report.theme import IDENTIFIED, INK, PALE, WIDTH_IN, draw, short
+from excite.report.theme import IDENTIFIED, INK, PALE, WIDTH_IN, draw_figure, shorten_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,7 +45,7 @@ def plot_gap(channels: Mapping[str, Mapping[str, Any]], closed: bool) -> Figure:
         ticks = [tick for tick in _TICKS if tick <= 1.6 * most]
         axes.set_xticks(ticks, [str(tick) for tick in ticks])
         axes.minorticks_off()
-        axes.set_yticks(rows, [short(channel_label(name)) for name in names])
+        axes.set_yticks(rows, [shorten_name(channel_label(name)) for name in names])
         axes.tick_params(axis="y", length=0)
         axes.set_ylim(len(names) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
@@ -64,4 +64,4 @@ def plot_gap(channels: Mapping[str, Mapping[str, Any]], closed: bool) -> Figure:
             )
         figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
 
-    return draw(paint, height_in=1.0 + 0.24 * len(names), width_in=WIDTH_IN)
+    return draw_figure(paint, height_in=1.0 + 0.24 * len(names), width_in=WIDTH_IN)

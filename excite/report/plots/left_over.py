@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from excite.report.comparisons import ForceComparison
 from excite.report.plots.forces import channel_label
-from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, short
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure, shorten_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,13 +34,13 @@ def plot_left_over(data: ForceComparison, channels: Sequence[str], closed: bool)
         grid = figure.subplots(len(channels), 2, sharex=True, squeeze=False)
         for (left, right), name in zip(grid, channels, strict=True):
             i = data.channels.index(name)
-            measured, unit = data.measured[shown, i], short(data.units[i])
+            measured, unit = data.measured[shown, i], shorten_name(data.units[i])
             left.plot(time, measured, color=INK.light, lw=1.0, label="measured")
             for values, role, line, label in models:
                 left.plot(time, values[shown, i], color=role.light, lw=1.0, ls=line, label=label)
                 right.plot(time, measured - values[shown, i], color=role.light, lw=0.9)
             right.axhline(0.0, color=INK.light, lw=0.6)
-            left.set_title(short(channel_label(name)))
+            left.set_title(shorten_name(channel_label(name)))
             right.set_title("measured less modelled")
             left.set_ylabel(f"[{unit}]")
             left.margins(x=0.0)
@@ -48,4 +48,4 @@ def plot_left_over(data: ForceComparison, channels: Sequence[str], closed: bool)
             axes.set_xlabel("time [s]")
         figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
 
-    return draw(paint, height_in=0.7 + 1.45 * len(channels))
+    return draw_figure(paint, height_in=0.7 + 1.45 * len(channels))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from excite.report.comparisons import MassComparison
-from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw, short
+from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw_figure, shorten_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,7 +36,7 @@ def plot_masses(data: MassComparison) -> Figure:
         axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel="mass [kg]")
         if data.half_width is None:
             axes.set_xlim(left=min(0.0, float(np.min(data.identified))))
-        axes.set_yticks(rows, [short(name) for name in data.names])
+        axes.set_yticks(rows, [shorten_name(name) for name in data.names])
         axes.tick_params(axis="y", length=0)
         if data.changed is not None:
             for label, changed in zip(axes.get_yticklabels(), data.changed, strict=True):
@@ -47,4 +47,4 @@ def plot_masses(data: MassComparison) -> Figure:
         order = [name for name in ("nominal", "identified", "95 %", "true") if name in handles]
         figure.legend([handles[name] for name in order], order, loc="outside upper left", ncols=4)
 
-    return draw(paint, height_in=1.0 + 0.21 * len(data.names))
+    return draw_figure(paint, height_in=1.0 + 0.21 * len(data.names))

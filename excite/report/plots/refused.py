@@ -9,9 +9,9 @@ from textwrap import wrap
 import numpy as np
 
 from excite.arrays import Array
-from excite.report.plots.body import Picture, front_view, picture
-from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, length
-from excite.report.theme import GROUND, INK, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN, short
+from excite.report.plots.body import Picture, draw_posture, front_view
+from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, text_length
+from excite.report.theme import GROUND, INK, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN, shorten_name
 from excite.robot.robot import Robot
 
 _WIDTH = 72.0 * WIDTH_IN
@@ -40,13 +40,13 @@ def draw_refused(robot: Robot, worst: Sequence[Worst]) -> Sketch:
     view = front_view()
     feet = frozenset(foot.name for foot in robot.feet)
     width = _WIDTH / max(len(worst), 2)
-    letters = int((width - _ROOM) / length("m", _SIZE))
+    letters = int((width - _ROOM) / text_length("m", _SIZE))
     titles = [[part for line in item.title.split("\n") for part in wrap(line, letters)] for item in worst]
     top = _LINE * max(map(len, titles)) + _ROOM
     ground = 0.0 if robot.floating else robot.description.collision.table_height
     shapes: list[Shape] = []
     for place, (item, title) in enumerate(zip(worst, titles, strict=True)):
-        drawn = picture(robot, item.q, feet, view, concerned(robot, item.where))
+        drawn = draw_posture(robot, item.q, feet, view, concerned_links(robot, item.where))
         points = np.vstack([*drawn.hulls, *drawn.marked, *drawn.bones])
         low, high = points.min(axis=0), points.max(axis=0)
         if ground is not None:
@@ -61,7 +61,7 @@ def draw_refused(robot: Robot, worst: Sequence[Worst]) -> Sketch:
             half = 0.5 * (width - 2.0 * _ROOM) / scale
             line = np.array([[middle[0] - half, level], [middle[0] + half, level]])
             shapes.append(Outlines((line,), edge=GROUND, width=1.5, closed=False).moved(scale, offset))
-        shapes += [shape.moved(scale, offset) for shape in _posture(drawn)]
+        shapes += [shape.moved(scale, offset) for shape in _posture_shapes(drawn)]
         shapes += [
             Words(text, (place * width + 0.5 * _ROOM, (line + 0.5) * _LINE), size=_SIZE)
             for line, text in enumerate(title)
@@ -69,7 +69,7 @@ def draw_refused(robot: Robot, worst: Sequence[Worst]) -> Sketch:
     return Sketch(_WIDTH, top + _HEIGHT + _ROOM, tuple(shapes))
 
 
-def concerned(robot: Robot, where: str) -> frozenset[str]:
+def concerned_links(robot: Robot, where: str) -> frozenset[str]:
     """Links that a refusal's place names: a pair's, the one that a joint moves, a foot's."""
     links = set(where.split(" - "))
     links |= {foot.link for foot in robot.feet if where in {foot.name, "feet"}}
@@ -79,7 +79,7 @@ def concerned(robot: Robot, where: str) -> frozenset[str]:
     return frozenset(links)
 
 
-def _posture(drawn: Picture) -> list[Outlines | Dots]:
+def _posture_shapes(drawn: Picture) -> list[Outlines | Dots]:
     shapes: list[Outlines | Dots] = []
     if drawn.support is not None:
         shapes.append(Outlines((drawn.support,), fill=TRUE, opacity=0.45))
@@ -95,4 +95,4 @@ def _posture(drawn: Picture) -> list[Outlines | Dots]:
 
 def title_of(reason: str, where: str, value: str) -> str:
     """Reason, place and value on lines of their own."""
-    return "\n".join(part for part in (reason.replace("_", " "), short(where), value) if part)
+    return "\n".join(part for part in (reason.replace("_", " "), shorten_name(where), value) if part)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure
 from excite.shown import count
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def plot_rsd(iterations: Sequence[dict], target_percent: float | None = None) ->
     def paint(figure: Figure) -> None:
         axes = figure.subplots()
         for x, iteration in enumerate(iterations):
-            _column(axes, x, iteration)
+            _draw_column(axes, x, iteration)
         if target_percent is not None:
             axes.axhline(target_percent, color=INK.light, lw=0.9, ls=(0, (5, 3)))
             label = f"target {target_percent:g} %"
@@ -45,7 +45,7 @@ def plot_rsd(iterations: Sequence[dict], target_percent: float | None = None) ->
         unique = dict(zip(names, handles, strict=True))
         figure.legend(list(unique.values()), list(unique), loc="outside upper left", ncols=3)
 
-    return draw(paint, height_in=3.6)
+    return draw_figure(paint, height_in=3.6)
 
 
 def _n_met(iteration: dict) -> int:
@@ -53,7 +53,7 @@ def _n_met(iteration: dict) -> int:
     return sum(name not in missed for name in iteration["rsd_percent"])
 
 
-def _column(axes: Axes, x: int, iteration: dict) -> None:
+def _draw_column(axes: Axes, x: int, iteration: dict) -> None:
     missed = set(iteration.get("not_met", ()))
     names = sorted(
         iteration["rsd_percent"], key=lambda name: (iteration["rsd_percent"][name] or np.inf, name)

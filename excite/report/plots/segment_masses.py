@@ -11,7 +11,7 @@ import numpy as np
 from excite.atomic import atomic_path
 from excite.report.comparisons import ForceComparison
 from excite.report.plots.forces import plot_forces
-from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw, to_png
+from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw_figure, to_png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +54,7 @@ def plot_segment_masses(
         axes.grid(axis="x", visible=False)
         figure.legend(loc="outside upper left", ncols=3)
 
-    return draw(paint, height_in=3.4)
+    return draw_figure(paint, height_in=3.4)
 
 
 def save_segment_figure(

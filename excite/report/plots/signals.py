@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from excite.atomic import atomic_path
 from excite.logs.signals.trace import SignalTrace
-from excite.report.theme import IDENTIFIED, NOMINAL, draw, short, to_png
+from excite.report.theme import IDENTIFIED, NOMINAL, draw_figure, shorten_name, to_png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,12 +26,12 @@ def plot_signals(trace: SignalTrace) -> Figure:
             axes.plot(step.before_x, step.before, color=NOMINAL.light, lw=0.9, label="before")
             style: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 2.8} if step.dots else {"lw": 1.3}
             axes.plot(step.after_x, step.after, color=IDENTIFIED.light, label="after", **style)
-            axes.set_title(f"{number} {short(step.name)}")
-            axes.set(xlabel=short(step.axis), ylabel=short(step.quantity))
+            axes.set_title(f"{number} {shorten_name(step.name)}")
+            axes.set(xlabel=shorten_name(step.axis), ylabel=shorten_name(step.quantity))
             axes.margins(x=0.01)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
 
-    return draw(paint, height_in=0.5 + 2.05 * rows)
+    return draw_figure(paint, height_in=0.5 + 2.05 * rows)
 
 
 def save_signal_figure(trace: SignalTrace, path: Path) -> Path:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from excite.arrays import Array
-from excite.report.theme import FONT, INK, Role, draw, to_png
+from excite.report.theme import FONT, INK, Role, draw_figure, to_png
 
 _POINTS_AN_INCH = 72.0
 _ANCHORS = {"left": "start", "center": "middle", "right": "end"}
@@ -22,12 +22,12 @@ _ANCHORS = {"left": "start", "center": "middle", "right": "end"}
 _LETTER = 0.6
 
 
-def length(text: str, size: float) -> float:
+def text_length(text: str, size: float) -> float:
     """About how long a line of text is [point]."""
     return _LETTER * size * len(text)
 
 
-def rectangle(left: float, top: float, right: float, bottom: float) -> Array:
+def rectangle_corners(left: float, top: float, right: float, bottom: float) -> Array:
     """Corners ``(4, 2)``."""
     return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
 
@@ -55,7 +55,7 @@ class Outlines:
     def moved(self, scale: float, offset: Array) -> Outlines:
         """In points, from coordinates [m] whose second axis is upward."""
         return Outlines(
-            tuple(_moved(part, scale, offset) for part in self.parts),
+            tuple(_move_points(part, scale, offset) for part in self.parts),
             self.fill,
             self.edge,
             self.width,
@@ -65,11 +65,11 @@ class Outlines:
 
     def to_svg(self) -> str:
         """A ``<g>`` element."""
-        look = f"fill: {_colour(self.fill)}; stroke: {_colour(self.edge)}; stroke-width: {self.width:g}"
+        look = f"fill: {_role_colour(self.fill)}; stroke: {_role_colour(self.edge)}; stroke-width: {self.width:g}"
         if self.opacity < 1.0:
             look += f"; fill-opacity: {self.opacity:g}"
         end = "Z" if self.closed else ""
-        paths = "".join(f'<path d="M{_written(part)}{end}"/>' for part in self.parts)
+        paths = "".join(f'<path d="M{_svg_part(part)}{end}"/>' for part in self.parts)
         return f'<g style="{look}; stroke-linejoin: round; stroke-linecap: round">{paths}</g>'
 
     def paint(self, axes: Any) -> None:
@@ -79,7 +79,7 @@ class Outlines:
         look: dict[str, Any] = {"linewidths": self.width, "joinstyle": "round", "capstyle": "round"}
         edge = "none" if self.edge is None else self.edge.light
         if self.closed:
-            face = "none" if self.fill is None else _faded(self.fill, self.opacity)
+            face = "none" if self.fill is None else _fade_colour(self.fill, self.opacity)
             axes.add_collection(PolyCollection(self.parts, facecolors=face, edgecolors=edge, **look))
         else:
             axes.add_collection(LineCollection(self.parts, colors=edge, **look))
@@ -103,12 +103,12 @@ class Dots:
 
     def moved(self, scale: float, offset: Array) -> Dots:
         """See :meth:`Outlines.moved`."""
-        return Dots(_moved(self.places, scale, offset), self.radius, self.fill, self.edge)
+        return Dots(_move_points(self.places, scale, offset), self.radius, self.fill, self.edge)
 
     def to_svg(self) -> str:
         """A ``<g>`` element."""
         dots = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{self.radius:g}"/>' for x, y in self.places)
-        look = f"fill: {_colour(self.fill)}; stroke: {_colour(self.edge)}; stroke-width: 0.6"
+        look = f"fill: {_role_colour(self.fill)}; stroke: {_role_colour(self.edge)}; stroke-width: 0.6"
         return f'<g style="{look}">{dots}</g>'
 
     def paint(self, axes: Any) -> None:
@@ -140,9 +140,7 @@ class Words:
     def to_svg(self) -> str:
         """A ``<text>`` element."""
         x, y = self.place
-        look = (
-            f"font: {self.size:g}px {FONT}; fill: {_colour(self.role)}; text-anchor: {_ANCHORS[self.anchor]}"
-        )
+        look = f"font: {self.size:g}px {FONT}; fill: {_role_colour(self.role)}; text-anchor: {_ANCHORS[self.anchor]}"
         # A capital is 0.7 of the line's height.
         down = 0.35 * self.size
         place = f'x="{x:.1f}" y="{y + down:.1f}"'
@@ -198,20 +196,22 @@ class Sketch:
             axes.set(xlim=(0.0, self.width), ylim=(self.height, 0.0))
             axes.set_axis_off()
 
-        return to_png(draw(paint, self.height / _POINTS_AN_INCH, self.width / _POINTS_AN_INCH), dpi=dpi)
+        return to_png(
+            draw_figure(paint, self.height / _POINTS_AN_INCH, self.width / _POINTS_AN_INCH), dpi=dpi
+        )
 
 
-def _moved(points: Array, scale: float, offset: Array) -> Array:
+def _move_points(points: Array, scale: float, offset: Array) -> Array:
     return offset + scale * points * np.array([1.0, -1.0])
 
 
-def _written(part: Array) -> str:
+def _svg_part(part: Array) -> str:
     return "L".join([f"{x:.1f} {y:.1f}" for x, y in part.tolist()])
 
 
-def _colour(role: Role | None) -> str:
+def _role_colour(role: Role | None) -> str:
     return "none" if role is None else f"var(--{role.name})"
 
 
-def _faded(role: Role, opacity: float) -> tuple[str, float]:
+def _fade_colour(role: Role, opacity: float) -> tuple[str, float]:
     return role.light, opacity

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.motion.motion import Motion
-from excite.report.plots.body import Picture, View, front_view, picture
+from excite.report.plots.body import Picture, View, draw_posture, front_view
 from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words
 from excite.report.theme import GROUND, IDENTIFIED, INK, MUTED, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN
 from excite.robot.robot import Robot
@@ -51,14 +51,14 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
     (green) with the projection of the centre of mass (point).
     """
     view = front_view()
-    rows = [_row(robot, motion, view, n_postures) for motion in motions]
+    rows = [_snapshot_row(robot, motion, view, n_postures) for motion in motions]
     points = np.vstack(
         [part for row in rows for _, drawn in row for part in (*drawn.hulls, *drawn.bones, *drawn.soles)]
     )
     low, high = points.min(axis=0), points.max(axis=0)
     width = high[0] - low[0]
     ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
-    tile = _tile(view, width, ground)
+    tile = _ground_tile(view, width, ground)
     low, high = np.minimum(low, tile.min(axis=0)), np.maximum(high, tile.max(axis=0))
     # One beside the other, with a margin above them, and below them room for a line.
     across, along = high[0] - low[0] + 1.06 * width * (n_postures - 1), 1.03 * (high[1] - low[1])
@@ -68,21 +68,21 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
     shapes: list[Shape] = []
     for place, (row, motion) in enumerate(zip(rows, motions, strict=True)):
         top = place * row_height
-        shapes.append(Words(_title(motion), (4.0, top + 0.5 * _TITLE), size=9.0))
+        shapes.append(Words(_motion_title(motion), (4.0, top + 0.5 * _TITLE), size=9.0))
         bottom = top + _TITLE + scale * along
         for i, (time, drawn) in enumerate(row):
             x = left + scale * 1.06 * width * i
             offset = np.array([x, bottom + scale * low[1]])
-            shapes += [shape.moved(scale, offset) for shape in _posture(drawn, tile)]
+            shapes += [shape.moved(scale, offset) for shape in _posture_shapes(drawn, tile)]
             shapes.append(Words(f"{time:.1f} s", (x, bottom + 0.4 * _TITLE), MUTED, anchor="center"))
     return Sketch(_WIDTH, len(rows) * row_height, tuple(shapes))
 
 
-def _row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, Picture]]:
+def _snapshot_row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, Picture]]:
     return [
         (
             float(motion.time[i] - motion.time[0]),
-            picture(
+            draw_posture(
                 robot,
                 motion.q[i],
                 frozenset(foot for foot, flags in motion.contacts.items() if flags[i]),
@@ -93,20 +93,20 @@ def _row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, 
     ]
 
 
-def _title(motion: Motion) -> str:
+def _motion_title(motion: Motion) -> str:
     aims = [joint.removesuffix("_joint").replace("_", " ") for joint in motion.metadata.targets]
     aim = f", aimed at {', '.join(aims[:4])}" + (" …" if len(aims) > 4 else "") if aims else ""
     return f"{motion.name} ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
 
 
-def _tile(view: View, width: float, ground: float) -> Array:
+def _ground_tile(view: View, width: float, ground: float) -> Array:
     """Outline of the piece of ground under one posture, in picture coordinates [m]."""
     half = 0.42 * width
     corners = [[half, half], [-half, half], [-half, -half], [half, -half]]
     return view.flat(np.array([[x, y, ground] for x, y in corners]))
 
 
-def _posture(drawn: Picture, tile: Array) -> list[Outlines | Dots]:
+def _posture_shapes(drawn: Picture, tile: Array) -> list[Outlines | Dots]:
     shapes: list[Outlines | Dots] = [Outlines((tile,), fill=GROUND)]
     if drawn.support is not None:
         shapes.append(Outlines((drawn.support,), fill=TRUE, opacity=0.45))

@@ -48,7 +48,7 @@ class Body:
     triangles: Triangles
 
 
-def bodies(robot: Robot) -> tuple[Body, ...]:
+def visible_bodies(robot: Robot) -> tuple[Body, ...]:
     """What is to be seen of a robot: its visual meshes, else its collision meshes or shapes, else its bones.
 
     Meshes are taken where all of a kind are STL, which is read at once: a Collada file takes a second, and what it
@@ -60,10 +60,10 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     try:
         return tuple(_of_meshes(robot)) or tuple(_of_shapes(robot))
     except RobotError:
-        return tuple(_bones(robot))
+        return tuple(_bone_bodies(robot))
 
 
-def merged(corners: Array, triangles: Triangles, cells: int = CELLS) -> tuple[Array, Triangles]:
+def merge_corners(corners: Array, triangles: Triangles, cells: int = CELLS) -> tuple[Array, Triangles]:
     """Fewer corners: those in one cell of a grid become their mean (Rossignac and Borrel 1993, section 4).
 
     Args:
@@ -78,7 +78,7 @@ def merged(corners: Array, triangles: Triangles, cells: int = CELLS) -> tuple[Ar
     size = max(float(np.ptp(corners, axis=0).max()), 1e-9) / cells
     cell = np.minimum(((corners - low) / size).astype(np.int64), cells - 1)
     key = (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
-    member, used = _numbered(key, cells**3)
+    member, used = _renumber(key, cells**3)
     count = np.bincount(member)
     means = np.column_stack([np.bincount(member, corners[:, i]) / count for i in range(3)])
     left = member[triangles]
@@ -92,11 +92,11 @@ def merged(corners: Array, triangles: Triangles, cells: int = CELLS) -> tuple[Ar
     n = len(used)
     each = np.unique((a * n + b) * n + c)
     left = np.column_stack([each // n**2, each // n % n, each % n])
-    again, used = _numbered(left.ravel(), n)
+    again, used = _renumber(left.ravel(), n)
     return means[used], again.reshape(left.shape)
 
 
-def _numbered(values: NDArray[np.int64], most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _renumber(values: NDArray[np.int64], most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Whole numbers below ``most`` counted anew, in their order, and those that there are."""
     present = np.bincount(values, minlength=most) > 0
     return (np.cumsum(present) - 1)[values], np.flatnonzero(present)
@@ -120,12 +120,14 @@ def _of_meshes(robot: Robot) -> Iterator[Body]:
             joint, placement = link_placement(robot.model, name, robot.source, f"link {name!r}")
             if solid.tag == "mesh":
                 # An STL file's corners stand triangle after triangle.
-                corners = points[Path(solid.get("filename", ""))] * _numbers(solid, "scale", (1.0, 1.0, 1.0))
+                corners = points[Path(solid.get("filename", ""))] * _element_numbers(
+                    solid, "scale", (1.0, 1.0, 1.0)
+                )
                 triangles = np.arange(len(corners)).reshape(-1, 3)
             else:
-                corners, triangles = solid_triangles(solid.tag, _size(solid))
-            corners, triangles = merged(corners, triangles)
-            yield _placed(name, joint, placement * _origin(element), corners, triangles)
+                corners, triangles = solid_triangles(solid.tag, _solid_size(solid))
+            corners, triangles = merge_corners(corners, triangles)
+            yield _place_body(name, joint, placement * _element_origin(element), corners, triangles)
 
 
 def _of_shapes(robot: Robot) -> Iterator[Body]:
@@ -136,10 +138,10 @@ def _of_shapes(robot: Robot) -> Iterator[Body]:
             corners, triangles = shape.vertices, shape.faces
         else:
             corners, triangles = solid_triangles(shape.kind, shape.size)
-        yield _placed(shape.link, shape.joint, shape.placement, corners, triangles)
+        yield _place_body(shape.link, shape.joint, shape.placement, corners, triangles)
 
 
-def _bones(robot: Robot) -> Iterator[Body]:
+def _bone_bodies(robot: Robot) -> Iterator[Body]:
     """Rods from each joint to those that it carries, and from the last ones through what they carry."""
     model, found = robot.model, []
     for joint in range(1, model.njoints):
@@ -152,27 +154,29 @@ def _bones(robot: Robot) -> Iterator[Body]:
         corners, triangles = solid_triangles("capsule", (_THICK * usual, length))
         turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
         link = robot.segments[joint - 1].link
-        yield _placed(link, joint, pin.SE3(turn.matrix(), 0.5 * end), corners, triangles)
+        yield _place_body(link, joint, pin.SE3(turn.matrix(), 0.5 * end), corners, triangles)
 
 
-def _placed(link: str, joint: int, pose: pin.SE3, corners: Array, triangles: Triangles) -> Body:
+def _place_body(link: str, joint: int, pose: pin.SE3, corners: Array, triangles: Triangles) -> Body:
     return Body(link, joint, corners @ pose.rotation.T + pose.translation, triangles)
 
 
-def _size(solid: ElementTree.Element) -> tuple[float, ...]:
+def _solid_size(solid: ElementTree.Element) -> tuple[float, ...]:
     if solid.tag == "box":
-        return tuple(_numbers(solid, "size", (1.0, 1.0, 1.0)))
+        return tuple(_element_numbers(solid, "size", (1.0, 1.0, 1.0)))
     return tuple(float(solid.get(name, "0")) for name in ("radius", "length") if solid.get(name))
 
 
-def _origin(element: ElementTree.Element) -> pin.SE3:
+def _element_origin(element: ElementTree.Element) -> pin.SE3:
     origin = element.find("origin")
     if origin is None:
         return pin.SE3.Identity()
     zero = (0.0, 0.0, 0.0)
-    return pin.SE3(pin.rpy.rpyToMatrix(*_numbers(origin, "rpy", zero)), _numbers(origin, "xyz", zero))
+    return pin.SE3(
+        pin.rpy.rpyToMatrix(*_element_numbers(origin, "rpy", zero)), _element_numbers(origin, "xyz", zero)
+    )
 
 
-def _numbers(element: ElementTree.Element, name: str, otherwise: tuple[float, ...]) -> Array:
+def _element_numbers(element: ElementTree.Element, name: str, otherwise: tuple[float, ...]) -> Array:
     text = element.get(name)
     return np.array(otherwise if text is None else [float(part) for part in text.split()])

@@ -39,7 +39,7 @@ class _Bodies:
 
 
 @lru_cache(maxsize=1)
-def _bodies(robot: Robot) -> _Bodies:
+def _collision_bodies(robot: Robot) -> _Bodies:
     geometry = collision_model(robot)
     centres, radii = bounding_balls(geometry)
     ends = np.array([(pair.first, pair.second) for pair in geometry.collisionPairs], dtype=np.intp)
@@ -65,7 +65,7 @@ def nearest_pairs(robot: Robot, data: pin.Data, found: pin.GeometryData, q: Arra
         q: ``(n, nq)``, the postures, neighbours alike.
     """
     geometry = collision_model(robot)
-    apart, come_nearer = _kept_apart(robot, q), _steps(robot, q) @ _bodies(robot).rates.T
+    apart, come_nearer = _kept_apart(robot, q), _posture_steps(robot, q) @ _collision_bodies(robot).rates.T
     least, nearest = np.full(apart.shape[1], -np.inf), 0
     for k, posture in enumerate(q):
         pin.updateGeometryPlacements(robot.model, data, geometry, found, posture)
@@ -90,14 +90,14 @@ def nearest_pairs(robot: Robot, data: pin.Data, found: pin.GeometryData, q: Arra
 
 def _kept_apart(robot: Robot, q: Array) -> Array:
     """Least distances of all pairs by the spheres about their bodies, ``(n, n_pairs)`` [m]."""
-    bodies, poses = _bodies(robot), forward_kinematics(robot.model, q)
+    bodies, poses = _collision_bodies(robot), forward_kinematics(robot.model, q)
     # Shapes first: all that is copied of one lies together.
     centre = np.array([poses.point(joint, local) for joint, local in bodies.centres])
     between = centre[bodies.ends[:, 0]] - centre[bodies.ends[:, 1]]
     return np.asarray(np.sqrt(np.einsum("pni,pni->np", between, between)) - bodies.reach)
 
 
-def _steps(robot: Robot, q: Array) -> Array:
+def _posture_steps(robot: Robot, q: Array) -> Array:
     """How far each coordinate group of the rates goes from each posture to the next, ``(n - 1, n_rates)``."""
     steps = [pin.difference(robot.model, one, other) for one, other in pairwise(q)]
     step = np.abs(np.reshape(steps, (-1, robot.model.nv)))

@@ -8,15 +8,15 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.report.replay.bodies import bodies
-from excite.report.replay.packed import packed, packed_indices
+from excite.report.replay.bodies import visible_bodies
+from excite.report.replay.packed import pack_table, packed_indices
 from excite.robot.robot import Robot
 
 # Corners are numbered with 16 bits, the last of which stands for what is not known.
 _MOST_CORNERS = 65535
 
 
-def scene(robot: Robot) -> dict[str, Any]:
+def robot_scene(robot: Robot) -> dict[str, Any]:
     """Everything of a robot that does not change in time, ready for JSON.
 
     Returns:
@@ -30,14 +30,14 @@ def scene(robot: Robot) -> dict[str, Any]:
         {
             "link": body.link,
             "joint": body.joint,
-            "corners": packed(body.corners),
+            "corners": pack_table(body.corners),
             "triangles": packed_indices(body.triangles),
         }
-        for body in bodies(robot)
+        for body in visible_bodies(robot)
         if 0 < len(body.triangles) and len(body.corners) < _MOST_CORNERS
     ]
     feet = [
-        {"name": foot.name, "joint": foot.joint, "sole": [_rounded(corner) for corner in foot.sole]}
+        {"name": foot.name, "joint": foot.joint, "sole": [_round_values(corner) for corner in foot.sole]}
         for foot in robot.feet
     ]
     table = robot.description.collision.table_height
@@ -46,26 +46,26 @@ def scene(robot: Robot) -> dict[str, Any]:
 
 
 def joint_tree(model: pin.Model) -> list[dict[str, Any]]:
-    """The part ``joints`` of :func:`scene`: of joints with one coordinate, and a free base."""
+    """The part ``joints`` of :func:`robot_scene`: of joints with one coordinate, and a free base."""
     joints = []
     for index in range(1, model.njoints):
         placement = model.jointPlacements[index]
         joint: dict[str, Any] = {
             "name": str(model.names[index]),
             "parent": int(model.parents[index]),
-            "xyz": _rounded(placement.translation),
-            "quat": _rounded(pin.Quaternion(placement.rotation).coeffs()),
+            "xyz": _round_values(placement.translation),
+            "quat": _round_values(pin.Quaternion(placement.rotation).coeffs()),
         }
         if model.joints[index].nq == 1:
-            slide, turn = _axes(model, index)
-            joint |= {"turn": _rounded(turn), "slide": _rounded(slide)}
+            slide, turn = _joint_axes(model, index)
+            joint |= {"turn": _round_values(turn), "slide": _round_values(slide)}
         else:
             joint["free"] = True
         joints.append(joint)
     return joints
 
 
-def _axes(model: pin.Model, index: int) -> tuple[Array, Array]:
+def _joint_axes(model: pin.Model, index: int) -> tuple[Array, Array]:
     """Along which a joint of one coordinate slides and about which it turns, in its own frame, ``(3,)`` each."""
     data = model.createData()
     jacobian = pin.computeJointJacobian(model, data, pin.neutral(model), index)
@@ -73,5 +73,5 @@ def _axes(model: pin.Model, index: int) -> tuple[Array, Array]:
     return column[:3], column[3:]
 
 
-def _rounded(values: Array) -> list[float]:
+def _round_values(values: Array) -> list[float]:
     return [round(float(value), 7) + 0.0 for value in values]

@@ -34,15 +34,17 @@ def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, NDArray[
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     radius, half = size[0], 0.5 * size[1] if kind != "sphere" else 0.0
     if kind == "cylinder":
-        return _turned([(-half, radius), (half, radius)], (-half, half))
+        return _turned_body([(-half, radius), (half, radius)], (-half, half))
     rise = np.linspace(0.0, 0.5 * np.pi, _RINGS, endpoint=False)
     upper = [(half + radius * float(np.sin(t)), radius * float(np.cos(t))) for t in rise]
     lower = [(-height, width) for height, width in reversed(upper)]
     # A ball's two halves share their equator.
-    return _turned(lower + upper[kind == "sphere" :], (-half - radius, half + radius))
+    return _turned_body(lower + upper[kind == "sphere" :], (-half - radius, half + radius))
 
 
-def _turned(rings: list[tuple[float, float]], poles: tuple[float, float]) -> tuple[Array, NDArray[np.int64]]:
+def _turned_body(
+    rings: list[tuple[float, float]], poles: tuple[float, float]
+) -> tuple[Array, NDArray[np.int64]]:
     """A body turned about z, of rings (height, radius) from below and the heights of its lowest and highest point."""
     turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])

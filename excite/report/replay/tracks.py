@@ -15,7 +15,7 @@ from excite.arrays import Array
 from excite.errors import ExciteError
 from excite.motion.motion import Motion, jerk_peaks
 from excite.report.replay.nearest import nearest_pairs
-from excite.report.replay.packed import packed, packed_indices
+from excite.report.replay.packed import pack_table, packed_indices
 from excite.robot.joint_values import Limits
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model, geometry_data
@@ -87,19 +87,19 @@ class Tracks:
                 "title": "position",
                 "unit": "rad",
                 "from": first,
-                "limits": bounds(limits.position_lower, limits.position_upper),
+                "limits": joint_bounds(limits.position_lower, limits.position_upper),
             },
             {
                 "title": "velocity",
                 "unit": "rad/s",
-                "values": packed(motion.joint_velocities()),
-                "limits": bounds(-limits.velocity, limits.velocity),
+                "values": pack_table(motion.joint_velocities()),
+                "limits": joint_bounds(-limits.velocity, limits.velocity),
             },
             {
                 "title": "torque",
                 "unit": "N·m",
-                "values": packed(self.torque),
-                "limits": bounds(-limits.torque, limits.torque),
+                "values": pack_table(self.torque),
+                "limits": joint_bounds(-limits.torque, limits.torque),
             },
         ]
 
@@ -108,40 +108,40 @@ class Tracks:
         motion = self.motion
         content: dict[str, Any] = {
             "name": motion.name,
-            "time": packed(motion.time - motion.time[0]),
-            "q": packed(motion.q),
-            "com": packed(self.com),
-            "zmp": None if self.zmp is None else packed(self.zmp),
+            "time": pack_table(motion.time - motion.time[0]),
+            "q": pack_table(motion.q),
+            "com": pack_table(self.com),
+            "zmp": None if self.zmp is None else pack_table(self.zmp),
             "contacts": packed_indices(self.contacts) if self.contacts.size else None,
             "signals": self._signals(),
             "closest": None,
-            "margins": [_margin(margin) for margin in self.margins],
+            "margins": [_margin_json(margin) for margin in self.margins],
         }
         if self.closest is not None:
-            content["closest"] = {"joints": packed_indices(self.closest), "points": packed(self.points)}
+            content["closest"] = {"joints": packed_indices(self.closest), "points": pack_table(self.points)}
         return content
 
 
-def _margin(margin: Margin) -> dict[str, Any]:
+def _margin_json(margin: Margin) -> dict[str, Any]:
     used, where = np.unique(margin.where, return_inverse=True)
     return {
         "name": margin.name,
         "title": margin.title,
         "unit": margin.unit,
         "required": margin.required,
-        "values": packed(margin.values),
+        "values": pack_table(margin.values),
         "where": packed_indices(where),
         "places": [margin.places[int(i)] for i in used],
     }
 
 
-def bounds(lower: Array, upper: Array) -> list[list[float | None]]:
+def joint_bounds(lower: Array, upper: Array) -> list[list[float | None]]:
     """Limits of the joints, ``(n_joints,)`` each, as JSON has them: null where there is none."""
     pairs = zip(lower, upper, strict=True)
     return [[float(end) if np.isfinite(end) else None for end in pair] for pair in pairs]
 
 
-def tracks(robot: Robot, motion: Motion) -> Tracks:
+def motion_tracks(robot: Robot, motion: Motion) -> Tracks:
     """What is to be seen of a motion, at :data:`FRAMES_HZ`.
 
     Margins are those of the instants shown. The check, which looks between samples too, finds a little less.
@@ -155,10 +155,10 @@ def tracks(robot: Robot, motion: Motion) -> Tracks:
     n = sweep.fine.n_samples
     torque = np.full((n, robot.n_joints), np.nan)
     torque[sweep.torque_samples] = drive_torques(sweep)
-    margins = [*_limits(robot, sweep.fine, torque)]
+    margins = [*_limit_margins(robot, sweep.fine, torque)]
     closest, points = None, np.zeros((n, 6))
     try:
-        nearest = _nearest(robot, sweep.fine)
+        nearest = _nearest_margin(robot, sweep.fine)
     except ExciteError:
         nearest = None  # A robot without geometry; the check says so.
     if nearest is not None:
@@ -184,7 +184,7 @@ def tracks(robot: Robot, motion: Motion) -> Tracks:
     )
 
 
-def _limits(robot: Robot, motion: Motion, torque: Array) -> Iterator[Margin]:
+def _limit_margins(robot: Robot, motion: Motion, torque: Array) -> Iterator[Margin]:
     limits = robot.limits
     q, v, a = motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()
     peaks = jerk_peaks(motion.time, q, v, a)
@@ -216,7 +216,7 @@ def _geometry_data(robot: Robot) -> pin.GeometryData:
     return geometry_data(collision_model(robot))
 
 
-def _nearest(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], Array] | None:
+def _nearest_margin(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], Array] | None:
     """Distance of the nearest pair of bodies, the joints that carry them, and their nearest points."""
     geometry = collision_model(robot)
     if not len(geometry.collisionPairs):

@@ -9,8 +9,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.logs.columns import BASE_POSE
-from excite.report.replay.packed import packed
-from excite.report.replay.tracks import FRAMES_HZ, bounds
+from excite.report.replay.packed import pack_table
+from excite.report.replay.tracks import FRAMES_HZ, joint_bounds
 from excite.robot.joint_values import Limits
 from excite.robot.robot import Robot
 
@@ -37,20 +37,20 @@ class TrialFrames:
         """Of the content of :meth:`~excite.report.replay.tracks.Tracks.to_json` what a record tells."""
         first = self.q.shape[1] - len(self.limits.position_lower)
         signal: dict[str, Any] = {"title": "position", "unit": "rad", "from": first, "label": "measured"}
-        signal["limits"] = bounds(self.limits.position_lower, self.limits.position_upper)
+        signal["limits"] = joint_bounds(self.limits.position_lower, self.limits.position_upper)
         content: dict[str, Any] = {
             "name": self.name,
-            "time": packed(self.time),
-            "q": packed(self.q),
+            "time": pack_table(self.time),
+            "q": pack_table(self.q),
             "label": "measured",
             "signals": [signal],
         }
         if self.ghost is not None:
             label, q = self.ghost
-            content["ghost"] = {"label": label, "q": packed(q)}
+            content["ghost"] = {"label": label, "q": pack_table(q)}
             if (q[:, first:] != self.q[:, first:]).any():
                 # Where the base alone departs, joints have nothing to compare.
-                signal |= {"other": packed(q[:, first:]), "otherLabel": label}
+                signal |= {"other": pack_table(q[:, first:]), "otherLabel": label}
         return content
 
 
@@ -79,26 +79,26 @@ def trial_frames(
     here = np.tile(robot.rest, (len(frames), 1))
     if base is not None and robot.floating:
         here[:, :7] = base[np.searchsorted(time, frames).clip(0, len(time) - 1)]
-    here = _posed(robot, here, joints, frames, time, measured)
+    here = _posed_configurations(robot, here, joints, frames, time, measured)
     other = None
     if ghost is not None:
-        other = (ghost[0], _posed(robot, here, joints, frames, time, ghost[1]))
+        other = (ghost[0], _posed_configurations(robot, here, joints, frames, time, ghost[1]))
     return TrialFrames(name, frames - frames[0], here, other, robot.limits)
 
 
-def _posed(
+def _posed_configurations(
     robot: Robot, q: Array, joints: tuple[str, ...], frames: Array, time: Array, positions: Array
 ) -> Array:
     """Configurations ``(n_frames, nq)`` with the joints, and the base where it is among them, at their positions."""
     found = q.copy()
     turning = [k for k, joint in enumerate(joints) if joint not in BASE_POSE]
     columns = [robot.n_base_q + robot.joint_index(joints[k]) for k in turning]
-    found[:, columns] = _at(frames, time, positions[:, turning])
+    found[:, columns] = _values_at(frames, time, positions[:, turning])
     if len(turning) < len(joints) and robot.floating:
         pose = [joints.index(name) for name in BASE_POSE]
         found[:, :7] = positions[np.searchsorted(time, frames).clip(0, len(time) - 1)][:, pose]
     return found
 
 
-def _at(frames: Array, time: Array, values: Array) -> Array:
+def _values_at(frames: Array, time: Array, values: Array) -> Array:
     return np.column_stack([np.interp(frames, time, column) for column in values.T])

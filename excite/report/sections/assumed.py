@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Findings
-from excite.report.html import section, table
+from excite.report.html import html_section, html_table
 from excite.report.sections.section import Section
 
 
@@ -24,4 +24,6 @@ class Assumed(Section):
             "as far as they hold: state in robot.yaml what is known better, take it out of the list assumed there, and "
             "plan again."
         )
-        return section(self.identifier, self.title, lead, table(("what", "taken", "what follows"), rows))
+        return html_section(
+            self.identifier, self.title, lead, html_table(("what", "taken", "what follows"), rows)
+        )

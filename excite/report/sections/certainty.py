@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.identification.judgement.poor import said_rsd
 from excite.report.folder import Findings
-from excite.report.html import Said, figure, folded, section, table
+from excite.report.html import Said, folded_content, html_section, html_table, inline_figure
 from excite.report.plots.rsd import plot_rsd
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -37,9 +37,9 @@ class Certainty(Section):
             (name, Said(rsd, said_rsd(rsd)), why.get(name, ""))
             for name, rsd in zip(missed, deviations, strict=True)
         ]
-        listing = folded(
+        listing = folded_content(
             f"{count(len(missed), 'parameter')} above the target at the end",
-            table(("base parameter", "RSD", "why"), rows),
+            html_table(("base parameter", "RSD", "why"), rows),
         )
         svg = to_svg(plot, "rsd", "Relative standard deviation of each base parameter per iteration")
-        return section(self.identifier, self.title, lead, figure(svg), listing if missed else "")
+        return html_section(self.identifier, self.title, lead, inline_figure(svg), listing if missed else "")

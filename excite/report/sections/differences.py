@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.export.models.differences import Difference, find_differences
 from excite.report.folder import Findings
-from excite.report.html import Cell, folded, paragraph, section, table
+from excite.report.html import Cell, folded_content, html_paragraph, html_section, html_table
 from excite.report.sections.section import Section
 
 _HEADERS = ("link", "parameter", "nominal", "identified", "change", "±", "from data [%]")
@@ -28,23 +28,25 @@ class Differences(Section):
             "deviation. Where little comes from data the value is the nominal model's and the constraints' "
             "choice: the motions, or the robot's joints, do not tell it from its neighbours'."
         )
-        everything = folded(f"All {len(found.rows)} parameters", _table(found.rows))
+        everything = folded_content(f"All {len(found.rows)} parameters", _differences_table(found.rows))
         if not clear:
             said = "No single parameter is determined by the data and more than two deviations off."
-            return section(self.identifier, self.title, lead, paragraph(said), everything)
+            return html_section(self.identifier, self.title, lead, html_paragraph(said), everything)
         said = (
             f"{len(clear)} of {len(found.rows)} were determined mostly by the data and moved by more than "
             "two standard deviations:"
         )
         strongest = sorted(clear, key=lambda row: -abs(row.change) / max(row.std or 0.0, 1e-300))[:20]
         chosen = [row for row in found.rows if row in strongest]
-        return section(self.identifier, self.title, lead, paragraph(said), _table(chosen), everything)
+        return html_section(
+            self.identifier, self.title, lead, html_paragraph(said), _differences_table(chosen), everything
+        )
 
 
-def _table(rows: list[Difference] | tuple[Difference, ...]) -> str:
+def _differences_table(rows: list[Difference] | tuple[Difference, ...]) -> str:
     cells: list[tuple[Cell, ...]] = []
     for row in rows:
         share = None if row.determined is None else 100.0 * row.determined
         name = f"{row.parameter} [{row.unit}]"
         cells.append((row.segment, name, row.nominal, row.identified, row.change, row.std, share))
-    return table(_HEADERS, cells)
+    return html_table(_HEADERS, cells)

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from excite.report.folder import Findings
-from excite.report.html import condition, figure, folded, number, paragraph, section, table
+from excite.report.html import (
+    condition_value,
+    folded_content,
+    format_number,
+    html_paragraph,
+    html_section,
+    html_table,
+    inline_figure,
+)
 from excite.report.plots.conditioning import draw_conditioning
 from excite.report.sections.section import Section
 
@@ -23,12 +31,14 @@ class Excitation(Section):
         lead = "The shorter a bar, the more evenly the motions excite that segment's ten inertial parameters."
         content = []
         if change is not None:
-            content.append(figure(draw_conditioning(change).to_svg("Condition number of each segment")))
+            content.append(
+                inline_figure(draw_conditioning(change).to_svg("Condition number of each segment"))
+            )
         if plan is not None:
-            full, log_det = number(condition(plan["full"])), number(plan["log_det"])
+            full, log_det = format_number(condition_value(plan["full"])), format_number(plan["log_det"])
             numbers = f"the condition number is {full}, the log-determinant of the information {log_det}."
-            content.append(paragraph(f"Over all {plan['n_base_parameters']} base parameters {numbers}"))
-            rows = [(row["segment"], condition(row["condition"])) for row in plan["segments"]]
-            listing = table(("segment", "condition number"), rows)
-            content.append(folded("Condition number of each segment", listing))
-        return section(self.identifier, self.title, lead, *content)
+            content.append(html_paragraph(f"Over all {plan['n_base_parameters']} base parameters {numbers}"))
+            rows = [(row["segment"], condition_value(row["condition"])) for row in plan["segments"]]
+            listing = html_table(("segment", "condition number"), rows)
+            content.append(folded_content("Condition number of each segment", listing))
+        return html_section(self.identifier, self.title, lead, *content)

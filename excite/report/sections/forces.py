@@ -9,8 +9,8 @@ from typing import Any
 from excite.report.comparisons import ForceComparison
 from excite.report.data import ReportData
 from excite.report.folder import Findings
-from excite.report.html import Cell, figure, section, table
-from excite.report.live import chart
+from excite.report.html import Cell, html_section, html_table, inline_figure
+from excite.report.live import live_chart
 from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -55,8 +55,10 @@ class Forces(Section):
             if len(data.channels) > MOST_PANELS:
                 lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
             svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
-            content.append(chart("forces-plots", data.time, list(_panels(data)), figure(svg)))
-        return section(self.identifier, self.title, lead, *content, *tables)
+            content.append(
+                live_chart("forces-plots", data.time, list(_force_panels(data)), inline_figure(svg))
+            )
+        return html_section(self.identifier, self.title, lead, *content, *tables)
 
 
 def _from_zero(data: ReportData) -> ForceComparison | None:
@@ -68,7 +70,7 @@ def _from_zero(data: ReportData) -> ForceComparison | None:
     return replace(forces, time=forces.time - (path.time[0] if path is not None and same else forces.time[0]))
 
 
-def _panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
+def _force_panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
     for i, name in enumerate(data.channels[:MOST_PANELS]):
         series = [
             ({"label": "measured", "role": "ink"}, data.measured[:, i]),
@@ -96,4 +98,4 @@ def _fit_table(channels: dict[str, dict[str, Any]]) -> str:
         "correlation nominal",
         "correlation identified",
     )
-    return table(headers, rows)
+    return html_table(headers, rows)

@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.report.comparisons import MassComparison
 from excite.report.folder import Findings
-from excite.report.html import Cell, figure, folded, section, table
+from excite.report.html import Cell, folded_content, html_section, html_table, inline_figure
 from excite.report.plots.masses import plot_masses
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -42,10 +42,16 @@ class Masses(Section):
                 "too; Differences lists what the data tell of each parameter by itself."
             )
         svg = to_svg(plot_masses(data), "masses", "Mass of each segment: nominal, identified, true")
-        return section(self.identifier, self.title, lead, figure(svg), folded("Numbers", _numbers(data)))
+        return html_section(
+            self.identifier,
+            self.title,
+            lead,
+            inline_figure(svg),
+            folded_content("Numbers", _mass_numbers(data)),
+        )
 
 
-def _numbers(data: MassComparison) -> str:
+def _mass_numbers(data: MassComparison) -> str:
     columns = {"nominal [kg]": data.nominal, "identified [kg]": data.identified}
     sums = {name: float(np.sum(column)) for name, column in columns.items()}
     if data.half_width is not None:
@@ -59,4 +65,4 @@ def _numbers(data: MassComparison) -> str:
         (name, *(float(column[i]) for column in columns.values())) for i, name in enumerate(data.names)
     ]
     # Masses of neighbours are known together, so that their intervals do not add up.
-    return table(["segment", *columns], rows, ("all", *(sums.get(name, "") for name in columns)))
+    return html_table(["segment", *columns], rows, ("all", *(sums.get(name, "") for name in columns)))

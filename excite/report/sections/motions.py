@@ -9,12 +9,12 @@ from typing import Any
 from excite.errors import ExciteError
 from excite.motion.motion import Motion
 from excite.report.folder import Findings
-from excite.report.html import Cell, figure, folded, paragraph, section, table
-from excite.report.live import replay
+from excite.report.html import Cell, folded_content, html_paragraph, html_section, html_table, inline_figure
+from excite.report.live import live_replay
 from excite.report.plots.activity import draw_activity
 from excite.report.plots.snapshots import choose_motions, draw_snapshots
-from excite.report.replay.scene import scene
-from excite.report.replay.tracks import tracks
+from excite.report.replay.scene import robot_scene
+from excite.report.replay.tracks import motion_tracks
 from excite.report.sections.section import Section
 from excite.robot.robot import Robot
 from excite.shown import count
@@ -39,51 +39,57 @@ class Motions(Section):
     def build(self, findings: Findings) -> str:
         """See :class:`Section`."""
         if findings.plan is None:
-            figures = _figures(findings) if findings.check is not None else []
+            figures = _motion_figures(findings) if findings.check is not None else []
             lead = "The motions that were checked, those that are not safe first."
-            return section(self.identifier, self.title, lead, *figures) if figures else ""
+            return html_section(self.identifier, self.title, lead, *figures) if figures else ""
         selected = findings.plan["selected"]
         rows: list[tuple[Cell, ...]] = [
             (entry["motion"], ", ".join(entry["segments"]), float(entry["duration_s"])) for entry in selected
         ]
         headers = ("motion", "chosen for the segments", "duration [s]")
-        listing = folded(f"All {len(rows)} motions" if len(rows) > 1 else "The motion", table(headers, rows))
+        listing = folded_content(
+            f"All {len(rows)} motions" if len(rows) > 1 else "The motion", html_table(headers, rows)
+        )
         rejected = findings.plan["candidates"]["rejected"]
         reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
         refused = (
-            folded(
+            folded_content(
                 f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
-                table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
+                html_table(
+                    ("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]
+                ),
             )
             if rejected
             else ""
         )
         lead = "These motions excite the segments best, and every one of them passed the checks."
-        return section(self.identifier, self.title, lead, *_figures(findings), listing, refused)
+        return html_section(self.identifier, self.title, lead, *_motion_figures(findings), listing, refused)
 
 
-def _caption(robot: Robot) -> str:
+def _motion_caption(robot: Robot) -> str:
     return f"{_BODY}; {_FEET}." if robot.feet else f"{_BODY}."
 
 
-def _figures(findings: Findings) -> list[str]:
+def _motion_figures(findings: Findings) -> list[str]:
     robot, motions = findings.robot, _worst_first(findings)
     if robot is None or not motions:
         return []
     shown = choose_motions(motions, _N_PICTURES)
-    snapshots = paragraph(_caption(robot), "lead") + figure(
+    snapshots = html_paragraph(_motion_caption(robot), "lead") + inline_figure(
         draw_snapshots(robot, shown).to_svg("Snapshots of the motions")
     )
     activity = draw_activity(robot, motions).to_svg("Peak speed of each joint in each motion")
-    caption = folded("Which joint moves in which motion", figure(activity))
-    moving, left = _tracks(robot, motions)
+    caption = folded_content("Which joint moves in which motion", inline_figure(activity))
+    moving, left = _titled_tracks(robot, motions)
     if not moving:
         return [snapshots, caption]
     said = (
-        paragraph(f"Not moving here, for a page shall stay small: {', '.join(left)}.", "note") if left else ""
+        html_paragraph(f"Not moving here, for a page shall stay small: {', '.join(left)}.", "note")
+        if left
+        else ""
     )
-    how = paragraph(_HOW, "lead moving")
-    return [how, replay("replay", scene(robot), moving, snapshots), said, caption]
+    how = html_paragraph(_HOW, "lead moving")
+    return [how, live_replay("replay", robot_scene(robot), moving, snapshots), said, caption]
 
 
 def _worst_first(findings: Findings) -> tuple[Motion, ...]:
@@ -93,7 +99,7 @@ def _worst_first(findings: Findings) -> tuple[Motion, ...]:
     return tuple(sorted(findings.motions, key=lambda motion: motion.name not in unsafe))
 
 
-def _tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], list[str]]:
+def _titled_tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], list[str]]:
     """Tracks of the motions by title, as many as a page has room for, and the names of the others."""
     found: dict[str, Any] = {}
     left, size = [], 0
@@ -102,7 +108,7 @@ def _tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], li
             left.append(motion.name)
             continue
         try:
-            content = tracks(robot, motion).to_json()
+            content = motion_tracks(robot, motion).to_json()
         except ExciteError:
             left.append(motion.name)
             continue

@@ -12,14 +12,14 @@ from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
 from excite.report.comparisons import PathComparison
 from excite.report.folder import Findings
-from excite.report.html import paragraph, section
-from excite.report.live import replay
+from excite.report.html import html_paragraph, html_section
+from excite.report.live import live_replay
 from excite.report.record import Record
-from excite.report.replay.scene import scene
+from excite.report.replay.scene import robot_scene
 from excite.report.replay.trial import trial_frames
 from excite.report.sections.section import Section
 from excite.robot.robot import Robot
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 
 _COMMANDED = "commanded"
 _LOST = " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
@@ -42,23 +42,23 @@ class Moving(Section):
             path = None
         trial = record.trial(path.trial if path else "")
         try:
-            models = {} if path is None else _models(path, found)
+            models = {} if path is None else _model_paths(path, found)
             lost = "" if path is None or models else _LOST
             path = path if models else None
-            tracks = _simulated(record, path, models) if path else _recorded(record, trial)
+            tracks = _simulated_tracks(record, path, models) if path else _recorded_tracks(record, trial)
         except ExciteError:
             return ""
-        still = paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
+        still = html_paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
         if path is not None and path.horizon_s is not None:
             lead = _of_identification(record.robot, path, path.horizon_s)
         else:
             horizon_s = (found.get("simulation") or {}).get("horizon_s")
-            lead = _lead(trial.name, path is not None, horizon_s, tracks) + lost
-        shown = replay("moving-replay", scene(record.robot), tracks, still)
-        return section(self.identifier, self.title, lead, shown)
+            lead = _lead_sentence(trial.name, path is not None, horizon_s, tracks) + lost
+        shown = live_replay("moving-replay", robot_scene(record.robot), tracks, still)
+        return html_section(self.identifier, self.title, lead, shown)
 
 
-def _lead(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str, Any]) -> str:
+def _lead_sentence(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str, Any]) -> str:
     if simulated:
         again = f"; it starts anew from the record every {horizon_s:g} s" if horizon_s else ""
         return (
@@ -71,7 +71,7 @@ def _lead(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str
 
 
 def _of_identification(robot: Robot, path: PathComparison, horizon_s: float) -> str:
-    strays = [_strays(robot, path, positions) for positions in (path.nominal, path.identified)]
+    strays = [_describe_strays(robot, path, positions) for positions in (path.nominal, path.identified)]
     return (
         f"Trial {path.trial} as it was measured, and transparent where a model goes under the measured "
         f"forces, when it starts anew from the record every {horizon_s:g} s. By then the model as supplied strays by "
@@ -79,7 +79,7 @@ def _of_identification(robot: Robot, path: PathComparison, horizon_s: float) -> 
     )
 
 
-def _strays(robot: Robot, path: PathComparison, positions: Array) -> str:
+def _describe_strays(robot: Robot, path: PathComparison, positions: Array) -> str:
     """How far a model strays at most, and where: of a free base the base, else the joint."""
     apart = np.abs(positions - path.measured)
     if set(BASE_POSE) <= set(path.joints):
@@ -87,12 +87,12 @@ def _strays(robot: Robot, path: PathComparison, positions: Array) -> str:
         return f"up to {1e3 * np.linalg.norm(apart[:, place], axis=1).max():.2g} mm (base)"
     most = int(np.argmax(apart.max(axis=0)))
     joint, much = path.joints[most], float(apart[:, most].max())
-    if slides(robot.model, robot.n_base_v + robot.joint_index(joint)):
+    if is_prismatic(robot.model, robot.n_base_v + robot.joint_index(joint)):
         return f"up to {1e3 * much:.2g} mm ({joint})"
     return f"up to {much:.2g} rad ({joint})" if much < np.pi else f"more than half a turn ({joint})"
 
 
-def _models(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, Array]:
+def _model_paths(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, Array]:
     """Where models take the robot, by what they are: those of an identification, or simulators of a diagnosis."""
     if path.horizon_s is not None:
         models = {"the identified model": path.identified, "the model as supplied": path.nominal}
@@ -104,9 +104,9 @@ def _models(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, Array]
     return {name: at for name, at in models.items() if np.abs(at - path.measured).max() < np.pi}
 
 
-def _simulated(record: Record, path: PathComparison, models: dict[str, Array]) -> dict[str, Any]:
+def _simulated_tracks(record: Record, path: PathComparison, models: dict[str, Array]) -> dict[str, Any]:
     """Measured, with each model as a ghost."""
-    base = _base(record, path)
+    base = _base_of(record, path)
     return {
         f"{path.trial} · {name}": trial_frames(
             record.robot,
@@ -121,14 +121,14 @@ def _simulated(record: Record, path: PathComparison, models: dict[str, Array]) -
     }
 
 
-def _base(record: Record, path: PathComparison) -> Any:
+def _base_of(record: Record, path: PathComparison) -> Any:
     if set(BASE_POSE) <= set(path.joints):
         return None
     trial = record.trial(path.trial)
     return trial.base if trial.base is not None and len(trial.base) == len(path.time) else None
 
 
-def _recorded(record: Record, trial: Trial) -> dict[str, Any]:
+def _recorded_tracks(record: Record, trial: Trial) -> dict[str, Any]:
     ghost = None if trial.q_cmd is None else (_COMMANDED, trial.q_cmd)
     track = trial_frames(
         record.robot,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from excite.report.folder import Findings
-from excite.report.html import condition, number, tile
+from excite.report.html import condition_value, format_number, key_figure
 from excite.report.sections.section import Section
 from excite.shown import count
 
@@ -21,38 +21,38 @@ class Overview(Section):
 
     def build(self, findings: Findings) -> str:
         """See :class:`Section`."""
-        tiles = [*_plan(findings), *_check(findings), *_conditioning(findings)]
-        tiles += [*_certainty(findings), *_fit(findings), *_mass(findings)]
+        tiles = [*_plan_tiles(findings), *_check_tiles(findings), *_conditioning_tiles(findings)]
+        tiles += [*_certainty_tiles(findings), *_fit_tiles(findings), *_mass_tiles(findings)]
         return f'<div class="tiles" id="{self.identifier}">{"".join(tiles)}</div>' if tiles else ""
 
 
-def _plan(findings: Findings) -> Iterator[str]:
+def _plan_tiles(findings: Findings) -> Iterator[str]:
     if findings.plan is None:
         return
     candidates = findings.plan["candidates"]
-    yield tile(f"{candidates['accepted']} of {candidates['generated']}", "candidate motions accepted")
+    yield key_figure(f"{candidates['accepted']} of {candidates['generated']}", "candidate motions accepted")
     selected = findings.plan["selected"]
     seconds = sum(entry["duration_s"] for entry in selected)
-    yield tile(count(len(selected), "motion"), f"chosen, {seconds:.0f} s in all")
+    yield key_figure(count(len(selected), "motion"), f"chosen, {seconds:.0f} s in all")
 
 
-def _check(findings: Findings) -> Iterator[str]:
+def _check_tiles(findings: Findings) -> Iterator[str]:
     if findings.check is not None:
         motions = findings.check["motions"]
         n_safe = sum(motion["safe"] for motion in motions)
-        yield tile(
+        yield key_figure(
             f"{n_safe} of {len(motions)}", "motions pass the independent check", good=n_safe == len(motions)
         )
 
 
-def _conditioning(findings: Findings) -> Iterator[str]:
+def _conditioning_tiles(findings: Findings) -> Iterator[str]:
     change = findings.data.conditioning
     planned = (findings.plan or {}).get("conditioning")
     if change is not None and change.full_after == change.full_before:
         label = (
             f"condition number of the base columns, of {change.before_label} and {change.after_label} alike"
         )
-        yield tile(number(change.full_after), label)
+        yield key_figure(format_number(change.full_after), label)
     elif change is not None:
         label = f"condition number of the base columns: {change.before_label} → {change.after_label}"
         if change.full_after > change.full_before:
@@ -61,30 +61,32 @@ def _conditioning(findings: Findings) -> Iterator[str]:
             label += (
                 f"; they are chosen by segment, and {better} of {len(change.after)} segments are better so"
             )
-        yield tile(f"{number(change.full_before)} → {number(change.full_after)}", label)
+        yield key_figure(f"{format_number(change.full_before)} → {format_number(change.full_after)}", label)
     elif planned is not None:
-        yield tile(number(condition(planned["full"])), "condition number of the base columns")
+        yield key_figure(
+            format_number(condition_value(planned["full"])), "condition number of the base columns"
+        )
 
 
-def _certainty(findings: Findings) -> Iterator[str]:
+def _certainty_tiles(findings: Findings) -> Iterator[str]:
     if findings.campaign is not None and findings.campaign["iterations"]:
         last = findings.campaign["iterations"][-1]
         judged = {*last["rsd_percent"], *last["not_met"]}
         n = len(judged)
         label = "parameters meet their certainty target"
-        yield tile(f"{n - len(last['not_met'])} of {n}", label, good=findings.campaign["targets_met"])
+        yield key_figure(f"{n - len(last['not_met'])} of {n}", label, good=findings.campaign["targets_met"])
 
 
-def _fit(findings: Findings) -> Iterator[str]:
+def _fit_tiles(findings: Findings) -> Iterator[str]:
     channels = (findings.identification or {}).get("validation") or {}
     judged = [row for row in channels.values() if None not in (row["reference_rmse"], row["rmse"])]
     if judged:
         better = sum(row["rmse"] < row["reference_rmse"] for row in judged)
         label = "validation channels are predicted better than by the nominal model"
-        yield tile(f"{better} of {len(judged)}", label, good=better == len(judged))
+        yield key_figure(f"{better} of {len(judged)}", label, good=better == len(judged))
 
 
-def _mass(findings: Findings) -> Iterator[str]:
+def _mass_tiles(findings: Findings) -> Iterator[str]:
     masses = findings.data.masses
     if masses is None:
         return
@@ -93,9 +95,9 @@ def _mass(findings: Findings) -> Iterator[str]:
         label = f"total mass of the identified model; nominal {masses.nominal.sum():.2f} kg"
         if masses.determined is not None and masses.determined.min() < _TOLD:
             label += "; not all of it is told by the data, see Masses"
-        yield tile(f"{total:.2f} kg", label)
+        yield key_figure(f"{total:.2f} kg", label)
         return
     true = float(masses.true.sum())
     label = f"total mass identified; true {true:.2f} kg, nominal {masses.nominal.sum():.2f} kg"
     off = f"{100.0 * (total - true) / true:+.2f} %".replace("+0.00", "0.00").replace("-0.00", "0.00")
-    yield tile(f"{total:.2f} kg", f"{label} ({off})".replace("-", "−"))
+    yield key_figure(f"{total:.2f} kg", f"{label} ({off})".replace("-", "−"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.identification.judgement.poor import said_rsd
 from excite.report.folder import Findings
-from excite.report.html import Cell, Said, folded, paragraph, section, table
+from excite.report.html import Cell, Said, folded_content, html_paragraph, html_section, html_table
 from excite.report.sections.section import Section
 
 _CHECKS = {
@@ -30,24 +30,26 @@ class Parameters(Section):
             f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
             "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly determine it."
         )
-        warnings = [paragraph(text, "note") for text in identification["warnings"]]
+        warnings = [html_paragraph(text, "note") for text in identification["warnings"]]
         base = identification["base_parameters"]
-        rows = [_row(item) for item in base]
-        values = folded(
+        rows = [_parameter_row(item) for item in base]
+        values = folded_content(
             f"{len(base)} base parameters",
-            table(("base parameter (SI)", "value", "standard deviation", "RSD"), rows),
+            html_table(("base parameter (SI)", "value", "standard deviation", "RSD"), rows),
         )
-        return section(self.identifier, self.title, lead, *warnings, _consistency(identification), values)
+        return html_section(
+            self.identifier, self.title, lead, *warnings, _consistency_sentence(identification), values
+        )
 
 
-def _row(item: dict) -> tuple[Cell, ...]:
+def _parameter_row(item: dict) -> tuple[Cell, ...]:
     rsd = item["rsd_percent"]
     return item["expression"], item["value"], item["std"], Said(rsd, said_rsd(rsd))
 
 
-def _consistency(identification: dict) -> str:
+def _consistency_sentence(identification: dict) -> str:
     found = identification["consistency"] or {}
     rows: list[tuple[Cell, ...]] = [
         (label, found[name]) for name, label in _CHECKS.items() if found.get(name) is not None
     ]
-    return table(("physical consistency of the standard parameters", ""), rows) if rows else ""
+    return html_table(("physical consistency of the standard parameters", ""), rows) if rows else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Document, Findings
-from excite.report.html import Cell, number, section, table
+from excite.report.html import Cell, format_number, html_section, html_table
 from excite.report.sections.section import Section
 
 _ROLES = {"validation": "trials that were left out", "identification": "trials that were identified from"}
@@ -25,10 +25,12 @@ class Person(Section):
             "± is one standard deviation of motions and table together, and where it is as large as the mass, motions "
             "did not tell it."
         )
-        return section(self.identifier, self.title, lead, _masses(human, findings), _reactions(human))
+        return html_section(
+            self.identifier, self.title, lead, _mass_table(human, findings), _reaction_table(human)
+        )
 
 
-def _masses(human: Document, findings: Findings) -> str:
+def _mass_table(human: Document, findings: Findings) -> str:
     found = (findings.identification or {}).get("standard_parameters", {})
     headers = ["segment", "de Leva 1996 [kg]", "Dumas 2007 [kg]"] + (["identified [kg]"] if found else [])
     rows: list[tuple[Cell, ...]] = []
@@ -45,15 +47,15 @@ def _masses(human: Document, findings: Findings) -> str:
         if found:
             row = (*row, "–" if block is None else _with_deviation(block))
         rows.append(row)
-    return table(headers, rows)
+    return html_table(headers, rows)
 
 
 def _with_deviation(block: Document) -> str:
     std = (block.get("std") or {}).get("mass")
-    return number(block["mass"]) + ("" if std is None else f" ± {number(std, 2)}")
+    return format_number(block["mass"]) + ("" if std is None else f" ± {format_number(std, 2)}")
 
 
-def _reactions(human: Document) -> str:
+def _reaction_table(human: Document) -> str:
     parts = []
     for role, words in _ROLES.items():
         fits = (human.get("ground_reaction") or {}).get(role)
@@ -63,12 +65,12 @@ def _reactions(human: Document) -> str:
             (
                 f"{name} [{fit['unit']}]",
                 fit["rmse"],
-                number(fit["cc"]),
+                format_number(fit["cc"]),
                 fit["reference_rmse"],
-                number(fit["reference_cc"]),
+                format_number(fit["reference_cc"]),
             )
             for name, fit in fits.items()
         ]
         headers = ["ground reaction", "RMSE identified", "correlation", "RMSE nominal", "correlation"]
-        parts.append(f"<h3>Ground reaction, {words}</h3>" + table(headers, rows))
+        parts.append(f"<h3>Ground reaction, {words}</h3>" + html_table(headers, rows))
     return "".join(parts)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from excite.report.folder import Document, Findings
-from excite.report.html import figure, folded, number, section, table
+from excite.report.html import folded_content, format_number, html_section, html_table, inline_figure
 from excite.report.plots.refused import Worst, draw_refused, title_of
 from excite.report.sections.section import Section
 from excite.robot.robot import Robot
@@ -26,7 +26,7 @@ class Refused(Section):
 
     def build(self, findings: Findings) -> str:
         """See :class:`Section`."""
-        refused, remedy, generated = _said(findings)
+        refused, remedy, generated = _plan_refusals(findings)
         if not refused:
             return ""
         rows = [
@@ -34,16 +34,16 @@ class Refused(Section):
                 item["reason"].replace("_", " "),
                 item["where"],
                 item["candidates"],
-                _value(item, "worst"),
-                _value(item, "limit"),
+                _value_text(item, "worst"),
+                _value_text(item, "limit"),
                 item["time_s"],
             )
             for item in refused
         ]
         headers = ("reason", "where", "candidates", "worst", "limit", "at [s]")
-        listing = table(headers, rows[:_LISTED])
+        listing = html_table(headers, rows[:_LISTED])
         if len(rows) > _LISTED:
-            listing += folded(f"{len(rows) - _LISTED} more", table(headers, rows[_LISTED:]))
+            listing += folded_content(f"{len(rows) - _LISTED} more", html_table(headers, rows[_LISTED:]))
         lead = (
             f"Of {generated} candidates. One that breaks several limits counts with each. Limits are planning's, "
             "which keeps a reserve to what the check asks for; no time is stated of what is refused as a posture."
@@ -55,7 +55,9 @@ class Refused(Section):
             )
         elif findings.plan is None:
             lead += " No single limit lifted lets any of those pass that were tried again."
-        return section(self.identifier, self.title, lead, *_pictures(findings.robot, refused), listing)
+        return html_section(
+            self.identifier, self.title, lead, *_refusal_pictures(findings.robot, refused), listing
+        )
 
 
 class _Said(NamedTuple):
@@ -66,7 +68,7 @@ class _Said(NamedTuple):
     generated: int
 
 
-def _said(findings: Findings) -> _Said:
+def _plan_refusals(findings: Findings) -> _Said:
     """Those of a plan, or of one that has no motion."""
     if findings.refusals is not None:
         return _Said(*(findings.refusals[key] for key in ("refused", "remedy", "generated")))
@@ -83,12 +85,12 @@ def _said(findings: Findings) -> _Said:
     return _Said([], None, 0)
 
 
-def _pictures(robot: Robot | None, refused: list[dict[str, Any]]) -> list[str]:
+def _refusal_pictures(robot: Robot | None, refused: list[dict[str, Any]]) -> list[str]:
     if robot is None:
         return []
     worst = [
         Worst(
-            title_of(item["reason"], item["where"], _measured(item)),
+            title_of(item["reason"], item["where"], _measured_value(item)),
             np.array(item["posture"]),
             item["where"],
         )
@@ -97,13 +99,15 @@ def _pictures(robot: Robot | None, refused: list[dict[str, Any]]) -> list[str]:
     ][:_PICTURES]
     if not worst:
         return []
-    return [figure(draw_refused(robot, worst).to_svg("The robot in the worst of the refused postures"))]
+    return [
+        inline_figure(draw_refused(robot, worst).to_svg("The robot in the worst of the refused postures"))
+    ]
 
 
-def _measured(item: dict[str, Any]) -> str:
-    limit = "" if item["limit"] is None else f" (limit {_value(item, 'limit')})"
-    return "" if item["worst"] is None else f"{_value(item, 'worst')}{limit}"
+def _measured_value(item: dict[str, Any]) -> str:
+    limit = "" if item["limit"] is None else f" (limit {_value_text(item, 'limit')})"
+    return "" if item["worst"] is None else f"{_value_text(item, 'worst')}{limit}"
 
 
-def _value(item: dict[str, Any], key: str) -> str:
-    return "–" if item[key] is None else f"{number(item[key])} {item['unit']}".strip()
+def _value_text(item: dict[str, Any], key: str) -> str:
+    return "–" if item[key] is None else f"{format_number(item[key])} {item['unit']}".strip()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Document, Findings
-from excite.report.html import Cell, folded, section, table
+from excite.report.html import Cell, folded_content, html_section, html_table
 from excite.report.sections.section import Section
 from excite.safety.verdict import conditions
 from excite.shown import count
@@ -39,19 +39,24 @@ class Safety(Section):
         held = {one: None for motion in motions for one in motion.get("as_far_as", ())}
         if held:
             lead += f" What is safe here is safe{conditions(held)}."
-        columns = [column for name in _MARGINS for column in _columns(name, motions)]
-        smallest = table(("margin", "smallest", "of", "in motion"), [_smallest(c, motions) for c in columns])
-        every = folded(
+        columns = [column for name in _MARGINS for column in _margin_columns(name, motions)]
+        smallest = html_table(
+            ("margin", "smallest", "of", "in motion"), [_smallest_margins(c, motions) for c in columns]
+        )
+        every = folded_content(
             f"Margins of all {count(len(motions), 'motion')}",
-            table(
-                ("motion", "safe", *map(_title, columns)),
-                [(m["motion"], m["safe"], *(_margin(m, column)[0] for column in columns)) for m in motions],
+            html_table(
+                ("motion", "safe", *map(_column_title, columns)),
+                [
+                    (m["motion"], m["safe"], *(_motion_margin(m, column)[0] for column in columns))
+                    for m in motions
+                ],
             ),
         )
-        return section(self.identifier, self.title, lead, smallest, every, _violations(motions))
+        return html_section(self.identifier, self.title, lead, smallest, every, _violation_table(motions))
 
 
-def _columns(name: str, motions: list[Document]) -> list[_Column]:
+def _margin_columns(name: str, motions: list[Document]) -> list[_Column]:
     """A margin in each unit that it has: of joints that slide and of those that turn."""
     if all(name in motion["not_applicable"] for motion in motions):
         return []
@@ -59,12 +64,12 @@ def _columns(name: str, motions: list[Document]) -> list[_Column]:
     return [(name, unit) for unit in dict.fromkeys(sorted(units, reverse=True) or [_MARGINS[name][1]])]
 
 
-def _title(column: _Column) -> str:
+def _column_title(column: _Column) -> str:
     name, unit = column
     return f"{_MARGINS[name][0]} [{unit}]"
 
 
-def _margin(motion: Document, column: _Column) -> tuple[float | None, str]:
+def _motion_margin(motion: Document, column: _Column) -> tuple[float | None, str]:
     """A motion's margin, None where it was not computed, and the joint whose it is, where that is known."""
     name, unit = column
     nearest = motion["nearest"].get(name, ())
@@ -73,16 +78,16 @@ def _margin(motion: Document, column: _Column) -> tuple[float | None, str]:
     return next(((one["value"], one["where"]) for one in nearest if one["unit"] == unit), (None, ""))
 
 
-def _smallest(column: _Column, motions: list[Document]) -> tuple[Cell, ...]:
-    computed = [(*_margin(motion, column), motion["motion"]) for motion in motions]
+def _smallest_margins(column: _Column, motions: list[Document]) -> tuple[Cell, ...]:
+    computed = [(*_motion_margin(motion, column), motion["motion"]) for motion in motions]
     known = [(value, where, motion) for value, where, motion in computed if value is not None]
     if not known:
-        return (_title(column), None, "", "not computed")
+        return (_column_title(column), None, "", "not computed")
     value, where, motion = min(known, key=lambda one: one[0])
-    return (_title(column), float(value), where, motion)
+    return (_column_title(column), float(value), where, motion)
 
 
-def _violations(motions: list[Document]) -> str:
+def _violation_table(motions: list[Document]) -> str:
     rows = [
         (m["motion"], v["kind"], v["time_s"], v["where"], v["value"], v["limit"], v["unit"])
         for m in motions
@@ -90,6 +95,6 @@ def _violations(motions: list[Document]) -> str:
     ]
     if not rows:
         return ""
-    return "<h3>Violations</h3>" + table(
+    return "<h3>Violations</h3>" + html_table(
         ("motion", "kind", "time [s]", "where", "value", "limit", "unit"), rows
     )

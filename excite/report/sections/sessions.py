@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Document, Findings
-from excite.report.html import Cell, folded, number, paragraph, section, table
+from excite.report.html import Cell, folded_content, format_number, html_paragraph, html_section, html_table
 from excite.report.sections.section import Section
 from excite.shown import span
 
@@ -32,35 +32,37 @@ class Sessions(Section):
         if not varying:
             lead = lead.partition(":")[0] + "."
         notes = [
-            paragraph(f"Left out: {name}, whose motions determine {own} of them.", "note")
+            html_paragraph(f"Left out: {name}, whose motions determine {own} of them.", "note")
             for name, own in found["left_out"].items()
         ]
         rest = [item for item in found["parameters"] if not item["varies"]]
-        shown = [_table(varying, found)] if varying else []
-        return section(
+        shown = [_sessions_table(varying, found)] if varying else []
+        return html_section(
             self.identifier,
             self.title,
             lead,
             *notes,
             *shown,
-            paragraph("ranges.yaml holds what the next session may bring, for domain randomisation."),
-            folded(f"{len(rest)} that sessions agree on", _table(rest, found)) if rest else "",
+            html_paragraph("ranges.yaml holds what the next session may bring, for domain randomisation."),
+            folded_content(f"{len(rest)} that sessions agree on", _sessions_table(rest, found))
+            if rest
+            else "",
         )
 
 
-def _table(parameters: list[Document], found: Document) -> str:
+def _sessions_table(parameters: list[Document], found: Document) -> str:
     names = found["names"][:_COLUMNS]
     rows: list[tuple[Cell, ...]] = [
         (
             item["name"],
-            *(_value(item["by_session"].get(name)) for name in names),
-            span(number(item["low"]), number(item["high"])),
+            *(_session_value(item["by_session"].get(name)) for name in names),
+            span(format_number(item["low"]), format_number(item["high"])),
         )
         for item in parameters
     ]
     level = f"the next lies in ({100 * found['level']:.0f} %)"
-    return table(("base parameter (SI)", *names, level), rows)
+    return html_table(("base parameter (SI)", *names, level), rows)
 
 
-def _value(found: Document | None) -> str:
-    return "–" if found is None else f"{number(found['value'])} ± {number(found['std'], 2)}"
+def _session_value(found: Document | None) -> str:
+    return "–" if found is None else f"{format_number(found['value'])} ± {format_number(found['std'], 2)}"

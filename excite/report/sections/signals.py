@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.logs.signals.trace import trace_from_json
 from excite.report.folder import Findings
-from excite.report.html import Cell, figure, section, table
+from excite.report.html import Cell, html_section, html_table, inline_figure
 from excite.report.plots.signals import plot_signals
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -29,4 +29,6 @@ class Signals(Section):
             (f"{number} {step.name}", step.effect) for number, step in enumerate(trace.steps, start=1)
         ]
         svg = to_svg(plot_signals(trace), "signals", "Each step of the signal processing, before and after")
-        return section(self.identifier, self.title, lead, figure(svg), table(("step", "what it did"), rows))
+        return html_section(
+            self.identifier, self.title, lead, inline_figure(svg), html_table(("step", "what it did"), rows)
+        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Findings
-from excite.report.html import Cell, section, table
+from excite.report.html import Cell, html_section, html_table
 from excite.report.sections.section import Section
 
 
@@ -23,4 +23,4 @@ class Stages(Section):
         ]
         total = ("all", sum(float(entry["seconds"]) for entry in stages))
         lead = "The plan's stages in the order in which they ran."
-        return section(self.identifier, self.title, lead, table(("stage", "time [s]"), rows, total))
+        return html_section(self.identifier, self.title, lead, html_table(("stage", "time [s]"), rows, total))

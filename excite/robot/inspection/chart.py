@@ -9,7 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from excite.errors import RobotError
-from excite.finding import Finding, FindingList, listed, merged, worst_first
+from excite.finding import Finding, FindingList, list_names, merge_findings, worst_first
 from excite.reading.xml_document import read_xml
 from excite.robot.catalogue import find_robot
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
@@ -25,7 +25,7 @@ from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import inertial_faults
 from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
 from excite.robot.urdf.tree import check_tree
-from excite.robot.xacro_file import expanded, is_xacro
+from excite.robot.xacro_file import expand_xacro, is_xacro
 from excite.shown import count
 from excite.temporary_folder import TemporaryFolder
 
@@ -85,7 +85,7 @@ class RobotChart(FindingList):
 
 def _sentence(finding: Finding) -> str:
     """What was found with the links or joints that it is of."""
-    return f"{listed(finding.places)}: {finding.text}" if finding.places else finding.text
+    return f"{list_names(finding.places)}: {finding.text}" if finding.places else finding.text
 
 
 def examine_description(name_or_path: str | Path) -> RobotChart:
@@ -167,7 +167,7 @@ def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
     found = (*robot.faults, *impossible_inertia(robot))
     if not found:
         raise error
-    return RobotChart(path.stem, worst_first(merged((*found, _refusal(error)))))
+    return RobotChart(path.stem, worst_first(merge_findings((*found, _refusal(error)))))
 
 
 def _urdf_of_model(path: Path, folder: Path) -> Path:
@@ -176,7 +176,7 @@ def _urdf_of_model(path: Path, folder: Path) -> Path:
         return convert_mjcf(path).write(folder / f"{path.stem}.urdf")
     if is_xacro(path):
         made = folder / f"{path.stem}.urdf"
-        made.write_text(expanded(path, {}, ()))
+        made.write_text(expand_xacro(path, {}, ()))
         return made
     return path
 
@@ -205,7 +205,7 @@ def _examined(
         for one in found
         if not any((kind, place) in told for kind in _TELLS.get(one.kind, ()) for place in one.places)
     ]
-    return RobotChart(name, worst_first(tuple(_shortened(one) for one in merged(tuple(found)))))
+    return RobotChart(name, worst_first(tuple(_shortened(one) for one in merge_findings(tuple(found)))))
 
 
 def _shortened(finding: Finding) -> Finding:

@@ -22,7 +22,7 @@ from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape
 from excite.robot.urdf.inertia import WEIGHTLESS
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import find_mesh
 from excite.robot.urdf.tree import MOVING, link_at
 
@@ -185,7 +185,7 @@ class DescribedRobot:
         self, element: ElementTree.Element, key: str, n: int, where: str, default: str | None
     ) -> Array | None:
         try:
-            return np.array(numbers(element, key, n, self.path, where, default=default))
+            return np.array(read_numbers(element, key, n, self.path, where, default=default))
         except RobotError as error:
             place = where.split("/")[0].split(" ", 1)[1].strip("'")
             said = f"{str(error.field).partition('/')[2]} {error.what}"

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from excite.arrays import Array
-from excite.finding import Finding, listed
+from excite.finding import Finding, list_names
 from excite.robot.inspection.inertia_rules import is_possible
 from excite.robot.inspection.links import DescribedLink, DescribedRobot, Solid
 from excite.robot.inspection.slips import by_factor, numbers_in_words, slip_in_words
@@ -203,7 +203,9 @@ def missing_meshes(robot: DescribedRobot) -> Iterator[Finding]:
     """Meshes that are named and not there: the links have no shape to check."""
     files = [name for names in robot.missing.values() for name in names]
     if files:
-        said = f"meshes of {count(len(robot.missing), 'link')} are not there: {listed(sorted({*files}), 3)}"
+        said = (
+            f"meshes of {count(len(robot.missing), 'link')} are not there: {list_names(sorted({*files}), 3)}"
+        )
         remedy = (
             "put them where the model says, or give `excite init-robot --package-path FOLDER`, where they are"
         )

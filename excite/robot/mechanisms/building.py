@@ -14,7 +14,7 @@ from excite.robot.mechanisms.closures import Closure
 from excite.robot.mechanisms.mechanism import Mechanism
 
 
-def mechanism(
+def build_mechanism(
     model: pin.Model,
     closures: Sequence[Closure],
     passive: Sequence[str],

@@ -179,7 +179,7 @@ class Coupling(Closure):
         """The polynomials' first derivatives."""
         row = np.zeros((1, model.nv))
         for (position, column), factors in zip(self.columns, self.factors, strict=True):
-            row[0, column] = _derivative(factors, q[position], 1)
+            row[0, column] = _polynomial_derivative(factors, q[position], 1)
         return row
 
     def drift(self, q: Array, v: Array, data: pin.Data) -> Array:
@@ -191,13 +191,13 @@ class Coupling(Closure):
         weights = weights or [1.0] * len(self.columns)
         return float(
             sum(
-                weight * _derivative(factors, q[position], order)
+                weight * _polynomial_derivative(factors, q[position], order)
                 for (position, _), factors, weight in zip(self.columns, self.factors, weights, strict=True)
             )
         )
 
 
-def _derivative(factors: tuple[float, ...], x: float, order: int) -> float:
+def _polynomial_derivative(factors: tuple[float, ...], x: float, order: int) -> float:
     """A derivative at ``x`` of the polynomial without constant term."""
     return float(polynomial.polyval(x, polynomial.polyder(np.array([0.0, *factors]), order)))
 

@@ -29,15 +29,15 @@ def without_motors(
     found: dict[str, Any] = {}
     for field in ("velocity", "acceleration", "jerk", "torque"):
         own = dict(zip(names, stated.get(field, np.zeros(len(names))), strict=True))
-        found[field] = _scaled(getattr(limits, field), driven, passive, own)
+        found[field] = _scale_driven(getattr(limits, field), driven, passive, own)
     return description.model_copy(
         update={
             "controller": controller.model_copy(
-                update={name: _zeroed(getattr(controller, name), passive) for name in ("kp", "kd")}
+                update={name: _zero_passive(getattr(controller, name), passive) for name in ("kp", "kd")}
             ),
             "drives": drives.model_copy(
                 update={
-                    name: _zeroed(block, passive)
+                    name: _zero_passive(block, passive)
                     for name in ("viscous", "coulomb", "armature")
                     if (block := getattr(drives, name)) is not None
                 }
@@ -47,11 +47,11 @@ def without_motors(
     )
 
 
-def _zeroed(block: PerJoint, passive: list[str]) -> PerJoint:
+def _zero_passive(block: PerJoint, passive: list[str]) -> PerJoint:
     return block.model_copy(update={"joints": {**block.joints, **dict.fromkeys(passive, 0.0)}})
 
 
-def _scaled(
+def _scale_driven(
     block: PerJoint | None, driven: list[str], passive: list[str], own: dict[str, Array]
 ) -> PerJoint | None:
     """A block with numbers for passive joints that neither it nor the URDF has any for."""

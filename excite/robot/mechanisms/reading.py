@@ -13,14 +13,14 @@ from excite.arrays import Array
 from excite.errors import MotionError, RobotError
 from excite.robot.links import link_placement
 from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock, TieBlock
-from excite.robot.mechanisms.building import mechanism
+from excite.robot.mechanisms.building import build_mechanism
 from excite.robot.mechanisms.closures import Closure, Coupling, Loop, Rod
 from excite.robot.mechanisms.mechanism import Mechanism
 from excite.robot.quantities import MAX_RATIO
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 
 
-def followers(root: ElementTree.Element, path: Path) -> tuple[CouplingBlock, ...]:
+def mimic_couplings(root: ElementTree.Element, path: Path) -> tuple[CouplingBlock, ...]:
     """Couplings of the mimic joints of a URDF as :func:`~excite.robot.urdf.reading.read_urdf` leaves it.
 
     Raises:
@@ -40,8 +40,8 @@ def followers(root: ElementTree.Element, path: Path) -> tuple[CouplingBlock, ...
                 field=where,
                 remedy="name the joint that it follows, or hold it still under locked_joints in robot.yaml",
             )
-        (factor,) = numbers(mimic, "multiplier", 1, path, where, default="1")
-        (offset,) = numbers(mimic, "offset", 1, path, where, default="0")
+        (factor,) = read_numbers(mimic, "multiplier", 1, path, where, default="1")
+        (offset,) = read_numbers(mimic, "offset", 1, path, where, default="0")
         if not 1.0 / MAX_RATIO**2 < abs(factor) < MAX_RATIO**2:
             raise RobotError(
                 f"follows by a factor of {factor:g}",
@@ -82,12 +82,12 @@ def read_mechanism(
     blocks: tuple[TieBlock, ...] = (*loops, *couplings)
     if not blocks:
         return None
-    closures: list[Closure] = [_loop(model, block, path) for block in loops]
-    closures += [_coupling(model, block, path) for block in couplings]
+    closures: list[Closure] = [_read_loop(model, block, path) for block in loops]
+    closures += [_read_coupling(model, block, path) for block in couplings]
     passive = tuple(dict.fromkeys(name for block in blocks for name in block.passive))
     for block in blocks:
         for name in block.passive:
-            _column(model, name, f"{_field(block)}.passive", path)
+            _joint_column(model, name, f"{_block_field(block)}.passive", path)
     if not passive:
         raise RobotError(
             "leave every joint a motor of its own",
@@ -96,7 +96,7 @@ def read_mechanism(
             remedy="name under passive the joints that follow from the others",
         )
     try:
-        return mechanism(model, closures, passive, rest, carrying)
+        return build_mechanism(model, closures, passive, rest, carrying)
     except MotionError as error:
         raise RobotError(
             f"{error.what.replace(' at sample 0', '')}",
@@ -106,21 +106,21 @@ def read_mechanism(
         ) from error
 
 
-def _field(block: TieBlock) -> str:
+def _block_field(block: TieBlock) -> str:
     return f"{'loops' if isinstance(block, LoopBlock) else 'couplings'}.{block.name}"
 
 
-def _loop(model: pin.Model, block: LoopBlock, path: Path) -> Closure:
+def _read_loop(model: pin.Model, block: LoopBlock, path: Path) -> Closure:
     ends = []
     for number, end in enumerate(block.ends):
-        joint, link = link_placement(model, end.link, path, f"{_field(block)}.ends.{number}.link")
+        joint, link = link_placement(model, end.link, path, f"{_block_field(block)}.ends.{number}.link")
         ends.append((joint, link * pin.SE3(pin.rpy.rpyToMatrix(*end.rpy), np.array(end.xyz))))
     joints, placements = (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1])
     if joints[0] == joints[1]:
         raise RobotError(
             f"{block.ends[0].link!r} and {block.ends[1].link!r} do not move against each other",
             source=path,
-            field=_field(block),
+            field=_block_field(block),
             remedy="remove it",
         )
     if block.kind != "rod":
@@ -131,18 +131,20 @@ def _loop(model: pin.Model, block: LoopBlock, path: Path) -> Closure:
     length = float(np.linalg.norm(points[1] - points[0])) if block.length is None else block.length
     if length < 1e-6:
         raise RobotError(
-            "has no length", source=path, field=_field(block), remedy="make it a loop of kind point"
+            "has no length", source=path, field=_block_field(block), remedy="make it a loop of kind point"
         )
     return Rod(block.name, joints, placements, length)
 
 
-def _coupling(model: pin.Model, block: CouplingBlock, path: Path) -> Coupling:
-    columns = tuple(_column(model, name, f"{_field(block)}.joints", path) for name in block.joints)
+def _read_coupling(model: pin.Model, block: CouplingBlock, path: Path) -> Coupling:
+    columns = tuple(
+        _joint_column(model, name, f"{_block_field(block)}.joints", path) for name in block.joints
+    )
     factors = tuple(block.factors(name) for name in block.joints)
     return Coupling(block.name, columns, factors, block.offset)
 
 
-def _column(model: pin.Model, name: str, field: str, path: Path) -> tuple[int, int]:
+def _joint_column(model: pin.Model, name: str, field: str, path: Path) -> tuple[int, int]:
     """A joint's index into q and v."""
     if not model.existJointName(name) or model.joints[model.getJointId(name)].nq != 1:
         moving = ", ".join(list(model.names)[1:])

@@ -91,10 +91,10 @@ def add_motors(root: ElementTree.Element, blocks: tuple[TransmissionBlock, ...],
                     field=f"{field}.link",
                     remedy="the model has " + ", ".join(sorted(links)),
                 )
-            _add(root, motor)
+            _add_motor(root, motor)
 
 
-def _add(root: ElementTree.Element, motor: MotorBlock) -> None:
+def _add_motor(root: ElementTree.Element, motor: MotorBlock) -> None:
     link = ElementTree.SubElement(root, "link", name=crank_link(motor))
     inertial = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(inertial, "mass", value=repr(_MASS))
@@ -103,8 +103,8 @@ def _add(root: ElementTree.Element, motor: MotorBlock) -> None:
     joint = ElementTree.SubElement(root, "joint", name=motor.name, type="revolute")
     ElementTree.SubElement(joint, "parent", link=motor.link)
     ElementTree.SubElement(joint, "child", link=crank_link(motor))
-    ElementTree.SubElement(joint, "origin", xyz=_row(motor.xyz), rpy="0 0 0")
-    ElementTree.SubElement(joint, "axis", xyz=_row(motor.axis))
+    ElementTree.SubElement(joint, "origin", xyz=_format_row(motor.xyz), rpy="0 0 0")
+    ElementTree.SubElement(joint, "axis", xyz=_format_row(motor.axis))
     lower, upper = motor.position
     ElementTree.SubElement(
         joint,
@@ -148,5 +148,5 @@ def closures_of(
     return tuple(loops), tuple(couplings)
 
 
-def _row(values: tuple[float, ...]) -> str:
+def _format_row(values: tuple[float, ...]) -> str:
     return " ".join(repr(float(value)) for value in values)

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.robot.mjcf.closures import MjcfClosures, mimics, tendon_joints
+from excite.robot.mjcf.closures import MjcfClosures, find_mimics, tendon_joints
 
 if TYPE_CHECKING:
     import mujoco
@@ -51,7 +51,7 @@ class BlockWriter:
             {
                 "name": self._name(number),
                 "kind": kind,
-                "ends": [self._end(*end) for end in _ends(self.model, number)],
+                "ends": [self._end(*end) for end in _loop_ends(self.model, number)],
                 "passive": self._passive(number),
                 "source": _SOURCE,
             }
@@ -62,7 +62,7 @@ class BlockWriter:
         """Blocks of ``couplings``."""
         import mujoco
 
-        found, written = [], mimics(self.model, self.closures)
+        found, written = [], find_mimics(self.model, self.closures)
         for number in self.closures.solved:
             if int(self.model.eq_obj1id[number]) in written and self.closures.passive.get(number):
                 continue
@@ -107,19 +107,19 @@ class BlockWriter:
         }
 
 
-def _ends(model: mujoco.MjModel, number: int) -> list[tuple[int, pin.SE3]]:
+def _loop_ends(model: mujoco.MjModel, number: int) -> list[tuple[int, pin.SE3]]:
     """Bodies that an equality of bodies or sites ties, and frames on them that meet."""
     import mujoco
 
     ids = (int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))
     if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
-        return [(int(model.site_bodyid[k]), _pose(model.site_pos[k], model.site_quat[k])) for k in ids]
+        return [(int(model.site_bodyid[k]), _pose_of(model.site_pos[k], model.site_quat[k])) for k in ids]
     data, level = model.eq_data[number], np.array([1.0, 0.0, 0.0, 0.0])
     if model.eq_type[number] == mujoco.mjtEq.mjEQ_CONNECT:
-        return [(ids[0], _pose(data[:3], level)), (ids[1], _pose(data[3:6], level))]
-    return [(ids[0], _pose(data[3:6], data[6:10])), (ids[1], _pose(data[:3], level))]
+        return [(ids[0], _pose_of(data[:3], level)), (ids[1], _pose_of(data[3:6], level))]
+    return [(ids[0], _pose_of(data[3:6], data[6:10])), (ids[1], _pose_of(data[:3], level))]
 
 
-def _pose(position: Array, quaternion: NDArray[np.float64]) -> pin.SE3:
+def _pose_of(position: Array, quaternion: NDArray[np.float64]) -> pin.SE3:
     w, x, y, z = (float(value) for value in quaternion)
     return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position, dtype=float))

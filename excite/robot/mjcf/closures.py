@@ -69,10 +69,10 @@ def read_closures(model: mujoco.MjModel, path: Path) -> MjcfClosures:
     passive: dict[int, set[int]] = {}
     held: dict[str, set[int]] = {}
     solved: list[int] = []
-    jacobian = _jacobian(model) if tied else {}
-    for numbers in _groups(tied):
+    jacobian = _equality_jacobian(model) if tied else {}
+    for numbers in _group_equalities(tied):
         joints = set().union(*(tied[k] for k in numbers))
-        why, found = _passive(model, np.vstack([jacobian[k] for k in numbers]), joints)
+        why, found = _passive_joints(model, np.vstack([jacobian[k] for k in numbers]), joints)
         if why:
             held.setdefault(why, set()).update(joints)
         else:
@@ -94,7 +94,7 @@ def _is_handle(model: mujoco.MjModel, number: int) -> bool:
     return bool((model.body_mocapid[ends] >= 0).any())
 
 
-def mimics(model: mujoco.MjModel, closures: MjcfClosures) -> dict[int, Mimic]:
+def find_mimics(model: mujoco.MjModel, closures: MjcfClosures) -> dict[int, Mimic]:
     """Joints without a motor that follow another one by a factor and an offset, and no other equality: mimic joints."""
     import mujoco
 
@@ -116,7 +116,7 @@ def tendon_joints(model: mujoco.MjModel, tendon: int) -> list[tuple[int, float]]
     return [(int(model.wrap_objid[k]), float(model.wrap_prm[k])) for k in places]
 
 
-def _groups(tied: dict[int, set[int]]) -> list[list[int]]:
+def _group_equalities(tied: dict[int, set[int]]) -> list[list[int]]:
     """Equalities that share joints."""
     groups: list[tuple[list[int], set[int]]] = []
     for number, joints in tied.items():
@@ -127,7 +127,7 @@ def _groups(tied: dict[int, set[int]]) -> list[list[int]]:
     return [sorted(numbers) for numbers, _ in groups]
 
 
-def _jacobian(model: mujoco.MjModel) -> dict[int, Array]:
+def _equality_jacobian(model: mujoco.MjModel) -> dict[int, Array]:
     """Rows of each equality's Jacobian a little off the reference position, where few mechanisms are singular."""
     import mujoco
 
@@ -147,7 +147,7 @@ def _jacobian(model: mujoco.MjModel) -> dict[int, Array]:
     return found
 
 
-def _passive(model: mujoco.MjModel, jacobian: Array, joints: set[int]) -> tuple[str, set[int]]:
+def _passive_joints(model: mujoco.MjModel, jacobian: Array, joints: set[int]) -> tuple[str, set[int]]:
     """Joints that follow from those with motors, or why they do not."""
     order = sorted(joints)
     columns = jacobian[:, [int(model.jnt_dofadr[joint]) for joint in order]]

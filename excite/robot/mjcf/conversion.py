@@ -17,7 +17,7 @@ from excite.finding import first_names
 from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
 from excite.robot.mjcf.closure_blocks import BlockWriter
-from excite.robot.mjcf.closures import driven_joints, mimics, read_closures
+from excite.robot.mjcf.closures import driven_joints, find_mimics, read_closures
 from excite.robot.mjcf.resting import damped_joints, excluded_pairs, rest_keyframe, tendon_groups
 from excite.robot.mjcf.rotors import rotor_inertias
 from excite.robot.mjcf.scan import scan_mjcf
@@ -128,7 +128,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     if idle:
         names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in sorted(idle)[:6])
         notes.append(f"ball joints that no motor turns are held still ({names})")
-    _refuse(model, idle, path)
+    _refuse_unsupported(model, idle, path)
     _check_angles(model, path)
     root, objects = robot_root(model, path)
     bodies = tuple(
@@ -147,7 +147,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     if closures.handles:
         notes.append("equalities with mocap bodies, handles of a simulation, are left out")
     for why, joints in closures.held.items():
-        _hold(model, joints, why, notes)
+        _hold_joints(model, joints, why, notes)
     for joint, value in closures.still.items():
         model.jnt_limited[joint] = 1
         model.jnt_range[joint] = value + model.qpos0[model.jnt_qposadr[joint]]
@@ -155,10 +155,10 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     idle_ones = idle_joints(model, bodies, known.union(closures.still))
     # What one motor drives through a tendon is one freedom where equalities tie it together.
     many = {joint for group in tendon_groups(model) if group - known for joint in group}
-    _hold(model, many, "joints that one motor drives together through a tendon", notes)
-    _hold(model, idle_ones - many, "joints that no motor drives", notes)
-    _hold(model, damped_joints(model), "joints whose damping lets nothing move them", notes)
-    writer = UrdfWriter(model, bodies, mimics(model, closures), torque_limits(model))
+    _hold_joints(model, many, "joints that one motor drives together through a tendon", notes)
+    _hold_joints(model, idle_ones - many, "joints that no motor drives", notes)
+    _hold_joints(model, damped_joints(model), "joints whose damping lets nothing move them", notes)
+    writer = UrdfWriter(model, bodies, find_mimics(model, closures), torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)
     blocks = BlockWriter(model, closures, writer.joint_name, writer.link_name, writer.anchors)
     if model.jnt_stiffness.any():
@@ -204,7 +204,7 @@ def _strip_missing_meshes(spec: mujoco.MjSpec, path: Path, notes: list[str]) -> 
     notes.append(f"{len(missing)} mesh files are not there and left out ({names})")
 
 
-def _refuse(model: mujoco.MjModel, idle: set[int], path: Path) -> None:
+def _refuse_unsupported(model: mujoco.MjModel, idle: set[int], path: Path) -> None:
     """Refuse what is not a tree of one-coordinate joints, but for balls that are held still."""
     import mujoco
 
@@ -244,7 +244,7 @@ def _check_angles(model: mujoco.MjModel, path: Path) -> None:
         )
 
 
-def _hold(model: mujoco.MjModel, joints: set[int], which: str, notes: list[str]) -> None:
+def _hold_joints(model: mujoco.MjModel, joints: set[int], which: str, notes: list[str]) -> None:
     """Leave joints no range, so that a first description holds them still, and say so."""
     if not joints:
         return

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from excite.errors import RobotError
 from excite.robot.quantities import MAX_MASS
-from excite.robot.urdf.numbers import shorten
+from excite.robot.urdf.numbers import shorten_text
 
 # Gains of 1e5 and stand-ins for "no limit" of 1e6 occur; MuJoCo itself takes 1e10 for the end of all numbers.
 MAX_NUMBER = 1e10
@@ -42,23 +42,25 @@ def check_numbers(element: ElementTree.Element, path: Path) -> None:
     for name, text in element.items():
         if name in _WORDS:
             continue
-        where = f"{element.tag}{_called(element)}@{name}"
+        where = f"{element.tag}{_describe_element(element)}@{name}"
         if name == "memory":
             _check_memory(text, path, where)
         elif _NOT_FINITE.search(text):
-            raise RobotError(f"is {shorten(text)!r}", source=path, field=where, remedy="give finite numbers")
+            raise RobotError(
+                f"is {shorten_text(text)!r}", source=path, field=where, remedy="give finite numbers"
+            )
         else:
             _check_magnitudes(element, name, text, path, where)
 
 
-def count(element: ElementTree.Element, path: Path) -> int:
-    """How many copies ``count`` says, the product of its numbers; raises RobotError."""
+def count_copies(element: ElementTree.Element, path: Path) -> int:
+    """How many copies ``count_copies`` says, the product of its numbers; raises RobotError."""
     text = element.get("count", "1")
     product = 1
     for part in text.split():
         if not re.fullmatch(r"[+-]?\d+", part, re.ASCII):
             raise RobotError(
-                f"is {shorten(text)!r}",
+                f"is {shorten_text(text)!r}",
                 source=path,
                 field=f"{element.tag}@count",
                 remedy="give whole numbers",
@@ -69,17 +71,17 @@ def count(element: ElementTree.Element, path: Path) -> int:
 
 
 def _check_magnitudes(element: ElementTree.Element, name: str, text: str, path: Path, where: str) -> None:
-    most, cause = _largest(element, name)
+    most, cause = _largest_number(element, name)
     for part in text.split():
-        value = _number(part)
+        value = _parse_number(part)
         if value is None:
             continue
         if not part.isascii():
             remedy = "write it with the digits 0 to 9"
-            raise RobotError(f"is {shorten(text)!r}", source=path, field=where, remedy=remedy)
+            raise RobotError(f"is {shorten_text(text)!r}", source=path, field=where, remedy=remedy)
         if not abs(value) <= most:
             raise RobotError(
-                f"is {shorten(text)!r}, more than any model has ({most:g})",
+                f"is {shorten_text(text)!r}, more than any model has ({most:g})",
                 source=path,
                 field=where,
                 remedy=cause,
@@ -88,7 +90,7 @@ def _check_magnitudes(element: ElementTree.Element, name: str, text: str, path: 
             raise RobotError(f"is {part}", source=path, field=where, remedy="give a positive number")
 
 
-def _largest(element: ElementTree.Element, name: str) -> tuple[float, str]:
+def _largest_number(element: ElementTree.Element, name: str) -> tuple[float, str]:
     if element.tag == "size":
         return MAX_RESERVED, "reserve less"
     if name in _SIDES and element.tag in {"hfield", "texture"}:
@@ -107,16 +109,16 @@ def _check_memory(text: str, path: Path, where: str) -> None:
     if match is None:
         return
     if len(match[1]) > 20 or float(match[1]) * _UNITS[match[2]] > MAX_MEMORY_BYTES:
-        what = f"is {shorten(text)!r}, more than {MAX_MEMORY_BYTES:g} bytes"
+        what = f"is {shorten_text(text)!r}, more than {MAX_MEMORY_BYTES:g} bytes"
         raise RobotError(what, source=path, field=where, remedy="leave it out; MuJoCo sizes it")
 
 
-def _called(element: ElementTree.Element) -> str:
+def _describe_element(element: ElementTree.Element) -> str:
     name = element.get("name")
-    return f" {shorten(name)!r}" if name else ""
+    return f" {shorten_text(name)!r}" if name else ""
 
 
-def _number(text: str) -> float | None:
+def _parse_number(text: str) -> float | None:
     try:
         value = float(text)
     except ValueError:

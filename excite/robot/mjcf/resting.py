@@ -28,7 +28,7 @@ def rest_keyframe(model: mujoco.MjModel, joint_name: Callable[[int], str]) -> di
         return None
     q = np.asarray(model.key_qpos[found[0]])
     values = {}
-    for joint in _single(model):
+    for joint in _single_joints(model):
         address = int(model.jnt_qposadr[joint])
         values[joint_name(joint)] = float(q[address] - model.qpos0[address])
     return values
@@ -40,10 +40,10 @@ def damped_joints(model: mujoco.MjModel) -> set[int]:
     for joint, torque in torque_limits(model).items():
         force[joint] = max(force[joint], torque)
     damping = model.dof_damping[model.jnt_dofadr]
-    return {joint for joint in _single(model) if damping[joint] * _SLOWEST > force[joint]}
+    return {joint for joint in _single_joints(model) if damping[joint] * _SLOWEST > force[joint]}
 
 
-def _single(model: mujoco.MjModel) -> list[int]:
+def _single_joints(model: mujoco.MjModel) -> list[int]:
     """Hinges and slides."""
     import mujoco
 

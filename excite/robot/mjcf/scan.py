@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from excite.errors import RobotError
 from excite.reading.file import check_file, unreadable_file
 from excite.reading.xml_document import read_xml
-from excite.robot.mjcf.numbers import check_numbers, count
+from excite.robot.mjcf.numbers import check_numbers, count_copies
 
 # The largest model known, a rodent with muscles and skin, has 4 000 elements in 5 files, 30 deep.
 MAX_EXPANDED = 100_000
@@ -82,7 +82,7 @@ class _Scan:
         root = read_xml(path, error=RobotError, max_depth=MAX_DEPTH)
         # Attached models may be named before or after the place where they are used.
         for model in root.iter("model"):
-            self.models.setdefault(_name(model), 0)
+            self.models.setdefault(_model_name(model), 0)
         return root
 
     def size(self, element: ElementTree.Element, files: tuple[Path, ...], depth: int) -> int:
@@ -108,7 +108,7 @@ class _Scan:
         # Assets come first, so that models are known where they are attached.
         for child in sorted(element, key=lambda child: child.tag not in {"compiler", "asset"}):
             below += self.size(child, files, depth + 1)
-        total = below * (count(element, path) if tag in _MULTIPLIERS else 1)
+        total = below * (count_copies(element, path) if tag in _MULTIPLIERS else 1)
         if total > MAX_EXPANDED:
             raise RobotError(
                 f"stands for more than {MAX_EXPANDED} elements",
@@ -134,7 +134,7 @@ class _Scan:
             )
         size = self.size(self.read(other), (*files, other), depth + 1)
         if element.tag == "model":
-            name = _name(element)
+            name = _model_name(element)
             self.models[name] = max(self.models.get(name, 0), size)
         return size
 
@@ -158,5 +158,5 @@ class _Scan:
                     check_file(file, limit=MAX_ASSET_BYTES, error=RobotError)
 
 
-def _name(model: ElementTree.Element) -> str:
+def _model_name(model: ElementTree.Element) -> str:
     return model.get("name") or Path(model.get("file", "")).stem

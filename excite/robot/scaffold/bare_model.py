@@ -15,9 +15,9 @@ from excite.robot.scaffold.held import MASSLESS, TOO_WEAK, Held, held_joints
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.stand_in import APART, StandIn, WithGeometry
-from excite.robot.scaffold.tied import tied
+from excite.robot.scaffold.tied import tied_blocks
 from excite.robot.shapes.collision import collision_shapes
-from excite.robot.shapes.ground import reach
+from excite.robot.shapes.ground import robot_reach
 from excite.robot.shapes.stand_ins import box_shapes, links_without_shape
 from excite.robot.urdf.inertia import inertial_faults
 from excite.robot.urdf.limits import stated_ranges
@@ -91,7 +91,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     ranges = stated_ranges(read_xml(path, error=RobotError, max_depth=MAX_NESTING), path)
     joints = check_tree(root, path)
     guesses = guess_joints(joints, path)
-    together = tied(joints, said.loops, said.couplings)
+    together = tied_blocks(joints, said.loops, said.couplings)
     held = held_joints(root, joints, guesses, together.joints, together.closing)
     held |= {name: Held(value, TOO_WEAK) for name, value in weak.items()}
     held |= together.holding(held, guesses)
@@ -103,12 +103,12 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
         # As they will be read: what is held moves nothing, and no fault of its inertia matters.
         if name in still_names:
             joint.set("type", "fixed")
-    faults = {floating: _faults(root, joints, floating, path) for floating in (False, True)}
+    faults = {floating: _inertial_faults(root, joints, floating, path) for floating in (False, True)}
     locked = {name: one.value for name, one in held.items()}
-    moving, margin = together.moving(held), _margin(free)
+    moving, margin = together.moving(held), _position_margin(free)
     stand_in = StandIn(path, free, locked, tuple(faults[False]), margin, moving, posture=said.posture or {})
     geometry = stand_in.with_geometry()
-    apart = _apart(geometry.robot)
+    apart = _link_distance(geometry.robot)
     if apart < stand_in.apart:
         stand_in = replace(stand_in, apart=apart)
         geometry = stand_in.with_geometry()
@@ -148,18 +148,18 @@ def _with_followers(held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -
     return names
 
 
-def _faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> dict[str, str]:
+def _inertial_faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> dict[str, str]:
     return {name: error.what for name, error in inertial_faults(root, joints, floating, path).items()}
 
 
-def _margin(free: tuple[JointGuess, ...]) -> float:
+def _position_margin(free: tuple[JointGuess, ...]) -> float:
     """Margin to the position limits, small against the shortest range [rad or m]."""
     shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
     return min(0.03, float(f"{0.05 * shortest:.1g}"))
 
 
-def _apart(robot: Robot) -> float:
+def _link_distance(robot: Robot) -> float:
     """Distance that links keep, small against the longest limb [m]."""
     shapes = collision_shapes(robot) if robot.description.collision.geometry != "authored" else ()
-    longest = reach(robot.model, shapes, from_base=False)
+    longest = robot_reach(robot.model, shapes, from_base=False)
     return min(APART, float(f"{_APART_SHARE * longest:.1g}")) if longest > 0.0 else APART

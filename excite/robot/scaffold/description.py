@@ -53,7 +53,7 @@ def scaffold_description(
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend.
     """
-    content = draft(Path(urdf_path), folder, np.random.default_rng(seed), said or Said(floating))
+    content = draft_description(Path(urdf_path), folder, np.random.default_rng(seed), said or Said(floating))
     if absolute:
         content["model"]["path"] = str(Path(urdf_path).resolve())
     head = (
@@ -66,7 +66,7 @@ def scaffold_description(
     )
 
 
-def draft(
+def draft_description(
     path: Path,
     folder: str | Path | None,
     rng: np.random.Generator,
@@ -79,16 +79,16 @@ def draft(
     """
     weak = weak or {}
     model = bare_model(path, said, weak)
-    rest = find_rest(model.figure, _wanted(model.robot, said.posture), said, rng)
+    rest = find_rest(model.figure, _wanted_posture(model.robot, said.posture), said, rng)
     more_weak = weak_joints(model.figure, rest)
     if more_weak and len(more_weak) < len(model.free):
-        return draft(path, folder, rng, said, {**weak, **more_weak})
-    content = _content(model, rest, Path(folder or path.parent), rng, said.armature)
+        return draft_description(path, folder, rng, said, {**weak, **more_weak})
+    content = _description_content(model, rest, Path(folder or path.parent), rng, said.armature)
     content["assumed"] = [*(one.model_dump() for one in said.assumed), *content["assumed"]]
     return content
 
 
-def _content(
+def _description_content(
     model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator, armature: Mapping[str, float]
 ) -> dict[str, Any]:
     """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
@@ -97,7 +97,9 @@ def _content(
     made = Values.of(robot, model.free, rest, float(model.figure.beyond[0]), rng, rotors)
     slides = {name for name, joint in model.joints.items() if joint.get("type") == "prismatic"}
     limits, more = made.limits(slides)
-    sensors, noise = numbers.sensors(made.torque, _base_link(model.root, model.joints) if stands else None)
+    sensors, noise = numbers.guess_sensors(
+        made.torque, _base_link(model.root, model.joints) if stands else None
+    )
     ground = None
     if not stands:
         held_up = rest.base == "held"
@@ -121,18 +123,18 @@ def _content(
         "schema": "excite.robot/1",
         "name": path.stem[:MAX_NAME],
         "title": model.root.get("name", "") or path.stem,
-        "model": _model(path, folder, model.faults[stands]),
+        "model": _model_block(path, folder, model.faults[stands]),
         "base": rest.base,
         **({"locked_joints": model.locked} if model.held else {}),
         **model.moving,
         "posture": {"joints": joints, "source": rest.source},
-        "limits": {"position": _positions(model.free, model.margin), **limits},
+        "limits": {"position": _position_block(model.free, model.margin), **limits},
         **({"feet": made.feet()} if stands else {}),
         "sensors": sensors,
         "controller": controller,
-        **({"drives": {"armature": _armature(rotors)}} if rotors else {}),
+        **({"drives": {"armature": _armature_block(rotors)}} if rotors else {}),
         **({"segments": {"pairs": pairs}} if pairs else {}),
-        "collision": _collision(model, rest, ground),
+        "collision": _collision_block(model, rest, ground),
         "assumed": [one.model_dump() for one in (*structure, *rest.assumed, *more, *stiff, *noise)],
     }
     follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
@@ -143,20 +145,20 @@ def _content(
     return content
 
 
-def _model(path: Path, folder: Path, faults: dict[str, str]) -> dict[str, Any]:
+def _model_block(path: Path, folder: Path, faults: dict[str, str]) -> dict[str, Any]:
     """The block ``model``: where the file is, seen from a folder, and what is wrong with it."""
     taken = {"acknowledged": {k: f"{AS_IT_IS}: {v}" for k, v in faults.items()}} if faults else {}
     where = os.path.relpath(path.resolve(), folder.resolve())
     return {"path": where, **taken, "source": f"the file {path.name}"}
 
 
-def _armature(rotors: Mapping[str, float]) -> dict[str, Any]:
+def _armature_block(rotors: Mapping[str, float]) -> dict[str, Any]:
     """The block ``drives.armature`` of joints whose rotor inertia the model states [kg·m² or kg]."""
     joints = {name: float(f"{value:.6g}") for name, value in rotors.items()}
     return {"joints": joints, "source": "the model's armature"}
 
 
-def _collision(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:
+def _collision_block(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:
     """The block ``collision``; ``ground`` is the table's height [m], None for a robot that stands on it."""
     block = model.robot.description.collision
     built = "convex hulls of the model's geometry" if model.geometry.kind else ""
@@ -170,18 +172,18 @@ def _collision(model: BareModel, rest: Rest, ground: float | None) -> dict[str, 
         "margin": block.margin,
         **({} if ground is None else {"table_height": round(ground, 4)}),
         **({"near_pairs": near} if near else {}),
-        "ignored_pairs": [list(p) for p in _ignored(rest, model.figure, ground)],
+        "ignored_pairs": [list(p) for p in _ignored_pairs_of(rest, model.figure, ground)],
         "source": f"{shapes}; pairs computed by excite.robot.shapes.ignored_pairs",
     }
 
 
-def _positions(free: tuple[JointGuess, ...], margin: float) -> dict[str, Any]:
+def _position_block(free: tuple[JointGuess, ...], margin: float) -> dict[str, Any]:
     unlimited = {g.name: [-3.1416, 3.1416] for g in free if g.position is None}
     said = "the model's, less a margin" + (", half a turn either way where it has none" if unlimited else "")
     return {**({"joints": unlimited} if unlimited else {}), "margin": margin, "source": said}
 
 
-def _wanted(robot: Robot, posture: Mapping[str, float] | None) -> Array:
+def _wanted_posture(robot: Robot, posture: Mapping[str, float] | None) -> Array:
     """The posture that the model states, else the one nearest to zero that keeps a tenth of the range free."""
     limits = robot.limits
     room = 0.1 * (limits.position_upper - limits.position_lower)
@@ -197,7 +199,7 @@ def _base_link(root: Any, joints: dict[str, Any]) -> str:
     return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in children)
 
 
-def _ignored(rest: Rest, figure: Figure, ground: float | None) -> list[tuple[str, str]]:
+def _ignored_pairs_of(rest: Rest, figure: Figure, ground: float | None) -> list[tuple[str, str]]:
     margin = figure.robot.description.collision.margin
     below = [] if ground is None else links_below(figure.model, figure.shapes, rest.q, ground, margin)
     return [*rest.ignored, *((link, TABLE) for link in below)]

@@ -19,7 +19,7 @@ from excite.robot.scaffold.held import Held
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
 from excite.robot.scaffold.structure import held_still
-from excite.robot.scaffold.weighed import states_mass, weighed
+from excite.robot.scaffold.weighed import states_mass, weigh_links
 from excite.robot.srdf import read_srdf
 from excite.robot.urdf.free_root import free_root, planar_root
 from excite.robot.urdf.limits import (
@@ -30,7 +30,7 @@ from excite.robot.urdf.limits import (
     tighten,
 )
 from excite.robot.urdf.reading import MAX_NESTING
-from excite.robot.xacro_file import expanded, is_xacro
+from excite.robot.xacro_file import expand_xacro, is_xacro
 from excite.temporary_folder import TemporaryFolder
 
 
@@ -79,30 +79,30 @@ def write_scaffold(
     """
     source = source or Source()
     target = folder / "robot.yaml"
-    _absent(target, overwrite)
+    _check_absent(target, overwrite)
     ignored = () if source.srdf is None else read_srdf(source.srdf)
     if is_mjcf(file):
         urdf = folder / f"{file.stem}.urdf"
-        _absent(urdf, overwrite)
+        _check_absent(urdf, overwrite)
         conversion = convert_mjcf(file)
         limited = _limited(_Made(conversion.urdf, None), file, source)
         conversion = replace(conversion, urdf=limited.text or conversion.urdf)
-        text = _described(conversion, urdf, file, seed, ignored, limited.assumed)
+        text = _describe_copy(conversion, urdf, file, seed, ignored, limited.assumed)
         with all_or_nothing():
             conversion.write(urdf)
             write_text(target, text)
-        return ScaffoldFiles(target, urdf, _assumed(text), conversion.notes)
-    found, said = _limited(_expanded(file, source), file, source), Said(ignored=ignored)
+        return ScaffoldFiles(target, urdf, _read_assumed(text), conversion.notes)
+    found, said = _limited(_expand_model(file, source), file, source), Said(ignored=ignored)
     if found.text is None:
         said = replace(said, floating=found.floating, assumed=found.assumed)
         text = scaffold_description(
             file, None if absolute else folder, seed=seed, said=said, absolute=absolute
         )
-        return ScaffoldFiles(write_text(target, text), file, _assumed(text), ())
+        return ScaffoldFiles(write_text(target, text), file, _read_assumed(text), ())
     urdf = folder / f"{file.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
     if urdf.resolve() == file.resolve():
         urdf = urdf.with_name(f"{urdf.stem}_expanded.urdf")
-    _absent(urdf, overwrite)
+    _check_absent(urdf, overwrite)
     place = TemporaryFolder()
     copy = write_text(place.path / urdf.name, found.text)
     said = replace(said, floating=found.floating, assumed=found.assumed)
@@ -110,7 +110,7 @@ def write_scaffold(
     with all_or_nothing():
         write_text(urdf, found.text)
         write_text(target, text)
-    return ScaffoldFiles(target, urdf, _assumed(text), ())
+    return ScaffoldFiles(target, urdf, _read_assumed(text), ())
 
 
 @dataclass(frozen=True)
@@ -128,18 +128,18 @@ class _Made:
     assumed: tuple[Assumed, ...] = ()
 
 
-def _expanded(file: Path, source: Source) -> _Made:
+def _expand_model(file: Path, source: Source) -> _Made:
     """The URDF that is made of a xacro file, or of one that leaves masses out."""
     plain = not is_xacro(file) and not source.package_path
     root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain else None
     if root is not None and (states_mass(root) or root.tag != "robot"):
-        return _Made(None, _floating(root), _wheeled(root))
-    text = expanded(file, source.arguments, source.package_path)
+        return _Made(None, _stated_floating(root), _wheeled_assumption(root))
+    text = expand_xacro(file, source.arguments, source.package_path)
     root = ElementTree.fromstring(text)
-    found = weighed(root, file)
+    found = weigh_links(root, file)
     if found is not None:
-        return _Made(found.text, _floating(root), (found.assumed, *_wheeled(root)))
-    return _Made(None if plain else text, _floating(root), _wheeled(root))
+        return _Made(found.text, _stated_floating(root), (found.assumed, *_wheeled_assumption(root)))
+    return _Made(None if plain else text, _stated_floating(root), _wheeled_assumption(root))
 
 
 def _limited(made: _Made, file: Path, source: Source) -> _Made:
@@ -147,7 +147,7 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     files = joint_limits_beside(file) if source.limits is None else [source.limits]
     if not files:
         return made
-    text = made.text or expanded(file, source.arguments, source.package_path)
+    text = made.text or expand_xacro(file, source.arguments, source.package_path)
     root = ElementTree.fromstring(text)
     keep_stated_limits(root, file)
     names = [joint.get("name", "") for joint in root.findall("joint")]
@@ -169,18 +169,18 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     return replace(made, text=text, assumed=(*made.assumed, *assumed_limits(tightened)))
 
 
-def _wheeled(root: ElementTree.Element) -> tuple[Assumed, ...]:
+def _wheeled_assumption(root: ElementTree.Element) -> tuple[Assumed, ...]:
     """A base that slides and turns on a plane is held still."""
     joint = planar_root(root)
     held = {} if joint is None else {str(joint.get("name")): Held(0.0, "what its wheels or legs do")}
     return tuple(held_still(held))
 
 
-def _floating(root: ElementTree.Element) -> bool | None:
+def _stated_floating(root: ElementTree.Element) -> bool | None:
     return None if free_root(root) is None else True
 
 
-def _described(
+def _describe_copy(
     conversion: MjcfConversion,
     urdf: Path,
     file: Path,
@@ -210,10 +210,10 @@ def _renamed_errors(copy: Path, folder: Path, file: Path, seed: int, said: Said)
         raise RobotError(error.what, source=file, field=error.field, remedy=error.remedy) from error
 
 
-def _absent(path: Path, overwrite: bool) -> None:
+def _check_absent(path: Path, overwrite: bool) -> None:
     if os.path.exists(path) and not overwrite:
         raise InputError("exists already", source=path, remedy="give --force to overwrite it, or --out DIR")
 
 
-def _assumed(text: str) -> tuple[Assumed, ...]:
+def _read_assumed(text: str) -> tuple[Assumed, ...]:
     return tuple(Assumed.model_validate(one) for one in yaml.safe_load(text)["assumed"])

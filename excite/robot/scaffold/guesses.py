@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.robot.robot import Robot
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.tree import MOVING
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
         found = {}
         for key in ("lower", "upper", "velocity", "effort", "acceleration", "jerk"):
             if limit is not None and key in limit.attrib:
-                found[key] = numbers(limit, key, 1, path, f"joint {name!r}/limit")[0]
+                found[key] = read_numbers(limit, key, 1, path, f"joint {name!r}/limit")[0]
         continuous = joint.get("type") == "continuous"
         ends = (
             None if continuous or not {"lower", "upper"} <= set(found) else (found["lower"], found["upper"])
@@ -77,7 +77,7 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
                 name=name,
                 continuous=continuous,
                 position=ends if ends is not None and blocked is None and ends[0] < ends[1] else None,
-                velocity=_velocity(found.get("velocity", 0.0)),
+                velocity=_guess_velocity(found.get("velocity", 0.0)),
                 torque=found.get("effort") or None,
                 follows=None if mimic is None else mimic.get("joint", ""),
                 blocked=blocked,
@@ -89,7 +89,7 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
     return tuple(guesses)
 
 
-def _velocity(stated: float) -> float | None:
+def _guess_velocity(stated: float) -> float | None:
     return stated if 0.0 < stated < _NO_VELOCITY else None
 
 

@@ -57,7 +57,7 @@ def held_joints(
     for guess in guesses:
         if guess.follows is not None and guess.follows not in joints:
             hard[guess.name] = Held(
-                nearest(guess), f"it follows {guess.follows}, which the model does not have"
+                nearest_to_zero(guess), f"it follows {guess.follows}, which the model does not have"
             )
             continue
         if guess.follows is not None:
@@ -66,17 +66,17 @@ def held_joints(
         called = " ".join([called, *(one.name for one in guesses if one.follows == guess.name)])
         slides = joints[guess.name].get("type") == "prismatic"
         if masses[guess.name] <= 0.0 and guess.name not in tied:
-            hard[guess.name] = Held(nearest(guess), MASSLESS)
+            hard[guess.name] = Held(nearest_to_zero(guess), MASSLESS)
         elif guess.blocked is not None:
             hard[guess.name] = Held(guess.blocked, "its limits leave it no range: correct them if it moves")
         elif driven and guess.effortless and guess.name not in driven | tied:
-            hard[guess.name] = Held(nearest(guess), UNDRIVEN)
+            hard[guess.name] = Held(nearest_to_zero(guess), UNDRIVEN)
         elif slides and guess.position is None and guess.name not in closing:
             hard[guess.name] = Held(0.0, "a slide without limits")
         elif guess.name in rolling:
-            soft[guess.name] = Held(nearest(guess), "what its wheels or legs do: it has no drive")
+            soft[guess.name] = Held(nearest_to_zero(guess), "what its wheels or legs do: it has no drive")
         elif why := _wheel_or_hand(guess.name, called, of_hands):
-            soft[guess.name] = Held(nearest(guess), why)
+            soft[guess.name] = Held(nearest_to_zero(guess), why)
     moving = [g for g in guesses if g.follows is None and g.name not in hard]
     return hard if all(g.name in soft for g in moving) else {**hard, **soft}
 
@@ -110,15 +110,15 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
         for link in root.findall("link")
         if link.find("visual/geometry") is not None or link.find("collision/geometry") is not None
     }
-    ends = _ends(joints)
+    ends = _joint_ends(joints)
     children = {child for _, child in ends.values()}
     here = next((parent for parent, _ in ends.values() if parent not in children), "")
     turn, slides, hinges, found = np.eye(3), dict[str, Array](), dict[str, Array](), set[str]()
     while solid and len(below := [name for name, (parent, _) in ends.items() if parent == here]) == 1:
         (name,) = below
         joint, here = joints[name], ends[name][1]
-        turn = turn @ pin.rpy.rpyToMatrix(*_three(joint.find("origin"), "rpy", "0 0 0"))
-        along = turn @ _three(joint.find("axis"), "xyz", "1 0 0")
+        turn = turn @ pin.rpy.rpyToMatrix(*_three_numbers(joint.find("origin"), "rpy", "0 0 0"))
+        along = turn @ _three_numbers(joint.find("axis"), "xyz", "1 0 0")
         if joint.get("type") in MOVING:
             (slides if joint.get("type") == "prismatic" else hinges)[name] = along
         axes = [*slides.values(), *hinges.values()]
@@ -130,12 +130,12 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
     return found
 
 
-def _ends(joints: dict[str, ElementTree.Element]) -> dict[str, tuple[str, str]]:
+def _joint_ends(joints: dict[str, ElementTree.Element]) -> dict[str, tuple[str, str]]:
     """Links before and beyond each joint."""
     return {name: (link_at(joint, "parent"), link_at(joint, "child")) for name, joint in joints.items()}
 
 
-def _three(element: ElementTree.Element | None, name: str, default: str) -> Array:
+def _three_numbers(element: ElementTree.Element | None, name: str, default: str) -> Array:
     text = default if element is None else element.get(name, default)
     return np.array([float(part) for part in text.split()])
 
@@ -143,7 +143,7 @@ def _three(element: ElementTree.Element | None, name: str, default: str) -> Arra
 def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) -> set[str]:
     """Joints beyond a link of little mass at which limbs part that have three or more ends."""
     moving = {name for name, joint in joints.items() if joint.get("type") in MOVING}
-    ends = _ends(joints)
+    ends = _joint_ends(joints)
     whole = max((masses[name] for name in moving), default=0.0)
     found: set[str] = set()
 
@@ -165,7 +165,7 @@ def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) 
     return found
 
 
-def nearest(guess: JointGuess) -> float:
+def nearest_to_zero(guess: JointGuess) -> float:
     """The position nearest to zero within a joint's limits [rad or m]."""
     low, high = guess.position or (0.0, 0.0)
     return min(max(0.0, low), high)
@@ -176,10 +176,10 @@ def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Elem
     own: dict[str, float] = {}
     for link in root.findall("link"):
         mass = link.find("inertial/mass")
-        own[link.get("name", "")] = _number(mass)
+        own[link.get("name", "")] = _link_mass(mass)
     children: dict[str, list[str]] = {}
     ends: dict[str, str] = {}
-    for name, (parent, child) in _ends(joints).items():
+    for name, (parent, child) in _joint_ends(joints).items():
         children.setdefault(parent, []).append(child)
         ends[name] = child
     order = list(ends.values())
@@ -195,7 +195,7 @@ def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Elem
     return {name: below[child] for name, child in ends.items()}
 
 
-def _number(mass: ElementTree.Element | None) -> float:
+def _link_mass(mass: ElementTree.Element | None) -> float:
     """A link's mass [kg]; zero of what is none, which is refused where inertials are checked."""
     try:
         return 0.0 if mass is None else float(mass.get("value", "0"))

@@ -161,7 +161,7 @@ class Figure:
         own = self._known(joint)
         best, largest = self._touch(own, pose), -1.0
         if len(self.chain(joint)) >= _STEERED:
-            for turn in _turns(np.vstack([bottom(shape, pose) for shape in own])):
+            for turn in _face_turns(np.vstack([bottom(shape, pose) for shape in own])):
                 found = self._touch(own, turn * pose)
                 area = turn.rotation[2, 2] * sole_area(found.sole)
                 if area > largest + 1e-6:
@@ -174,7 +174,7 @@ class Figure:
         lowest = min(range(len(own)), key=lambda i: float(lows[i][:, 2].min()))
         floor = float(lows[lowest][:, 2].min())
         near = np.vstack([points[points[:, 2] < floor + _PATCH] for points in lows])
-        corners = outline(near, floor)
+        corners = floor_outline(near, floor)
         link = own[lowest].link
         _, placement = link_placement(self.model, link, self.robot.source, "feet")
         frame = pose * placement
@@ -188,7 +188,7 @@ class Figure:
         return FootGuess(link, sole, shape.size[0] if ball else 0.0)
 
 
-def _turns(points: Array) -> list[pin.SE3]:
+def _face_turns(points: Array) -> list[pin.SE3]:
     """Rotations that turn each side of the points' hull that faces about downwards to face down; first none."""
     down = np.array([0.0, 0.0, -1.0])
     turns = [pin.SE3.Identity()]
@@ -211,7 +211,7 @@ def sole_area(corners: Array) -> float:
     return float(0.5 * np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0)))
 
 
-def outline(points: Array, floor: float) -> Array:
+def floor_outline(points: Array, floor: float) -> Array:
     """Corners at height ``floor`` around points ``(n, 3)``: one, two, or at most eight anticlockwise [m]."""
     flat = points[:, :2]
     middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
@@ -227,11 +227,11 @@ def outline(points: Array, floor: float) -> Array:
         hull = flat[ConvexHull(flat).vertices]
     except QhullError:
         return np.array([[*middle, floor]])
-    corners = _fewer(hull, 8)
+    corners = _reduce_polygon(hull, 8)
     return np.column_stack([corners, np.full(len(corners), floor)])
 
 
-def _fewer(hull: Array, most: int) -> Array:
+def _reduce_polygon(hull: Array, most: int) -> Array:
     """A polygon inside a convex one, with at most so many of its corners: those that cost least area go.
 
     Corners that cost next to none go as well: rounded, they would lie on one another.

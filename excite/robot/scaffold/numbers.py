@@ -44,7 +44,7 @@ def two_digits(value: float) -> float:
     return float(f"{max(value, 1e-6):.2g}")
 
 
-def believable(guesses: tuple[JointGuess, ...], weight: float) -> tuple[JointGuess, ...]:
+def drop_unbelievable_limits(guesses: tuple[JointGuess, ...], weight: float) -> tuple[JointGuess, ...]:
     """The joints without torque limits that stand for none, of a robot of a ``weight`` [N]."""
     return tuple(
         replace(guess, torque=None) if guess.torque and guess.torque > _NO_TORQUE * weight else guess
@@ -113,7 +113,7 @@ def velocity_limits(
     return found, [Assumed(what="velocity limits", value=value, consequence=consequence)]
 
 
-def accelerations(guesses: tuple[JointGuess, ...], inertia: Array) -> dict[str, float]:
+def guess_accelerations(guesses: tuple[JointGuess, ...], inertia: Array) -> dict[str, float]:
     """Acceleration limits by joint, no more than the model states [rad/s² or m/s²]."""
     found = {}
     for guess, own in zip(guesses, inertia, strict=True):
@@ -151,7 +151,7 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
     return loads
 
 
-def gains(
+def guess_gains(
     robot: Robot, inertia: Array, loads: Array, legs: Mapping[int, Array], mass: float
 ) -> dict[str, dict[str, float]]:
     """Stiffness and damping of servos by joint, which give way by little under the weight that they carry.
@@ -190,8 +190,8 @@ def gains(
     }
 
 
-def sensors(limits: dict[str, float], base_link: str | None) -> tuple[dict[str, Any], list[Assumed]]:
-    """The ``sensors`` block: joint torques and, where ``base_link`` floats, an IMU there."""
+def guess_sensors(limits: dict[str, float], base_link: str | None) -> tuple[dict[str, Any], list[Assumed]]:
+    """The ``guess_sensors`` block: joint torques and, where ``base_link`` floats, an IMU there."""
     block: dict[str, Any] = {
         "rate_hz": 200.0,
         "noise_position": 1e-4,

@@ -57,21 +57,21 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     search = PairSearch(figure.robot)
     review = review_pairs(figure.robot, rng, 100, search, wanted)
     allowed = frozenset((*review.ignored, *said.ignored, *((b, a) for a, b in said.ignored)))
-    postures, legs, standing = _stood(figure, search, wanted, said, allowed, rng)
-    if (legs or said.floating) and np.any(wanted) and _unsteady(figure, postures, legs, standing):
+    postures, legs, standing = _search_standing(figure, search, wanted, said, allowed, rng)
+    if (legs or said.floating) and np.any(wanted) and _explain_held(figure, postures, legs, standing):
         # A model's own posture may be none that it stands in: MuJoCo's key frames of some lie, fold legs, or leap.
-        other = _stood(figure, search, np.zeros_like(wanted), said, allowed, rng)
-        if not _unsteady(figure, *other):
+        other = _search_standing(figure, search, np.zeros_like(wanted), said, allowed, rng)
+        if not _explain_held(figure, *other):
             postures, legs, standing = other
     base: Base = "floating" if legs else "fixed"
     feet: tuple[FootGuess, ...] = ()
     notes: list[Assumed] = []
-    unsteady = _unsteady(figure, postures, legs, standing) if legs or said.floating else ""
+    unsteady = _explain_held(figure, postures, legs, standing) if legs or said.floating else ""
     if not legs and said.floating is None and figure.has_folded_legs(wanted):
         unsteady = "its legs lie flat about its base in the file: hold the robot up, legs free, or state how it stands"
     if unsteady:
         base = "held"
-        notes.append(_said("base", "held", unsteady))
+        notes.append(_assumption("base", "held", unsteady))
     if standing is not None and base == "floating":
         q, feet = standing.q, standing.feet
         source = "found: feet on one plane, centre of mass above the middle of what soles and ankles hold"
@@ -86,7 +86,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     if touching:
         names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
         why = "no posture to move from was found that parts them: they keep a distance of their own"
-        notes.append(_said("links that touch at rest", names, why))
+        notes.append(_assumption("links that touch at rest", names, why))
     stated = {pair for a, b in said.ignored for pair in ((a, b), (b, a))} & set(search.pairs)
     ignored = tuple(dict.fromkeys((*review.never, *(p for p in search.pairs if p in stated))))
     margin = figure.robot.description.collision.margin
@@ -94,14 +94,16 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     if near:
         found = f"{len(review.always)} always, {len(review.at_rest)} at rest"
         how = "they may not overlap, or where their hulls do at rest not deeper by more than the margin"
-        notes.append(_said("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs"))
+        notes.append(
+            _assumption("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs")
+        )
     if ignored:
         found = f"{len(review.never)} that never meet, {len(stated)} that the model lets touch"
         where = "found in 100 random postures; they stand in collision.ignored_pairs"
-        notes.append(_said("pairs of links not kept apart", found, where))
+        notes.append(_assumption("pairs of links not kept apart", found, where))
     if base != "held":
         # Of one that is held it stands there why.
-        notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
+        notes.insert(0, _assumption("base", base, _CONSEQUENCE[base]))
     legs_down = tuple(legs) if base == "floating" else ()
     return Rest(base, q, legs_down, feet, ignored, near, source, tuple(notes))
 
@@ -127,7 +129,7 @@ def _near_pairs(
     }
 
 
-def _stood(
+def _search_standing(
     figure: Figure,
     search: PairSearch,
     wanted: Array,
@@ -141,7 +143,7 @@ def _stood(
     return postures, legs, postures.standing(legs, allowed) if legs and not figure.is_guessed(legs) else None
 
 
-def _unsteady(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:
+def _explain_held(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:
     """Why a robot that ought to stand on legs is held; empty where it stands."""
     if not legs:
         return "no legs were found that it could stand on: hold it still"
@@ -151,9 +153,9 @@ def _unsteady(figure: Figure, postures: Postures, legs: list[int], standing: Sta
         return "no standing posture was found: hold the robot up, legs free"
     if not has_area(postures.footing.corners(standing, legs)):
         return "its feet span no area to stand on: hold the robot up, legs free"
-    if not _steered(figure, legs, standing.feet):
+    if not _can_steer(figure, legs, standing.feet):
         return "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
-    if _tied(figure, legs):
+    if _has_tied_legs(figure, legs):
         return "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
     return ""
 
@@ -171,7 +173,7 @@ def _first_clear(
     return strained[0] if strained else None
 
 
-def _steered(figure: Figure, legs: list[int], feet: tuple[FootGuess, ...]) -> bool:
+def _can_steer(figure: Figure, legs: list[int], feet: tuple[FootGuess, ...]) -> bool:
     """Whether legs have the joints to move a trunk forth, aside and up: six coordinates of the base and the legs' less
     what the feet hold, six of a sole and three of a point or an edge."""
     joints = {joint for leg in legs for joint in figure.chain(leg)}
@@ -179,7 +181,7 @@ def _steered(figure: Figure, legs: list[int], feet: tuple[FootGuess, ...]) -> bo
     return 6 + len(joints) - held >= 3
 
 
-def _tied(figure: Figure, legs: list[int]) -> bool:
+def _has_tied_legs(figure: Figure, legs: list[int]) -> bool:
     """Whether joints of legs have to follow from others, which feet that stay do not let them."""
     mechanism = figure.robot.mechanism
     if mechanism is None:
@@ -204,5 +206,5 @@ _CONSEQUENCE = {
 }
 
 
-def _said(what: str, value: str, consequence: str) -> Assumed:
+def _assumption(what: str, value: str, consequence: str) -> Assumed:
     return Assumed(what=what, value=value, consequence=consequence)

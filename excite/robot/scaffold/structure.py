@@ -66,7 +66,7 @@ def assumed_structure(
                 "give --package-path FOLDER, where meshes are, or collision.shapes",
             )
         )
-    if spread := _spread(figure):
+    if spread := _spread_links(figure):
         found.append(
             Assumed(
                 what="moments of inertia that no body of a link's size has",
@@ -115,7 +115,7 @@ def assumed_structure(
     return found
 
 
-def _spread(figure: Figure) -> list[tuple[str, float, float]]:
+def _spread_links(figure: Figure) -> list[tuple[str, float, float]]:
     """Links whose radius of gyration is larger than the farthest of their shapes is from their centre of mass [m].
 
     Wherever within its shapes a body's mass lies, no moment is more than the mass times that distance squared. Of 405

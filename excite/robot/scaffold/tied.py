@@ -8,7 +8,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from excite.robot.scaffold.guesses import JointGuess
-from excite.robot.scaffold.held import Held, nearest
+from excite.robot.scaffold.held import Held, nearest_to_zero
 from excite.robot.urdf.tree import MOVING
 
 
@@ -45,7 +45,7 @@ class Tied:
 
     def holding(self, held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> dict[str, Held]:
         """What is held besides: of joints that move together all where one is, each where its model rests."""
-        rests = {guess.name: nearest(guess) for guess in guesses}
+        rests = {guess.name: nearest_to_zero(guess) for guess in guesses}
         more: dict[str, Held] = {}
         for group in self.groups():
             if group & set(held):
@@ -66,7 +66,7 @@ class Tied:
         return {field: found for field, found in kept.items() if found}
 
 
-def tied(
+def tied_blocks(
     joints: dict[str, ElementTree.Element],
     loops: tuple[Mapping[str, Any], ...],
     couplings: tuple[Mapping[str, Any], ...],

@@ -59,8 +59,8 @@ class Values:
         ``rotors`` are the drives' own inertias by joint, which their torques turn too [kg·m² or kg].
         """
         own = np.array([rotors.get(name, 0.0) for name in robot.joint_names])
-        inertia, legs, weight = joint_inertias(robot, rng) + own, _legs(robot, rest), 9.81 * mass
-        free = numbers.believable(free, weight)
+        inertia, legs, weight = joint_inertias(robot, rng) + own, _leg_contacts(robot, rest), 9.81 * mass
+        free = numbers.drop_unbelievable_limits(free, weight)
         loads = numbers.weight_loads(robot, rng, legs, weight if legs else 0.0)
         assumed, said = numbers.torque_limits(robot, free, loads, inertia)
         return cls(robot, free, rest, mass, inertia, loads, assumed, said)
@@ -73,7 +73,7 @@ class Values:
     def limits(self, slides: set[str]) -> tuple[dict[str, Any], list[Assumed]]:
         """The block ``limits`` of a description, and what was assumed for it; ``slides`` are joints along an axis."""
         velocities, more = numbers.velocity_limits(self.free, slides)
-        accelerations = numbers.accelerations(self.free, self.inertia)
+        accelerations = numbers.guess_accelerations(self.free, self.inertia)
         block: dict[str, Any] = {}
         for name, values in (("velocity", velocities), ("torque", self.assumed)):
             if values:
@@ -123,8 +123,8 @@ class Values:
 
     def controller(self) -> tuple[dict[str, Any], list[Assumed]]:
         """The block ``controller``, gains of a servo at each joint, and what was assumed for it."""
-        legs = _legs(self.robot, self.rest)
-        found = numbers.gains(self.robot, self.inertia, self.loads, legs, self.mass)
+        legs = _leg_contacts(self.robot, self.rest)
+        found = numbers.guess_gains(self.robot, self.inertia, self.loads, legs, self.mass)
         said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
         if any(not tip.any() for tip in legs.values()):
             said += ", legs on soles twenty times stiffer than what topples the robot"
@@ -142,7 +142,7 @@ class Values:
         return block, [stiff]
 
 
-def _legs(robot: Robot, rest: Rest) -> dict[int, Array]:
+def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
     """Where weight meets each leg, in the frame of the joint at its end: a point foot's point, a sole's ankle."""
     places = {}
     for joint, foot in zip(rest.legs, rest.feet, strict=True):

@@ -26,7 +26,7 @@ class Weighed:
     assumed: Assumed
 
 
-def weighed(root: ElementTree.Element, path: Path) -> Weighed | None:
+def weigh_links(root: ElementTree.Element, path: Path) -> Weighed | None:
     """A URDF's text with masses from its geometry; None where it states some, or has no geometry that can be read.
 
     Args:
@@ -42,7 +42,7 @@ def weighed(root: ElementTree.Element, path: Path) -> Weighed | None:
             continue
         for old in link.findall("inertial"):
             link.remove(old)
-        link.append(_inertial(inertia))
+        link.append(_inertial_element(inertia))
         whole += inertia.mass
     if whole <= 0.0:
         return None
@@ -56,10 +56,10 @@ def weighed(root: ElementTree.Element, path: Path) -> Weighed | None:
 
 def states_mass(root: ElementTree.Element) -> bool:
     """Whether any link of a URDF has a mass."""
-    return any(_stated(link) for link in root.findall("link"))
+    return any(_states_mass(link) for link in root.findall("link"))
 
 
-def _stated(link: ElementTree.Element) -> bool:
+def _states_mass(link: ElementTree.Element) -> bool:
     mass = link.find("inertial/mass")
     try:
         return mass is not None and float(mass.get("value", "0")) != 0.0
@@ -100,7 +100,7 @@ def _of_element(element: ElementTree.Element, path: Path) -> pin.Inertia | None:
     return origin_of(element.find("origin")).act(pin.Inertia(mass, np.asarray(body.computeCOM()), about))
 
 
-def _inertial(inertia: pin.Inertia) -> ElementTree.Element:
+def _inertial_element(inertia: pin.Inertia) -> ElementTree.Element:
     made = ElementTree.Element("inertial")
     ElementTree.SubElement(made, "origin", xyz=" ".join(f"{x:.6g}" for x in inertia.lever))
     ElementTree.SubElement(made, "mass", value=f"{inertia.mass:.6g}")

@@ -11,7 +11,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.robot.description import FootBlock, RobotDescription
 from excite.robot.links import link_placement
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 
 # A corner lies on a ball to the digits of a description, half a tenth of a millimetre; one written by hand to ten times
 # that [m].
@@ -43,7 +43,7 @@ def with_balls_down(
     pin.forwardKinematics(model, data, upright)
     feet = []
     for foot in description.feet:
-        centre = _centre(root, description, foot, path)
+        centre = _ball_centre(root, description, foot, path)
         if centre is not None:
             joint, placement = link_placement(model, foot.link, path, f"feet.{foot.name}.link")
             down = (data.oMi[joint].rotation @ placement.rotation).T @ np.array([0.0, 0.0, -foot.radius])
@@ -57,7 +57,7 @@ def _with_centres(description: RobotDescription, root: ElementTree.Element, path
     feet = []
     for foot in description.feet:
         if foot.centre is None:
-            centre = _centre(root, description, foot, path)
+            centre = _ball_centre(root, description, foot, path)
             if centre is None and _about_origin(foot):
                 # Feet that are meshes nearly all have their frame in the middle of the ball.
                 centre = np.zeros(3)
@@ -72,7 +72,7 @@ def _about_origin(foot: FootBlock) -> bool:
     return foot.radius > 0.0 and abs(float(np.linalg.norm(foot.sole[0])) - foot.radius) < _ON
 
 
-def _centre(
+def _ball_centre(
     root: ElementTree.Element, description: RobotDescription, foot: FootBlock, path: Path
 ) -> Array | None:
     """Centre ``(3,)`` of the ball that a foot is, in its link's frame [m]; None where no solid is that ball."""
@@ -91,9 +91,9 @@ def _centre(
                 at = (
                     (0.0, 0.0, 0.0)
                     if origin is None
-                    else numbers(origin, "xyz", 3, path, where, default="0 0 0")
+                    else read_numbers(origin, "xyz", 3, path, where, default="0 0 0")
                 )
-                balls.append((np.array(at), numbers(sphere, "radius", 1, path, where)[0]))
+                balls.append((np.array(at), read_numbers(sphere, "radius", 1, path, where)[0]))
     for centre, radius in balls:
         from_centre = float(np.linalg.norm(np.array(foot.sole[0]) - centre))
         if max(abs(from_centre - radius), abs(foot.radius - radius)) < _ON:

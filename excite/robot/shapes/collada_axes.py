@@ -22,7 +22,7 @@ _DIFFERENCE = 0.02
 _VOTES, _MAJORITY = 3, 0.75
 
 
-def upright(
+def turn_upright(
     links: list[ElementTree.Element], kind: str, points: Mapping[Path, Array]
 ) -> Mapping[Path, Array]:
     """Corners of meshes by file, those with y up turned upright where the links' centres of mass say so.
@@ -38,7 +38,7 @@ def upright(
     turned = {path: corners @ _UPRIGHT.T for path, corners in points.items() if _y_up(path)}
     if not turned:
         return points
-    votes = [_vote(link, kind, points, turned) for link in links]
+    votes = [_axis_vote(link, kind, points, turned) for link in links]
     as_is, otherwise = votes.count(-1), votes.count(1)
     if otherwise < _VOTES or otherwise < _MAJORITY * (as_is + otherwise):
         return points
@@ -52,7 +52,7 @@ def _y_up(path: Path) -> bool:
         return b"Y_UP" in stream.read(_HEAD_BYTES)
 
 
-def _vote(
+def _axis_vote(
     link: ElementTree.Element, kind: str, points: Mapping[Path, Array], turned: Mapping[Path, Array]
 ) -> int:
     """1 of a link whose centre of mass speaks for turned meshes, -1 for meshes as they are, 0 if it says nothing."""
@@ -68,7 +68,7 @@ def _vote(
     centre = origin_of(inertial.find("origin")).translation
     off: list[float] = []
     for reading in (points, {**points, **turned}):
-        corners = np.vstack([_placed(element, mesh, reading) for element, mesh in meshes])
+        corners = np.vstack([_place_points(element, mesh, reading) for element, mesh in meshes])
         low, high = corners.min(axis=0), corners.max(axis=0)
         size = max(float(np.linalg.norm(high - low)), 1e-9)
         off.append(float(np.linalg.norm(centre - 0.5 * (low + high))) / size)
@@ -77,7 +77,9 @@ def _vote(
     return 1 if off[1] < off[0] else -1
 
 
-def _placed(element: ElementTree.Element, mesh: ElementTree.Element, points: Mapping[Path, Array]) -> Array:
+def _place_points(
+    element: ElementTree.Element, mesh: ElementTree.Element, points: Mapping[Path, Array]
+) -> Array:
     corners = points[Path(mesh.get("filename", ""))] * numbers_of(mesh.get("scale", "1 1 1"))
     pose = origin_of(element.find("origin"))
     return np.asarray(corners @ pose.rotation.T + pose.translation)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from excite.errors import RobotError
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
-from excite.robot.shapes.collada_axes import upright
+from excite.robot.shapes.collada_axes import turn_upright
 from excite.robot.shapes.ground import ground_height, ground_is_assumed, links_below
 from excite.robot.shapes.link_shapes import link_shapes, links_by_kind
 from excite.robot.shapes.mesh_files import read_meshes
@@ -87,7 +87,7 @@ def _model(robot: Robot, without: Collection[frozenset[str]] = ()) -> pin.Geomet
     for shape in shapes:
         geometry = coal_geometry(shape)
         model.addGeometryObject(pin.GeometryObject(shape.name, shape.joint, shape.placement, geometry))
-    for first, second in shape_pairs(robot, shapes, _ignored(robot, shapes).union(without)):
+    for first, second in shape_pairs(robot, shapes, _ignored_pairs(robot, shapes).union(without)):
         model.addCollisionPair(pin.CollisionPair(first, second))
     return model
 
@@ -167,10 +167,10 @@ def mesh_points(links: list[Element], kind: str, partial: frozenset[str] = froze
     for file in set(others) - set(needed):
         with suppress(RobotError):
             points |= read_meshes([file])
-    return dict(upright(links, kind, points))
+    return dict(turn_upright(links, kind, points))
 
 
-def _ignored(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str]]:
+def _ignored_pairs(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str]]:
     links = {shape.link for shape in shapes}
     block = robot.description.collision
     near = tuple(pair.links for pair in block.near_pairs)

@@ -10,7 +10,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.robot.description import RobotDescription
 from excite.robot.shapes.shape import Shape, shape_points
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 
 # Hulls of meshes stand out below a mounting plane by a hundredth of their size [m].
 _FLANGE = 0.02
@@ -42,14 +42,14 @@ def ground_height(model: pin.Model, shapes: Sequence[Shape], rest: Array, *, hel
     base = low.get(0, 0.0)
     plane = base if base < -_FLANGE else 0.0
     if held_up:
-        return min(plane, *low.values(), -reach(model, shapes, from_base=True)) - _CLEAR
+        return min(plane, *low.values(), -robot_reach(model, shapes, from_base=True)) - _CLEAR
     if centre[2] >= plane - _FLANGE:
         return plane
     together = sum(float(np.linalg.norm(place.translation)) for place in list(model.jointPlacements)[1:])
     return min(plane, *low.values()) - together - _CLEAR
 
 
-def reach(model: pin.Model, shapes: Sequence[Shape], *, from_base: bool) -> float:
+def robot_reach(model: pin.Model, shapes: Sequence[Shape], *, from_base: bool) -> float:
     """Length that no limb exceeds, whatever its joints do, to the farthest point of its shapes [m].
 
     Args:
@@ -62,7 +62,7 @@ def reach(model: pin.Model, shapes: Sequence[Shape], *, from_base: bool) -> floa
         parent = model.parents[joint]
         if parent or from_base:
             length[joint] = length[parent] + np.linalg.norm(model.jointPlacements[joint].translation)
-        if slides(model, model.idx_vs[joint]):
+        if is_prismatic(model, model.idx_vs[joint]):
             at = model.joints[joint].idx_q
             length[joint] += max(abs(model.lowerPositionLimit[at]), abs(model.upperPositionLimit[at]))
     moving = [shape for shape in shapes if shape.joint or from_base]

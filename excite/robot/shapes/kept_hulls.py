@@ -38,20 +38,22 @@ def kept_hull(points: Array, max_vertices: int, slack: float) -> Hull:
     Raises:
         ValueError: the points lie in a plane.
     """
-    folder = _folder()
+    folder = _cache_folder()
     if folder is None:
         return convex_hull(points, max_vertices, slack)
-    digest = blake2b(f"{_rounding()} {max_vertices} {slack!r} {points.shape}".encode(), digest_size=_CHECKSUM)
+    digest = blake2b(
+        f"{_rounding_key()} {max_vertices} {slack!r} {points.shape}".encode(), digest_size=_CHECKSUM
+    )
     digest.update(np.ascontiguousarray(points).data)
     file = folder / f"{digest.hexdigest()}.hull"
-    hull = _read(file)
+    hull = _read_hull(file)
     if hull is None:
         hull = convex_hull(points, max_vertices, slack)
-        _write(file, hull)
+        _write_hull(file, hull)
     return hull
 
 
-def _folder() -> Path | None:
+def _cache_folder() -> Path | None:
     """Where hulls are kept; None where the user has no such place."""
     named = os.environ.get("EXCITE_CACHE")
     with suppress(RuntimeError):
@@ -62,25 +64,25 @@ def _folder() -> Path | None:
 
 
 @cache
-def _rounding() -> str:
+def _rounding_key() -> str:
     """What the same points may have another hull with."""
     code = blake2b(Path(meshes.__file__).read_bytes()).hexdigest()
     return f"{code} {np.__version__} {scipy.__version__} {blas_kernels()}"
 
 
-def _read(file: Path) -> Hull | None:
+def _read_hull(file: Path) -> Hull | None:
     """A hull as it was written; None if it is not there or not whole."""
     try:
         content = file.read_bytes()
     except OSError:
         return None
-    if _checksum(content[_CHECKSUM:]) != content[:_CHECKSUM]:
+    if _content_checksum(content[_CHECKSUM:]) != content[:_CHECKSUM]:
         return None
     with np.load(io.BytesIO(content[_CHECKSUM:]), allow_pickle=False) as parts:
         return Hull(parts["vertices"], parts["faces"], float(parts["inflation"]))
 
 
-def _write(file: Path, hull: Hull) -> None:
+def _write_hull(file: Path, hull: Hull) -> None:
     """Keep a hull, whole or not at all."""
     parts = io.BytesIO()
     np.savez(parts, vertices=hull.vertices, faces=hull.faces, inflation=hull.inflation)
@@ -91,11 +93,11 @@ def _write(file: Path, hull: Hull) -> None:
         temporary = Path(name)
         try:
             with os.fdopen(number, "wb") as stream:
-                stream.write(_checksum(content) + content)
+                stream.write(_content_checksum(content) + content)
             temporary.replace(file)
         finally:
             temporary.unlink(missing_ok=True)
 
 
-def _checksum(content: bytes) -> bytes:
+def _content_checksum(content: bytes) -> bytes:
     return blake2b(content, digest_size=_CHECKSUM).digest()

@@ -41,10 +41,10 @@ def read_meshes(paths: Iterable[Path]) -> dict[Path, Array]:
     others: list[Path] = []
     for path in dict.fromkeys(paths):
         if path.suffix.lower() == ".stl":
-            found[path] = _checked(_stl_points(path), path)
+            found[path] = _check_points(_stl_points(path), path)
         else:
             others.append(check_file(path, limit=MAX_MESH_BYTES, error=RobotError))
-    found |= {path: _checked(points, path) for path, points in _loaded(others).items()}
+    found |= {path: _check_points(points, path) for path, points in _load_meshes(others).items()}
     return found
 
 
@@ -63,7 +63,7 @@ def load_points(paths: tuple[Path, ...]) -> list[Array]:
     return loaded
 
 
-def _loaded(paths: list[Path]) -> dict[Path, Array]:
+def _load_meshes(paths: list[Path]) -> dict[Path, Array]:
     """All in one process, since starting it takes longer than most meshes."""
     if not paths:
         return {}
@@ -92,7 +92,7 @@ def _in_child(paths: list[Path], seconds: float) -> dict[Path, Array]:
     return dict(zip(paths, points, strict=True))
 
 
-def _checked(points: Array, path: Path) -> Array:
+def _check_points(points: Array, path: Path) -> Array:
     if len(points) == 0 or not np.isfinite(points).all():
         raise RobotError(
             "mesh has no corners or one that is not finite", source=path, remedy="export it again"

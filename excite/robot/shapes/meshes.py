@@ -59,25 +59,25 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
     axes = np.linalg.svd(corners - centre, full_matrices=False)[2]
     corners = (corners - centre) @ axes.T
     if len(corners) <= max_vertices:
-        return _polyhedron(corners, np.ones(3), axes, centre)
-    chosen = _extremes(corners)
+        return _build_polyhedron(corners, np.ones(3), axes, centre)
+    chosen = _extreme_corners(corners)
     # Growth is about a point inside the first few corners, hence inside all that follow.
     inside = corners[chosen].mean(axis=0)
     corners, centre = corners - inside, centre + inside @ axes
     while True:
-        planes = _planes(corners[chosen])
+        planes = _hull_planes(corners[chosen])
         reach = (corners @ planes[:, :3].T) / -planes[:, 3]
         factor = float(reach.max())
         if factor <= 1.0 + slack or len(chosen) >= max_vertices:
-            return _polyhedron(corners[chosen], _stretch(corners, planes, factor), axes, centre)
+            return _build_polyhedron(corners[chosen], _stretch_factors(corners, planes, factor), axes, centre)
         worst = np.argsort(-reach.max(axis=0), kind="stable")[:6]
         new = np.setdiff1d(reach.argmax(axis=0)[worst], chosen)
         if len(new) == 0:
-            return _polyhedron(corners[chosen], _stretch(corners, planes, factor), axes, centre)
+            return _build_polyhedron(corners[chosen], _stretch_factors(corners, planes, factor), axes, centre)
         chosen = np.union1d(chosen, new[: max_vertices - len(chosen)])
 
 
-def _stretch(corners: Array, planes: Array, factor: float) -> Array:
+def _stretch_factors(corners: Array, planes: Array, factor: float) -> Array:
     """Growth along each axis, ``(3,)``, after which the polyhedron of ``planes`` contains all corners.
 
     Growth by ``factor`` along all axes suffices; along one axis after the other, the longest first, it is
@@ -94,7 +94,7 @@ def _stretch(corners: Array, planes: Array, factor: float) -> Array:
     return stretch
 
 
-def _extremes(corners: Array) -> Faces:
+def _extreme_corners(corners: Array) -> Faces:
     """Indices of the corners farthest along axes and diagonals, at most 28, not all in one plane."""
     directions = np.array(
         [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z]
@@ -112,11 +112,11 @@ def _exact_hull(points: Array) -> ConvexHull:
     return ConvexHull(points)
 
 
-def _planes(corners: Array) -> Array:
+def _hull_planes(corners: Array) -> Array:
     return np.asarray(_exact_hull(corners).equations)
 
 
-def _polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
+def _build_polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
     hull = _exact_hull(corners * stretch @ axes + centre)
     used = np.sort(hull.vertices)
     faces = np.searchsorted(used, hull.simplices).astype(np.int64)

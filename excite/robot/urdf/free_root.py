@@ -15,12 +15,12 @@ def free_root(root: ElementTree.Element) -> tuple[ElementTree.Element, ElementTr
     Args:
         root: the ``robot`` element.
     """
-    return _carrying(root, "floating")
+    return _carrying_joint(root, "floating")
 
 
 def planar_root(root: ElementTree.Element) -> ElementTree.Element | None:
     """The planar joint on which the whole robot slides and turns, from a bare link; None where there is none."""
-    found = _carrying(root, "planar")
+    found = _carrying_joint(root, "planar")
     return None if found is None else found[0]
 
 
@@ -31,7 +31,9 @@ def hold_planar_root(root: ElementTree.Element) -> None:
         joint.set("type", "fixed")
 
 
-def _carrying(root: ElementTree.Element, kind: str) -> tuple[ElementTree.Element, ElementTree.Element] | None:
+def _carrying_joint(
+    root: ElementTree.Element, kind: str
+) -> tuple[ElementTree.Element, ElementTree.Element] | None:
     """The joint of a type that carries the whole robot, and the bare link that it hangs on."""
     joints = root.findall("joint")
     for joint in joints:

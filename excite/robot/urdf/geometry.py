@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from excite.errors import RobotError
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 
 # Attributes of solids that are lengths or factors, how many numbers each holds, and its default.
 _LENGTHS: dict[str, tuple[tuple[str, int, str | None], ...]] = {
@@ -23,7 +23,7 @@ def check_origin(element: ElementTree.Element, where: str, path: Path) -> None:
     origin = element.find("origin")
     if origin is not None:
         for attribute in ("xyz", "rpy"):
-            numbers(origin, attribute, 3, path, f"{where}/origin", default="0 0 0")
+            read_numbers(origin, attribute, 3, path, f"{where}/origin", default="0 0 0")
 
 
 def check_geometry(link: ElementTree.Element, name: str, path: Path) -> None:
@@ -61,7 +61,7 @@ def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
     if solid.tag == "mesh" and not solid.get("filename", "").strip():
         raise RobotError("is missing", source=path, field=f"{where}@filename", remedy="name the mesh file")
     for attribute, count, default in _LENGTHS.get(solid.tag, ()):
-        values = numbers(solid, attribute, count, path, where, default=default)
+        values = read_numbers(solid, attribute, count, path, where, default=default)
         # A mesh may be mirrored by a negative scale, and scaled to nothing by none.
         if any(value == 0.0 if solid.tag == "mesh" else value <= 0.0 for value in values):
             what = f"is {solid.get(attribute)!r}"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from excite.errors import RobotError
 from excite.reading.xml_document import all_alike
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 
 TOLERANCE = 1e-6
 """How far, relative to the largest principal moment, a moment may break the triangle inequality."""
@@ -107,24 +107,24 @@ def inertial_faults(
     least = TOLERANCE * max((one.size for one in known), default=0.0)
     faults: dict[str, RobotError] = {}
     for name, inertial in inertials.items():
-        spread = None if inertial is None else _spread(inertial, least)
-        fault = None if inertial is None else spread or _impossible(inertial.moments, strict=False)
+        spread = None if inertial is None else _describe_spread(inertial, least)
+        fault = None if inertial is None else spread or _describe_impossible(inertial.moments, strict=False)
         if spread and inertial is not None and inertial.mass > weightless:
             field, remedy = f"link {name!r}/inertial/inertia", "write moments in kg·m² and masses in kg"
             raise RobotError(spread, source=path, field=field, remedy=remedy)
         if inertial is not None and inertial.mass == 0.0:
-            remedy = _remedy(name, "give a positive mass in kilograms")
+            remedy = _inertial_remedy(name, "give a positive mass in kilograms")
             where = f"link {name!r}/inertial/mass@value"
             faults[name] = RobotError("is 0 and the moments are not", source=path, field=where, remedy=remedy)
         elif fault:
-            remedy = _remedy(name, "correct the moments")
+            remedy = _inertial_remedy(name, "correct the moments")
             faults[name] = RobotError(
                 fault, source=path, field=f"link {name!r}/inertial/inertia", remedy=remedy
             )
-    for name, members in _bodies(inertials, joints, floating).items():
+    for name, members in _moving_bodies(inertials, joints, floating).items():
         fault = _body_fault([inertials[member] for member in members])
         if fault and not faults.keys() & set(members):
-            remedy = _remedy(name, "give the link an <inertial> with mass and moments")
+            remedy = _inertial_remedy(name, "give the link an <inertial> with mass and moments")
             faults[name] = RobotError(fault, source=path, field=f"link {name!r}/inertial", remedy=remedy)
     return faults
 
@@ -137,11 +137,13 @@ def resting_faults(
     Arguments as for :func:`check_inertials`.
     """
     inertials = {link.get("name", ""): read_inertial(link, path) for link in root.findall("link")}
-    moved = {name for members in _bodies(inertials, joints, floating=False).values() for name in members}
+    moved = {
+        name for members in _moving_bodies(inertials, joints, floating=False).values() for name in members
+    }
     return tuple(name for name in inertial_faults(root, joints, False, path) if name not in moved)
 
 
-def _remedy(link: str, mend: str) -> str:
+def _inertial_remedy(link: str, mend: str) -> str:
     return f"{mend}, or acknowledge it under model.acknowledged.{link} in robot.yaml with the reason"
 
 
@@ -160,11 +162,13 @@ def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
         raise RobotError(
             "has no <inertia>", source=path, field=where, remedy="give the moments about the CoM"
         )
-    (mass,) = numbers(mass_element, "value", 1, path, f"{where}/mass")
+    (mass,) = read_numbers(mass_element, "value", 1, path, f"{where}/mass")
     origin = elements[0].find("origin")
     pose = ElementTree.Element("origin") if origin is None else origin
-    centre, rpy = (numbers(pose, key, 3, path, f"{where}/origin", default="0 0 0") for key in ("xyz", "rpy"))
-    values = [numbers(inertia, key, 1, path, f"{where}/inertia")[0] for key in _MOMENTS]
+    centre, rpy = (
+        read_numbers(pose, key, 3, path, f"{where}/origin", default="0 0 0") for key in ("xyz", "rpy")
+    )
+    values = [read_numbers(inertia, key, 1, path, f"{where}/inertia")[0] for key in _MOMENTS]
     if mass < 0.0:
         remedy = "give a positive mass in kilograms"
         raise RobotError(f"is {mass}", source=path, field=f"{where}/mass@value", remedy=remedy)
@@ -177,7 +181,7 @@ def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
     return Inertial(mass, np.array(centre), rotation @ moments @ rotation.T)
 
 
-def _spread(inertial: Inertial, least: float) -> str | None:
+def _describe_spread(inertial: Inertial, least: float) -> str | None:
     """How far a body reaches that is larger than any is, in words; None where it is not, or has ``least`` moments."""
     if inertial.mass <= 0.0 or inertial.size <= least:
         return None
@@ -185,7 +189,7 @@ def _spread(inertial: Inertial, least: float) -> str | None:
     return f"spreads {inertial.mass:g} kg over a radius of {radius:.3g} m" if radius > MAX_GYRATION else None
 
 
-def _impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:
+def _describe_impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:
     """What is wrong with moments about the CoM, in words; None if nothing is."""
     low, middle, high = (float(value) for value in np.linalg.eigvalsh(moments))
     if low < -TOLERANCE * max(high, 0.0) or high < 0.0 or (strict and low <= 0.0):
@@ -195,7 +199,7 @@ def _impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:
     return None
 
 
-def _bodies(
+def _moving_bodies(
     inertials: dict[str, Inertial | None], joints: dict[str, ElementTree.Element], floating: bool
 ) -> dict[str, list[str]]:
     """Links of each moving rigid body, by the link that its joint carries."""
@@ -227,5 +231,5 @@ def _body_fault(parts: list[Inertial | None]) -> str | None:
     if not solid:
         return "moves and has no mass"
     if len(solid) == 1:
-        return _impossible(solid[0].moments, strict=True)
+        return _describe_impossible(solid[0].moments, strict=True)
     return None

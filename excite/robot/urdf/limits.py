@@ -14,7 +14,7 @@ from excite.finding import first_names
 from excite.reading.yaml_document import read_yaml
 from excite.robot.description import Assumed
 from excite.robot.quantities import MAX_ANGLE
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 
 SOFT, CONTROL = "<safety_controller>", "<ros2_control>"
 _FILE = "joint_limits.yaml"
@@ -62,7 +62,7 @@ def stated_ranges(root: Element, path: Path) -> dict[str, tuple[float, float]]:
         if joint.get("type") != "continuous" or limit is None or not {"lower", "upper"} <= set(limit.attrib):
             continue
         where = f"joint {joint.get('name')!r}/limit"
-        lower, upper = (numbers(limit, side, 1, path, where)[0] for side in ("lower", "upper"))
+        lower, upper = (read_numbers(limit, side, 1, path, where)[0] for side in ("lower", "upper"))
         if 0.0 < upper - lower < _TURN:
             found[joint.get("name", "")] = (lower, upper)
     return found
@@ -122,7 +122,7 @@ def tighten(root: Element, limits: Mapping[str, JointLimits], path: Path, said: 
             changed.setdefault("position", []).append(name)
         for key in _LARGEST:
             value = getattr(one, key)
-            (stated,) = numbers(limit, key, 1, path, f"joint {name!r}/limit", default="0")
+            (stated,) = read_numbers(limit, key, 1, path, f"joint {name!r}/limit", default="0")
             if value is not None and value > 0.0 and not 0.0 < stated <= value:
                 limit.set(key, repr(value))
                 changed.setdefault(key, []).append(name)
@@ -138,7 +138,7 @@ def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: P
             return False
         joint.set("type", "prismatic" if joint.get("type") == "prismatic" else "revolute")
     else:
-        low, high = (numbers(limit, side, 1, path, where)[0] for side in ("lower", "upper"))
+        low, high = (read_numbers(limit, side, 1, path, where)[0] for side in ("lower", "upper"))
         # What is the wrong way round there is refused where the tree is checked; equal ends are no range.
         if low >= high or (low >= lower and high <= upper):
             return False
@@ -158,7 +158,9 @@ def _soft_limits(root: Element, path: Path) -> Iterator[tuple[str, JointLimits]]
         if soft is None or not {"soft_lower_limit", "soft_upper_limit"} <= set(soft.attrib):
             continue
         where = f"joint {name!r}/safety_controller"
-        lower, upper = (numbers(soft, f"soft_{side}_limit", 1, path, where)[0] for side in ("lower", "upper"))
+        lower, upper = (
+            read_numbers(soft, f"soft_{side}_limit", 1, path, where)[0] for side in ("lower", "upper")
+        )
         if lower < upper:
             yield name, JointLimits((lower, upper))
 
@@ -173,7 +175,7 @@ def _command_limits(root: Element, path: Path) -> Iterator[tuple[str, JointLimit
                 continue
             where = f"ros2_control joint {name!r}/{kind}"
             bounds = Element("param", min=str(ends["min"]), max=str(ends["max"]))
-            low, high = (numbers(bounds, end, 1, path, where)[0] for end in ("min", "max"))
+            low, high = (read_numbers(bounds, end, 1, path, where)[0] for end in ("min", "max"))
             if low < high:
                 found["range" if kind == "position" else kind] = (
                     (low, high) if kind == "position" else symmetric(low, high)

@@ -31,7 +31,7 @@ def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False)
     if floating and any(joint.get("name") == "root_joint" for joint in root.findall("joint")):
         what, remedy = "is called as readers call a free base's joint", "rename the joint"
         raise RobotError(what, source=path, field="joint 'root_joint'", remedy=remedy)
-    text = ElementTree.tostring(_dynamics(root), encoding="unicode")
+    text = ElementTree.tostring(_dynamics_only(root), encoding="unicode")
     try:
         if floating:
             return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
@@ -41,12 +41,12 @@ def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False)
         raise RobotError(what, source=path, remedy="check the file with check_urdf") from error
 
 
-def _complete(limit: ElementTree.Element) -> ElementTree.Element:
+def _complete_limit(limit: ElementTree.Element) -> ElementTree.Element:
     """A joint's limits with zeros where effort or velocity is not stated: the parser refuses the whole model else."""
     return ElementTree.Element("limit", {"effort": "0", "velocity": "0", **limit.attrib})
 
 
-def _dynamics(root: ElementTree.Element) -> ElementTree.Element:
+def _dynamics_only(root: ElementTree.Element) -> ElementTree.Element:
     model = ElementTree.Element("robot", name=root.get("name", ""))
     for element in root:
         if element.tag not in _KEPT:
@@ -55,5 +55,5 @@ def _dynamics(root: ElementTree.Element) -> ElementTree.Element:
         for tag in _KEPT[element.tag]:
             found = element.find(tag)
             if found is not None:
-                copy.append(_complete(found) if tag == "limit" else found)
+                copy.append(_complete_limit(found) if tag == "limit" else found)
     return model

@@ -37,7 +37,7 @@ _STAND_IN = (MAX_STAND_IN, "check its unit and exponent")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
-def numbers(
+def read_numbers(
     element: ElementTree.Element,
     attribute: str,
     count: int,
@@ -68,12 +68,15 @@ def numbers(
     # str.split() also takes spaces that readers written in C do not know.
     if not text.isascii() or len(parts) != count or not all(_NUMBER.fullmatch(part) for part in parts):
         raise RobotError(
-            f"is {shorten(text)!r}", source=source, field=place, remedy=f"give {wanted}, with a decimal point"
+            f"is {shorten_text(text)!r}",
+            source=source,
+            field=place,
+            remedy=f"give {wanted}, with a decimal point",
         )
     values = tuple(float(part) for part in parts)
     if not all(map(math.isfinite, values)):
         raise RobotError(
-            f"is {shorten(text)!r}, too large for a number",
+            f"is {shorten_text(text)!r}, too large for a number",
             source=source,
             field=place,
             remedy=f"give {wanted}",
@@ -81,7 +84,7 @@ def numbers(
     most, cause = _LARGEST.get(attribute, _STAND_IN)
     if max(map(abs, values)) > most:
         raise RobotError(
-            f"is {shorten(text)!r}, more than any robot has ({most:.4g})",
+            f"is {shorten_text(text)!r}, more than any robot has ({most:.4g})",
             source=source,
             field=place,
             remedy=cause,
@@ -89,6 +92,6 @@ def numbers(
     return values
 
 
-def shorten(text: str) -> str:
+def shorten_text(text: str) -> str:
     """A text that fits into a line."""
     return text if len(text) < 60 else text[:59] + "…"

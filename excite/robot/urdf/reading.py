@@ -23,7 +23,7 @@ from excite.robot.urdf.free_root import declare_world, drop_free_root, hold_plan
 from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import check_inertials
 from excite.robot.urdf.limits import keep_stated_limits
-from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.tree import MOVING, check_tree
 
 # The deepest element known, a mesh of a link, is the sixth.
@@ -90,7 +90,7 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
     stated = stated or Stated()
     root = parse_urdf(path)
     joints = check_tree(root, path)
-    _lock(joints, stated, path)
+    _lock_joints(joints, stated, path)
     for joint in joints.values():
         _one_coordinate(joint, stated, path)
     check_inertials(root, joints, stated.floating, stated.acknowledged, path)
@@ -123,7 +123,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     return root
 
 
-def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) -> None:
+def _lock_joints(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) -> None:
     values = dict(stated.locked)
     for name in values:
         if name not in joints:
@@ -145,8 +145,8 @@ def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) ->
             joint.remove(mimic)
             continue
         where = f"joint {name!r}/mimic"
-        (factor,) = numbers(mimic, "multiplier", 1, path, where, default="1")
-        (offset,) = numbers(mimic, "offset", 1, path, where, default="0")
+        (factor,) = read_numbers(mimic, "multiplier", 1, path, where, default="1")
+        (offset,) = read_numbers(mimic, "offset", 1, path, where, default="0")
         followers[name] = (mimic, mimic.get("joint", ""), factor, offset)
     while held := [name for name, (_, master, _, _) in followers.items() if master in values]:
         for name in held:
@@ -154,10 +154,10 @@ def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) ->
             values[name] = factor * values[master] + offset
             joints[name].remove(mimic)
     for name, value in values.items():
-        _fix(joints[name], value, path)
+        _fix_joint(joints[name], value, path)
 
 
-def _fix(joint: ElementTree.Element, value: float, path: Path) -> None:
+def _fix_joint(joint: ElementTree.Element, value: float, path: Path) -> None:
     """Turn a moving joint into a fixed one at ``value``."""
     where = f"joint {joint.get('name')!r}"
     if joint.get("type") == "fixed":
@@ -166,11 +166,11 @@ def _fix(joint: ElementTree.Element, value: float, path: Path) -> None:
     if origin is None:
         origin = ElementTree.SubElement(joint, "origin")
     pose = pin.SE3(
-        pin.rpy.rpyToMatrix(*numbers(origin, "rpy", 3, path, where, default="0 0 0")),
-        np.array(numbers(origin, "xyz", 3, path, where, default="0 0 0")),
+        pin.rpy.rpyToMatrix(*read_numbers(origin, "rpy", 3, path, where, default="0 0 0")),
+        np.array(read_numbers(origin, "xyz", 3, path, where, default="0 0 0")),
     )
     axis = joint.find("axis")
-    direction = np.array([1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3, path, where))
+    direction = np.array([1.0, 0.0, 0.0] if axis is None else read_numbers(axis, "xyz", 3, path, where))
     direction /= np.linalg.norm(direction)
     if joint.get("type") == "prismatic":
         pose = pose * pin.SE3(np.eye(3), value * direction)
@@ -195,7 +195,7 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
         lower, upper = stated.limits[name]
     elif kind != "continuous" and limit is not None and has_limits:
         lower, upper = (
-            numbers(limit, side, 1, path, f"joint {name!r}/limit")[0] for side in ("lower", "upper")
+            read_numbers(limit, side, 1, path, f"joint {name!r}/limit")[0] for side in ("lower", "upper")
         )
     else:
         raise RobotError(

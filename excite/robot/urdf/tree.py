@@ -12,7 +12,7 @@ from excite.reading.xml_document import all_alike
 from excite.robot.joint_values import check_range
 from excite.robot.quantities import MAX_ANGLE, MAX_STAND_IN, MAX_TRAVEL_STAND_IN
 from excite.robot.urdf.geometry import check_geometry, check_origin
-from excite.robot.urdf.numbers import numbers, shorten
+from excite.robot.urdf.numbers import read_numbers, shorten_text
 
 MOVING = ("revolute", "continuous", "prismatic")
 MAX_LINKS = 2000
@@ -46,8 +46,8 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     if not root.get("name", "").strip():
         raise RobotError("is missing", source=path, field="robot@name", remedy="name the robot")
     _check_name(root.get("name", ""), "robot@name", path)
-    links = _named(root, "link", path)
-    joints = _named(root, "joint", path)
+    links = _named_elements(root, "link", path)
+    joints = _named_elements(root, "joint", path)
     if not links:
         raise RobotError("has no <link>", source=path, field="robot", remedy="describe at least one")
     if len(links) > MAX_LINKS:
@@ -60,7 +60,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     parents: dict[str, str] = {}
     carriers: dict[str, str] = {}
     for name, joint in joints.items():
-        parent, child = (_end(joint, name, end, links, path) for end in ("parent", "child"))
+        parent, child = (_joint_end(joint, name, end, links, path) for end in ("parent", "child"))
         if child in carriers:
             raise RobotError(
                 f"is the child of two joints, {carriers[child]!r} and {name!r}: a closed loop",
@@ -83,7 +83,7 @@ def link_at(joint: ElementTree.Element, end: str) -> str:
     return "" if element is None else str(element.get("link"))
 
 
-def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, ElementTree.Element]:
+def _named_elements(root: ElementTree.Element, tag: str, path: Path) -> dict[str, ElementTree.Element]:
     found: dict[str, ElementTree.Element] = {}
     for number, element in enumerate(root.findall(tag)):
         name = element.get("name", "")
@@ -112,7 +112,7 @@ def _check_count(root: ElementTree.Element, path: Path) -> None:
 
 def _check_name(name: str, where: str, path: Path) -> None:
     if len(name) > MAX_NAME or not name.isprintable():
-        what = f"has the name {shorten(name)!r}"
+        what = f"has the name {shorten_text(name)!r}"
         remedy = f"give it a name of at most {MAX_NAME} printable characters"
         raise RobotError(what, source=path, field=where, remedy=remedy)
 
@@ -140,11 +140,11 @@ def _check_flat(element: ElementTree.Element, where: str, path: Path) -> None:
     """Readers pass over a link or joint inside another one."""
     for inside in element.iter():
         if inside is not element and inside.tag in {"link", "joint"}:
-            what = f"holds the {inside.tag} {shorten(inside.get('name', ''))!r}"
+            what = f"holds the {inside.tag} {shorten_text(inside.get('name', ''))!r}"
             raise RobotError(what, source=path, field=where, remedy="put it beside, not inside")
 
 
-def _end(
+def _joint_end(
     joint: ElementTree.Element, name: str, end: str, links: dict[str, ElementTree.Element], path: Path
 ) -> str:
     element = joint.find(end)
@@ -181,14 +181,14 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
         raise RobotError(what, source=path, field=where, remedy=remedy)
     axis = joint.find("axis")
     if axis is not None:
-        direction = np.array(numbers(axis, "xyz", 3, path, f"{where}/axis"))
+        direction = np.array(read_numbers(axis, "xyz", 3, path, f"{where}/axis"))
         if not 1e-6 < np.linalg.norm(direction) < 1e6:
             what = f"is {axis.get('xyz')!r}, which is no direction"
             raise RobotError(what, source=path, field=f"{where}/axis", remedy="give a vector of length 1")
     dynamics = joint.find("dynamics")
     if dynamics is not None:
         for attribute in ("damping", "friction"):
-            numbers(dynamics, attribute, 1, path, f"{where}/dynamics", default="0")
+            read_numbers(dynamics, attribute, 1, path, f"{where}/dynamics", default="0")
     limit = joint.find("limit")
     if limit is not None:
         _check_limit(joint, limit, f"{where}/limit", path)
@@ -196,7 +196,7 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
 
 def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: str, path: Path) -> None:
     for attribute in ("effort", "velocity"):
-        (value,) = numbers(limit, attribute, 1, path, where, default="0")
+        (value,) = read_numbers(limit, attribute, 1, path, where, default="0")
         if 0.0 < value < 1.0 / MAX_STAND_IN:
             fault = {
                 "field": f"{where}@{attribute}",
@@ -208,7 +208,7 @@ def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: 
         elif value < 0.0:
             fault = {"field": f"{where}@{attribute}", "remedy": "give a positive number"}
             raise RobotError(f"is {value}", source=path, **fault)
-    lower, upper = (numbers(limit, side, 1, path, where, default="0")[0] for side in ("lower", "upper"))
+    lower, upper = (read_numbers(limit, side, 1, path, where, default="0")[0] for side in ("lower", "upper"))
     if lower > upper:
         fault = {"field": where, "remedy": f'exchange them: lower="{upper}" upper="{lower}", or correct them'}
         raise RobotError(f"lower {lower} is above upper {upper}", source=path, **fault)

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.robot.sliding import slides
+from excite.robot.sliding import is_prismatic
 
 
 def approach_rates(model: pin.Model, geometry: pin.GeometryModel) -> Array:
@@ -32,7 +32,7 @@ def approach_rates(model: pin.Model, geometry: pin.GeometryModel) -> Array:
     return np.asarray((rates[first] + rates[second]) * between)
 
 
-def _column(model: pin.Model, joint: int) -> int:
+def _first_column(model: pin.Model, joint: int) -> int:
     """First column of a joint."""
     free = model.nvs[1] == 6
     return joint if free and joint > 1 else joint - 1
@@ -41,7 +41,7 @@ def _column(model: pin.Model, joint: int) -> int:
 def _columns_above(model: pin.Model, joint: int) -> Array:
     above = np.zeros(_n_columns(model), dtype=bool)
     for ancestor in list(model.supports[joint])[1:]:
-        above[_column(model, ancestor)] = True
+        above[_first_column(model, ancestor)] = True
         if model.nvs[ancestor] == 6:
             above[1] = True
     return above
@@ -58,8 +58,8 @@ def _body_rates(model: pin.Model, shape: pin.GeometryObject) -> Array:
     reach = float(np.linalg.norm(shape.placement.act(local.aabb_center)) + local.aabb_radius)
     rates = np.zeros(_n_columns(model))
     for joint in reversed(list(model.supports[shape.parentJoint])[1:]):
-        column = _column(model, joint)
-        prismatic = model.nvs[joint] == 1 and slides(model, model.idx_vs[joint])
+        column = _first_column(model, joint)
+        prismatic = model.nvs[joint] == 1 and is_prismatic(model, model.idx_vs[joint])
         if model.nvs[joint] == 6:
             rates[column], rates[column + 1] = 1.0, reach
             continue

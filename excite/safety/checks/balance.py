@@ -41,18 +41,20 @@ class ZeroMomentPointCheck(Check):
         violations = []
         airborne: NDArray[np.bool_] = np.logical_not(sweep.contacts.any(axis=1))
         if airborne.any():
-            violations.append(Violation("no_contact", _first(time, airborne), "feet", None, None))
+            violations.append(Violation("no_contact", _first_time(time, airborne), "feet", None, None))
         share = sweep.wrench[:, 2] / (robot.mass * np.linalg.norm(robot.model.gravity.linear))
         light = np.logical_not(share >= MIN_WEIGHT_SHARE)
         if light.any():
             value = float(share[int(np.argmax(light))])
-            violations.append(Violation("weight_share", _first(time, light), "feet", value, MIN_WEIGHT_SHARE))
+            violations.append(
+                Violation("weight_share", _first_time(time, light), "feet", value, MIN_WEIGHT_SHARE)
+            )
         margin = support_margin(sweep, sweep.zmp)
         outside = margin < ZMP_MARGIN
         if outside.any():
             value = float(margin[int(np.argmax(outside))])
             violations.append(
-                Violation("zmp", _first(time, outside), _feet(sweep, outside), value, ZMP_MARGIN)
+                Violation("zmp", _first_time(time, outside), _name_feet(sweep, outside), value, ZMP_MARGIN)
             )
         smallest = float(margin.min())
         return CheckResult(smallest if np.isfinite(smallest) else None, tuple(violations))
@@ -72,14 +74,14 @@ class CentreOfMassCheck(Check):
             return CheckResult(applicable=False)
         time = sweep.fine.time
         margin = support_margin(sweep, sweep.dynamics.com[:, :2])
-        outside = ~(margin >= ZMP_MARGIN) & _stances(sweep)
+        outside = ~(margin >= ZMP_MARGIN) & _stance_samples(sweep)
         if not outside.any():
             return CheckResult()
         value = float(margin[int(np.argmax(outside))])
         found = Violation(
             "com",
-            _first(time, outside),
-            _feet(sweep, outside),
+            _first_time(time, outside),
+            _name_feet(sweep, outside),
             value if np.isfinite(value) else None,
             ZMP_MARGIN,
         )
@@ -118,7 +120,7 @@ def support_margin(sweep: Sweep, points: Array) -> Array:
     return margin
 
 
-def _stances(sweep: Sweep) -> NDArray[np.bool_]:
+def _stance_samples(sweep: Sweep) -> NDArray[np.bool_]:
     """Samples at which the centre of mass is judged."""
     time, contacts = sweep.fine.time, sweep.contacts
     changes = np.flatnonzero((contacts[1:] != contacts[:-1]).any(axis=1)) + 1
@@ -130,10 +132,10 @@ def _stances(sweep: Sweep) -> NDArray[np.bool_]:
     return judged
 
 
-def _first(time: Array, bad: NDArray[np.bool_]) -> float:
+def _first_time(time: Array, bad: NDArray[np.bool_]) -> float:
     return float(time[int(np.argmax(bad))])
 
 
-def _feet(sweep: Sweep, bad: NDArray[np.bool_]) -> str:
+def _name_feet(sweep: Sweep, bad: NDArray[np.bool_]) -> str:
     row = sweep.contacts[int(np.argmax(bad))]
     return "+".join(foot.name for foot, flag in zip(sweep.robot.feet, row, strict=True) if flag) or "feet"

@@ -112,7 +112,7 @@ def find_closest(distances: Distances, required: float) -> Closest:
         pairs = np.flatnonzero(first.asked[k] & first.asked[k + 1])
         push(float(times[k]), float(times[k + 1]), pairs, first.values[k, pairs], first.values[k + 1, pairs])
     for _ in range(_MAX_EVALUATIONS):
-        if not heap or _settled(heap[0][0], upper, required):
+        if not heap or _is_settled(heap[0][0], upper, required):
             break
         _, _, start, end, pairs, before, after = heapq.heappop(heap)
         middle = distances.midpoint(start, end)
@@ -120,7 +120,7 @@ def find_closest(distances: Distances, required: float) -> Closest:
         least = min(row.tolist())
         upper = min(upper, least)
         if least < required:
-            _note(found, middle, pairs, row, required)
+            _note_distance(found, middle, pairs, row, required)
         push(start, middle, pairs, before, row)
         push(middle, end, pairs, row, after)
     return Closest(min(heap[0][0], upper) if heap else upper, upper, found)
@@ -173,16 +173,16 @@ def _first_look(distances: Distances, times: Array, required: float) -> _FirstLo
             row = distances.at(float(time), pairs)
             values[k, pairs], asked[k, pairs] = row, True
             upper = min(upper, float(row.min()))
-            _note(found, float(time), pairs, row, required)
+            _note_distance(found, float(time), pairs, row, required)
     return _FirstLook(values, asked, upper, found)
 
 
-def _settled(lower: float, upper: float, required: float) -> bool:
+def _is_settled(lower: float, upper: float, required: float) -> bool:
     gap = upper - lower
     return gap <= _FINE or (gap <= _COARSE and (lower >= required or upper < required))
 
 
-def _note(
+def _note_distance(
     found: dict[int, tuple[float, float]], time: float, pairs: NDArray[np.intp], row: Array, required: float
 ) -> None:
     for pair, value in zip(pairs.tolist(), row.tolist(), strict=True):

@@ -45,7 +45,7 @@ def joint_bounds(motion: Motion) -> JointBounds:
     for start in range(0, n, _BLOCK):
         part = slice(start, min(start + _BLOCK, n) + 1)
         q, v, a = (values[part] for values in samples)
-        found[:, start : start + _BLOCK] = _bounded(np.diff(time[part])[:, None], q, v, a)
+        found[:, start : start + _BLOCK] = _bound_between_samples(np.diff(time[part])[:, None], q, v, a)
     return JointBounds(*found)
 
 
@@ -59,17 +59,17 @@ def jerk_bounds(motion: Motion) -> Array:
     q, v, a = motion.joint_positions(), motion.joint_velocities() / 5.0, motion.joint_accelerations() / 20.0
     slopes = _slopes(h, np.diff(q, axis=0), v, a)
     bends = [after - before for before, after in pairwise(slopes)]
-    peaks = _most([np.abs(after - before) for before, after in pairwise(bends)])
+    peaks = _most_of([np.abs(after - before) for before, after in pairwise(bends)])
     return np.asarray(60.0 * peaks / (h * h * h))
 
 
-def _bounded(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+def _bound_between_samples(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
     """Bounds between samples ``(m + 1, n_joints)`` that are ``h`` ``(m, 1)`` apart, each ``(m, n_joints)``."""
     velocity = _slopes(h, np.diff(q, axis=0), v / 5.0, a / 20.0)
     position = list(accumulate(velocity, initial=np.zeros_like(velocity[0])))
-    lowest, highest = _least(position), _most(position)
-    fastest = _most([np.abs(point) for point in velocity])
-    hardest = _most([np.abs(after - before) for before, after in pairwise(velocity)])
+    lowest, highest = _least_of(position), _most_of(position)
+    fastest = _most_of([np.abs(point) for point in velocity])
+    hardest = _most_of([np.abs(after - before) for before, after in pairwise(velocity)])
     return q[:-1] + lowest, q[:-1] + highest, 5.0 * fastest / h, 20.0 * hardest / (h * h)
 
 
@@ -84,10 +84,10 @@ def _slopes(h: Array, step: Array, v: Array, a: Array) -> tuple[Array, ...]:
     return first, second - first, third - second, last - third, step - last
 
 
-def _least(points: Sequence[Array]) -> Array:
+def _least_of(points: Sequence[Array]) -> Array:
     """Element by element. Of stacks of the points the bounds of a G1's motion take 7.7 ms in place of 3.4."""
     return reduce(lambda one, other: np.minimum(one, other), points)
 
 
-def _most(points: Sequence[Array]) -> Array:
+def _most_of(points: Sequence[Array]) -> Array:
     return reduce(lambda one, other: np.maximum(one, other), points)

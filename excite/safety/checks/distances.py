@@ -46,7 +46,7 @@ class _Bodies:
 
 
 @lru_cache(maxsize=4)
-def _bodies(robot: Robot) -> _Bodies:
+def _collision_bodies(robot: Robot) -> _Bodies:
     geometry, kept = watched_model(robot)
     centres, radii = bounding_balls(geometry)
     first = np.array([pair.first for pair in geometry.collisionPairs], dtype=np.intp)
@@ -74,7 +74,7 @@ class Distances:
 
     @cached_property
     def _data(self) -> tuple[pin.Data, pin.GeometryData]:
-        return self.sweep.robot.model.createData(), _bodies(self.sweep.robot).data
+        return self.sweep.robot.model.createData(), _collision_bodies(self.sweep.robot).data
 
     @cached_property
     def _instants(self) -> Instants:
@@ -111,7 +111,7 @@ class Distances:
         first, last = known.get(start), known.get(end)
         first = self._travel_at(start) if first is None else first
         last = self._travel_at(end) if last is None else last
-        return _bodies(self.sweep.robot).rates[pairs] @ (last - first)
+        return _collision_bodies(self.sweep.robot).rates[pairs] @ (last - first)
 
     def ways(self, times: Array) -> Array:
         """Bounds on how much all pairs' distances can change between one time and the next, ``(n - 1, n_pairs)`` [m].
@@ -119,7 +119,7 @@ class Distances:
         They are a little wider than those of :meth:`approach`, by what distances may be off.
         """
         travel = np.array([self._travel_at(float(time)) for time in times])
-        return np.asarray(np.diff(travel, axis=0) @ _bodies(self.sweep.robot).rates.T + _TOLERANCE)
+        return np.asarray(np.diff(travel, axis=0) @ _collision_bodies(self.sweep.robot).rates.T + _TOLERANCE)
 
     @cached_property
     def _travelled(self) -> dict[float, Array]:
@@ -141,11 +141,11 @@ class Distances:
         """Distances of pairs at a time, ``(n,)`` [m], negative in penetration."""
         data = self._placed(time)
         apart = np.array([pair_distance(self.geometry, data, pair) for pair in pairs.tolist()])
-        return np.asarray(apart + _bodies(self.sweep.robot).spare[pairs])
+        return np.asarray(apart + _collision_bodies(self.sweep.robot).spare[pairs])
 
     def at_least(self, times: Array) -> Array:
         """Bounds of all pairs' distances from below at some times, ``(n, n_pairs)`` [m]: of balls about the bodies."""
-        bodies = _bodies(self.sweep.robot)
+        bodies = _collision_bodies(self.sweep.robot)
         # Views of what pinocchio fills in at each time.
         placed = [(placement.rotation, placement.translation) for placement in self._data[1].oMg]
         rotation, position = np.empty((len(times), len(placed), 3, 3)), np.empty((len(times), len(placed), 3))
@@ -175,7 +175,7 @@ class Distances:
         """The violation of a pair at the first sample below the required distance, or at an instant known."""
         objects, chosen = self.geometry.geometryObjects, self.geometry.collisionPairs[pair]
         where = f"{objects[chosen.first].name} - {objects[chosen.second].name}"
-        only, spare = np.array([pair]), float(_bodies(self.sweep.robot).spare[pair])
+        only, spare = np.array([pair]), float(_collision_bodies(self.sweep.robot).spare[pair])
         for sample in self.sweep.fine.time:
             if sample >= time:
                 break

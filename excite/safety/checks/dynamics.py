@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.lazy_kernel import LazyKernel
 from excite.motion.motion import Motion
-from excite.regressor.force_loops import inward
+from excite.regressor.force_loops import inward_pass
 from excite.regressor.kernels import block_of, load_of
-from excite.regressor.motion_loops import LANES, POS, by_sample, move
+from excite.regressor.motion_loops import LANES, POS, by_sample, move_bodies
 from excite.regressor.row_loops import write_screw
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
@@ -41,7 +41,7 @@ class Dynamics:
     position: Array
 
 
-def dynamics(robot: Robot, motion: Motion, asked: NDArray[np.intp]) -> Dynamics:
+def compute_dynamics(robot: Robot, motion: Motion, asked: NDArray[np.intp]) -> Dynamics:
     """Inverse dynamics of a motion and what comes with it; ``asked`` are the samples at which screws are wanted.
 
     A robot without feet is left to pinocchio: few samples of an arm are done before compiled loops are loaded. One on
@@ -61,9 +61,9 @@ def dynamics(robot: Robot, motion: Motion, asked: NDArray[np.intp]) -> Dynamics:
             found.tau[k] = pin.rnea(robot.model, data, q, v, a)
             found.com[k] = pin.centerOfMass(robot.model, data, q)
         return found
-    tree, rows = _tree(robot), np.full(n, -1)
+    tree, rows = _kinematic_tree(robot), np.full(n, -1)
     rows[asked] = np.arange(len(asked))
-    _stand(
+    _stand_on_feet(
         tree.structure, tree.gravity, *(np.ascontiguousarray(part, dtype=float) for part in moved), tree.phi,
         np.array([foot.joint for foot in feet]), rows, *block_of(tree), *load_of(tree),
         found.tau, found.com, found.screws, found.rotation, found.position,
@@ -72,12 +72,12 @@ def dynamics(robot: Robot, motion: Motion, asked: NDArray[np.intp]) -> Dynamics:
 
 
 @lru_cache(maxsize=4)
-def _tree(robot: Robot) -> KinematicTree:
+def _kinematic_tree(robot: Robot) -> KinematicTree:
     return read_tree(robot.model)
 
 
 @LazyKernel
-def _stand(
+def _stand_on_feet(
     structure, gravity, q, v, a, phi, feet, rows, room, block, state, forces, load,
     tau, com, screws, rotation, position,
 ):  # fmt: skip
@@ -87,15 +87,15 @@ def _stand(
     """
     kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
     for first in range(0, q.shape[0], LANES):
-        move(
+        move_bodies(
             kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, True,
             q, v, a, first, room, block,
         )  # fmt: skip
         by_sample(block, state)
-        inward(kinds, parents, idx_v, phi, block, forces, load, first, tau)
+        inward_pass(kinds, parents, idx_v, phi, block, forces, load, first, tau)
         for b in range(min(LANES, q.shape[0] - first)):
             t = first + b
-            _centre(phi, state, b, com[t])
+            _centre_of_mass(phi, state, b, com[t])
             for k in range(feet.shape[0]):
                 for i in range(3):
                     position[t, k, i] = state[b, feet[k], POS + i]
@@ -107,7 +107,7 @@ def _stand(
 
 
 @LazyKernel
-def _centre(phi, state, b, com):
+def _centre_of_mass(phi, state, b, com):
     """Centre of mass in lane ``b``."""
     mass, x, y, z = 0.0, 0.0, 0.0, 0.0
     for j in range(1, state.shape[1]):

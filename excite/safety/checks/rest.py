@@ -37,10 +37,10 @@ class RestCheck(Check):
         names = coordinate_names(robot)
         found: list[Violation] = []
         for row, kind in ((0, "starts_moving"), (-1, "ends_moving")):
-            neighbour = _neighbour(motion, row)
+            neighbour = _neighbour_name(motion, row)
             speed, limit = np.abs(motion.v[row]), velocity_tolerance(robot)
             if neighbour:
-                apart = _open_end(motion, row, sweep.neighbours) or _misfit(
+                apart = _open_end(motion, row, sweep.neighbours) or _describe_misfit(
                     robot, motion, row, sweep.neighbours[neighbour]
                 )
                 if apart is not None:
@@ -57,22 +57,22 @@ class RestCheck(Check):
 
 def _open_end(motion: Motion, row: int, others: Mapping[str, Motion]) -> str | None:
     """What keeps a chain from coming from rest (row 0) or to rest (row -1): a motion that is not there, or a ring."""
-    seen, name = {motion.name}, _neighbour(motion, row)
+    seen, name = {motion.name}, _neighbour_name(motion, row)
     while name:
         if name not in others:
             return "not among the motions checked"
         if name in seen:
             return "leads back to itself and never rests"
         seen.add(name)
-        name = _neighbour(others[name], row)
+        name = _neighbour_name(others[name], row)
     return None
 
 
-def _neighbour(motion: Motion, row: int) -> str:
+def _neighbour_name(motion: Motion, row: int) -> str:
     return motion.metadata.previous if row == 0 else motion.metadata.following
 
 
-def _misfit(robot: Robot, motion: Motion, row: int, neighbour: Motion) -> str | None:
+def _describe_misfit(robot: Robot, motion: Motion, row: int, neighbour: Motion) -> str | None:
     """What keeps a motion's first (row 0) or last (row -1) sample from being where its neighbour ends or starts."""
     if neighbour.joint_names != motion.joint_names:
         return "has other joints"
@@ -80,9 +80,9 @@ def _misfit(robot: Robot, motion: Motion, row: int, neighbour: Motion) -> str | 
     if back != motion.name:
         return "does not name it"
     other = -1 if row == 0 else 0
-    if not _near(motion.q[row], neighbour.q[other], np.full(motion.q.shape[1], _APART)):
+    if not _is_near(motion.q[row], neighbour.q[other], np.full(motion.q.shape[1], _APART)):
         return "is in another posture there"
-    if not _near(motion.v[row], neighbour.v[other], velocity_tolerance(robot)):
+    if not _is_near(motion.v[row], neighbour.v[other], velocity_tolerance(robot)):
         return "moves otherwise there"
     for foot, flags in motion.contacts.items():
         flag = neighbour.contacts.get(foot)
@@ -91,5 +91,5 @@ def _misfit(robot: Robot, motion: Motion, row: int, neighbour: Motion) -> str | 
     return None
 
 
-def _near(a: Array, b: Array, tolerance: Array) -> bool:
+def _is_near(a: Array, b: Array, tolerance: Array) -> bool:
     return a.shape == b.shape and bool((np.abs(a - b) <= tolerance).all())

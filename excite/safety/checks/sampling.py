@@ -41,14 +41,14 @@ class SamplingCheck(Check):
 
     def judge(self, sweep: Sweep) -> CheckResult:
         robot, motion = sweep.robot, sweep.motion
-        for broken in (_structure(robot, motion), _values(motion), time_faults(motion)):
+        for broken in (_check_structure(robot, motion), _check_values(motion), time_faults(motion)):
             if broken:
                 return CheckResult(violations=broken, readable=False)
-        contacts = _contacts(robot, motion)
+        contacts = _check_contacts(robot, motion)
         if contacts:
             return CheckResult(violations=contacts, readable=False)
         # Between setpoints a controller runs the curve that these ask for, whatever it does.
-        return CheckResult(violations=() if motion.is_goal else _derivatives(robot, motion))
+        return CheckResult(violations=() if motion.is_goal else _check_derivatives(robot, motion))
 
 
 def coordinate_names(robot: Robot) -> tuple[str, ...]:
@@ -59,10 +59,10 @@ def coordinate_names(robot: Robot) -> tuple[str, ...]:
 
 def velocity_tolerance(robot: Robot) -> Array:
     """How far velocities may be from what they should be, ``(nv,)`` [m/s and rad/s of a base; rad/s or m/s]."""
-    return _tolerances(robot)[0]
+    return _derivative_tolerances(robot)[0]
 
 
-def _structure(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
+def _check_structure(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
     if motion.joint_names != robot.joint_names:
         pairs = zip(motion.joint_names, robot.joint_names, strict=False)
         wrong = next((found for found, expected in pairs if found != expected), "number of joints")
@@ -76,7 +76,7 @@ def _structure(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
     )
 
 
-def _values(motion: Motion) -> tuple[Violation, ...]:
+def _check_values(motion: Motion) -> tuple[Violation, ...]:
     for name, values in (("time", motion.time), ("q", motion.q), ("v", motion.v), ("a", motion.a)):
         finite = np.isfinite(values).reshape(len(values), -1)
         if not finite.all():
@@ -126,7 +126,7 @@ def time_faults(motion: Motion) -> tuple[Violation, ...]:
     return ()
 
 
-def _contacts(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
+def _check_contacts(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
     found = []
     for foot in robot.feet:
         flags = motion.contacts.get(foot.name)
@@ -135,7 +135,7 @@ def _contacts(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
     return tuple(found)
 
 
-def _derivatives(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
+def _check_derivatives(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
     time, v, a = motion.time, motion.v, motion.a
     h = np.diff(time)[:, None]
     if motion.floating:
@@ -147,7 +147,7 @@ def _derivatives(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
     v_mean = 0.5 * (v[:-1] + v[1:]) - h * np.diff(a, axis=0) / 12.0
     a_mean = 0.5 * (a[:-1] + a[1:])
     velocity, acceleration = np.abs(step / h - v_mean), np.abs(np.diff(v, axis=0) / h - a_mean)
-    v_limit, a_limit = _tolerances(robot)
+    v_limit, a_limit = _derivative_tolerances(robot)
     # A single jump of a by Δa inside the interval moves the mean acceleration by at most Δa/2, and the mean
     # velocity against the corrected trapezoidal rule by at most h·Δa/12.
     v_limit, a_limit = v_limit + h * jump / 12.0, a_limit + 0.5 * jump
@@ -163,7 +163,7 @@ def _derivatives(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
     )
 
 
-def _tolerances(robot: Robot) -> tuple[Array, Array]:
+def _derivative_tolerances(robot: Robot) -> tuple[Array, Array]:
     velocity = _VELOCITY_TOLERANCE * robot.limits.velocity
     acceleration = _ACCELERATION_TOLERANCE * robot.limits.acceleration
     if not robot.floating:

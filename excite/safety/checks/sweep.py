@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, distinct_rows
 from excite.errors import InputError
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, interpolate_motion
 from excite.robot.robot import Robot
 from excite.safety.checks.control_points import JointBounds, joint_bounds
-from excite.safety.checks.dynamics import Dynamics, dynamics
+from excite.safety.checks.dynamics import Dynamics, compute_dynamics
 from excite.safety.contact_wrench import zero_moment_point
 from excite.safety.force_distribution import ContactForces, distribute_wrench
 
@@ -64,7 +64,9 @@ class Sweep:
         grid = time[0] + np.linspace(0.0, duration, round(duration * rate) + 1)
         after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
         nearest = np.minimum(np.abs(grid - time[after - 1]), np.abs(grid - time[after]))
-        return interpolate(self.motion, self.robot, np.sort(np.append(time, grid[nearest * rate > _APART])))
+        return interpolate_motion(
+            self.motion, self.robot, np.sort(np.append(time, grid[nearest * rate > _APART]))
+        )
 
     @cached_property
     def bounds(self) -> JointBounds:
@@ -74,7 +76,7 @@ class Sweep:
     @cached_property
     def dynamics(self) -> Dynamics:
         """Inverse dynamics, centre of mass, feet; screws at ``torque_samples``."""
-        return dynamics(self.robot, self.fine, self.torque_samples)
+        return compute_dynamics(self.robot, self.fine, self.torque_samples)
 
     @cached_property
     def contacts(self) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
 from excite.motion.generators.candidate import Candidate
 from excite.robot.robot import Foot, Robot
-from excite.safety.repairs.steering import Steering, steering
+from excite.safety.repairs.steering import Steering, find_steering
 
 _TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 _TOLERANCE = 1e-9
@@ -32,30 +32,30 @@ def _kinematic_urdf(robot: Robot) -> str:
         for end in ("parent", "child"):
             element = joint.find(end)
             if element is not None:
-                element.set("link", _frame(element.get("link", "")))
+                element.set("link", _frame_name(element.get("link", "")))
     for link in root.findall("link"):
-        link.set("name", _frame(link.get("name", "")))
+        link.set("name", _frame_name(link.get("name", "")))
         for kind in ("visual", "collision"):
             for element in link.findall(kind):
                 link.remove(element)
     for foot in robot.feet:
         if not foot.flat:
             corners = next(block.sole for block in robot.description.feet if block.name == foot.name)
-            joint = ElementTree.SubElement(root, "joint", name=_tip(foot) + "/joint", type="fixed")
-            ElementTree.SubElement(joint, "parent", link=_frame(foot.link))
-            ElementTree.SubElement(joint, "child", link=_tip(foot))
+            joint = ElementTree.SubElement(root, "joint", name=_tip_name(foot) + "/joint", type="fixed")
+            ElementTree.SubElement(joint, "parent", link=_frame_name(foot.link))
+            ElementTree.SubElement(joint, "child", link=_tip_name(foot))
             ElementTree.SubElement(
                 joint, "origin", xyz=" ".join(map(repr, np.mean(corners, axis=0).tolist()))
             )
-            ElementTree.SubElement(root, "link", name=_tip(foot))
+            ElementTree.SubElement(root, "link", name=_tip_name(foot))
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _frame(link: str) -> str:
+def _frame_name(link: str) -> str:
     return f"{link}/link"
 
 
-def _tip(foot: Foot) -> str:
+def _tip_name(foot: Foot) -> str:
     return f"{foot.link}/{foot.name}/tip"
 
 
@@ -83,7 +83,7 @@ class Balancer:
         legs = {robot.joint_names[i] for foot in robot.feet for i in leg_joints(robot, foot)}
         solver = placo.KinematicsSolver(self._wrapper)
         solver.enable_joint_limits(False)
-        can = steering(robot)
+        can = find_steering(robot)
         # Joints that no task needs would drift, or creep towards rest by steps that do not end: with two to a leg of
         # CENTAURO no candidate was solved.
         legs -= {robot.joint_names[i] for i in can.idle}
@@ -97,7 +97,7 @@ class Balancer:
         self._com = solver.add_com_task(self._com_rest)
         self._com.mask.set_axises("".join(axis for axis in "xy" if axis in can.trunk))
         self._com.configure("com", "hard", 1.0)
-        pelvis = _frame(robot.segments[pelvis_joint(robot) - 1].link)
+        pelvis = _frame_name(robot.segments[pelvis_joint(robot) - 1].link)
         self._pelvis_rest = np.array(self._wrapper.get_T_world_frame(pelvis))
         self._turn = solver.add_orientation_task(pelvis, self._pelvis_rest[:3, :3])
         self._turn.mask.set_axises("".join(axis for axis, turn in _TURNS.items() if turn in can.trunk))
@@ -185,8 +185,8 @@ class _SoleTask:
     """Keeps a flat foot's six coordinates, but for those that follow from the other feet's."""
 
     def __init__(self, solver: Any, wrapper: Any, foot: Foot, sole: Array, held: frozenset[str]) -> None:
-        self._pose = np.array(wrapper.get_T_world_frame(_frame(foot.link)))
-        self._task = solver.add_frame_task(_frame(foot.link), self._pose)
+        self._pose = np.array(wrapper.get_T_world_frame(_frame_name(foot.link)))
+        self._task = solver.add_frame_task(_frame_name(foot.link), self._pose)
         if len(held) < 6:
             self._task.position().mask.set_axises("".join(axis for axis in "xyz" if axis in held))
             self._task.orientation().mask.set_axises(
@@ -197,7 +197,7 @@ class _SoleTask:
 
     def targets(self, displacements: Array) -> Array:
         """What to aim at for displacements from rest ``(n, 6)``."""
-        return _displaced(self._pose, self._sole, displacements)
+        return _displace_foot(self._pose, self._sole, displacements)
 
     def aim(self, target: Array) -> None:
         self._task.T_world_frame = target
@@ -210,8 +210,8 @@ class _TipTask:
     """Keeps the middle of a point foot or an edge; the link turns about it."""
 
     def __init__(self, solver: Any, wrapper: Any, foot: Foot) -> None:
-        self._place = np.array(wrapper.get_T_world_frame(_tip(foot)))[:3, 3]
-        self._task = solver.add_position_task(_tip(foot), self._place)
+        self._place = np.array(wrapper.get_T_world_frame(_tip_name(foot)))[:3, 3]
+        self._task = solver.add_position_task(_tip_name(foot), self._place)
         self._task.configure(foot.name, "hard", 1.0)
 
     def targets(self, displacements: Array) -> Array:
@@ -225,7 +225,7 @@ class _TipTask:
         self._task.target_world = self._place
 
 
-def _displaced(pose: Array, sole: Array, displacements: Array) -> Array:
+def _displace_foot(pose: Array, sole: Array, displacements: Array) -> Array:
     """A foot's pose moved by translations, and turned by rotation vectors about its sole's centre, ``(n, 4, 4)``."""
     turns = scipy.spatial.transform.Rotation.from_rotvec(displacements[:, 3:]).as_matrix()
     moved = np.tile(np.eye(4), (len(turns), 1, 1))

@@ -74,7 +74,7 @@ def _standing_still(draft: Draft, path: MotionPath, rows: Rows) -> Rejection:
 
 def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
     """The largest ``ṡ`` at each of the knots ``(n,)`` under rows and a bound, or None if there is none."""
-    with _unwarned(), _without_pyplot():
+    with _without_warnings(), _without_pyplot():
         import toppra
         from toppra.algorithm import TOPPRA
         from toppra.constraint import LinearConstraint
@@ -113,7 +113,7 @@ class _Pyplot(ModuleType):
 
 
 @contextmanager
-def _unwarned() -> Iterator[None]:
+def _without_warnings() -> Iterator[None]:
     """Import toppra without what Python 3.12 and later say of its docstrings where it was not compiled before."""
     if "toppra" in sys.modules:
         yield

@@ -19,7 +19,7 @@ _BRANCH, _BRANCHES = 0.4, 3000
 _SHORTCUTS = 60
 
 
-def straight(robot: Robot, probe: CollisionProbe, start: Array, end: Array) -> bool:
+def is_straight_free(robot: Robot, probe: CollisionProbe, start: Array, end: Array) -> bool:
     """Whether the joints may go on a straight line, ``(n_joints,)`` each; the base is at rest."""
     n = 2 + int(np.ceil(np.abs(end - start).max() / _STEP))
     q = np.tile(robot.rest, (n, 1))
@@ -27,7 +27,7 @@ def straight(robot: Robot, probe: CollisionProbe, start: Array, end: Array) -> b
     return probe.first(q) is None
 
 
-def route(robot: Robot, start: Array, end: Array, rng: np.random.Generator) -> list[Array] | None:
+def find_route(robot: Robot, start: Array, end: Array, rng: np.random.Generator) -> list[Array] | None:
     """Postures from ``start`` to ``end``, both included, between which the joints may go straight.
 
     Args:
@@ -40,13 +40,13 @@ def route(robot: Robot, start: Array, end: Array, rng: np.random.Generator) -> l
         The postures; None where no way was found.
     """
     probe = CollisionProbe(robot)
-    if straight(robot, probe, start, end):
+    if is_straight_free(robot, probe, start, end):
         return [start, end]
     for posture in (start, end):
-        if not straight(robot, probe, posture, posture):
+        if not is_straight_free(robot, probe, posture, posture):
             return None
-    found = _search(robot, probe, start, end, rng)
-    return None if found is None else _shortened(robot, probe, found, rng)
+    found = _search_route(robot, probe, start, end, rng)
+    return None if found is None else _shorten_route(robot, probe, found, rng)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class _Tree:
             way = target - self.postures[nearest]
             share = min(1.0, _BRANCH / max(float(np.abs(way).max()), 1e-12))
             reached = self.postures[nearest] + share * way
-            if not straight(robot, probe, self.postures[nearest], reached):
+            if not is_straight_free(robot, probe, self.postures[nearest], reached):
                 return False
             self.postures.append(target if share == 1.0 else reached)
             self.parents.append(nearest)
@@ -79,7 +79,7 @@ class _Tree:
         return found[::-1]
 
 
-def _search(
+def _search_route(
     robot: Robot, probe: CollisionProbe, start: Array, end: Array, rng: np.random.Generator
 ) -> list[Array] | None:
     lower, upper = robot.limits.position_lower, robot.limits.position_upper
@@ -94,7 +94,7 @@ def _search(
     return None
 
 
-def _shortened(
+def _shorten_route(
     robot: Robot, probe: CollisionProbe, way: list[Array], rng: np.random.Generator
 ) -> list[Array]:
     """The way without postures that a straight line may leave out."""
@@ -102,6 +102,6 @@ def _shortened(
         if len(way) == 2:
             break
         i, j = sorted(rng.choice(len(way), 2, replace=False).tolist())
-        if j > i + 1 and straight(robot, probe, way[i], way[j]):
+        if j > i + 1 and is_straight_free(robot, probe, way[i], way[j]):
             way = way[: i + 1] + way[j:]
     return way

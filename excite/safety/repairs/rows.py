@@ -159,8 +159,8 @@ class PathLimits:
     def _joints_of_set(self, sample: PathSample) -> tuple[Rows, Rows]:
         share = np.full(self._robot.n_joints, self.shares.of_robots)
         usable = usable_torque(self._robot, share, self.shares.velocity * self._robot.limits.velocity)
-        nominal = _interpolate(self.path.s, self._dynamics[0], sample.s)[..., None, :]
-        rises = _interpolate(self.path.s, self._rises_of_torques, sample.s)
+        nominal = _interpolate_rows(self.path.s, self._dynamics[0], sample.s)[..., None, :]
+        rises = _interpolate_rows(self.path.s, self._rises_of_torques, sample.s)
         # The torque upwards, and downwards.
         ways = np.concatenate([nominal, -nominal], axis=2) / usable
         up, down = rises / usable, rises[:, :, ::-1] / usable
@@ -168,7 +168,7 @@ class PathLimits:
         return _either_way(labels, ways, up, down, 1.0)
 
     def _contacts_of_set(self, sample: PathSample) -> tuple[Rows, Rows]:
-        wrench = _interpolate(self.path.s, self._dynamics[1], sample.s) / self._weight
+        wrench = _interpolate_rows(self.path.s, self._dynamics[1], sample.s) / self._weight
         carried = self._carried(sample.s)
         patterns, member = distinct_rows(carried)
         n_edges = max(len(self._support(row).normals) for row in patterns)
@@ -180,7 +180,7 @@ class PathLimits:
             forms, rises = self._forms(pattern), self._rises_of_forms(pattern)
             columns = np.r_[0 : len(forms) - 8, n_edges : n_edges + 8]
             values[np.ix_(at, np.arange(3), columns)] = wrench[at] @ forms.T
-            found = _interpolate(self.path.s, rises, sample.s[at])
+            found = _interpolate_rows(self.path.s, rises, sample.s[at])
             up[np.ix_(at, np.arange(3), columns)], down[np.ix_(at, np.arange(3), columns)] = (
                 found[..., 0],
                 found[..., 1],
@@ -253,7 +253,7 @@ class PathLimits:
 
     def joint_shares(self, sample: PathSample) -> Rows:
         """Accelerations and torques of the joints as shares of what they may be, either way: within ±1, not below 0."""
-        tau = _interpolate(self.path.s, self._dynamics[0], sample.s) / self._usable_torque
+        tau = _interpolate_rows(self.path.s, self._dynamics[0], sample.s) / self._usable_torque
         limit, n_base = self.shares.acceleration * self._robot.limits.acceleration, self._robot.n_base_v
         names = self._robot.joint_names
         return Rows(
@@ -268,7 +268,7 @@ class PathLimits:
         s = sample.s
         if not self._robot.feet:
             return Rows((), *np.zeros((3, len(s), 0)))
-        rows, labels = self._contact_rows(s, _interpolate(self.path.s, self._dynamics[1], s))
+        rows, labels = self._contact_rows(s, _interpolate_rows(self.path.s, self._dynamics[1], s))
         return Rows(tuple(labels), rows[:, 0], rows[:, 1], rows[:, 2])
 
     def _contact_rows(self, s: Array, wrench: Array) -> tuple[Array, list[tuple[str, str]]]:
@@ -364,7 +364,7 @@ def _either_way(
     )
 
 
-def _interpolate(knots: Array, values: Array, s: Array) -> Array:
+def _interpolate_rows(knots: Array, values: Array, s: Array) -> Array:
     """Linear interpolation of ``(n, …)`` values along their first axis."""
     if s is knots:
         return values

@@ -14,7 +14,7 @@ from excite.motion.generators.bodyparts import rest_joints
 from excite.motion.motion import Motion, MotionMetadata
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import run_path
-from excite.safety.repairs.transfers import Transfer, transfer
+from excite.safety.repairs.transfers import Transfer, plan_transfer
 
 _VERSIONS = ("excite", "pin", "placo", "toppra", "ruckig", "numpy", "scipy")
 # A start this far from rest needs a transfer [rad or m].
@@ -40,7 +40,10 @@ class Sampling(Repair):
         contacts = {foot.name: draft.candidate.supports(moved.s, foot.name) for foot in self.robot.feet}
         rest = rest_joints(self.robot)
         if not self.robot.floating and np.abs(q[0] - rest).max() > _NEAR:
-            there, back = transfer(self.robot, rest, q[0], rate), transfer(self.robot, q[-1], rest, rate)
+            there, back = (
+                plan_transfer(self.robot, rest, q[0], rate),
+                plan_transfer(self.robot, q[-1], rest, rate),
+            )
             for part in (there, back):
                 ways = part.q if self.robot.closing is None else self.robot.closing.closed(part.q)
                 collision = self.probe.first(ways)
@@ -53,7 +56,7 @@ class Sampling(Repair):
                         limit=near.required,
                         posture=near.posture,
                     )
-            q, v, a = _joined(there, (q, v, a), back)
+            q, v, a = _join_phases(there, (q, v, a), back)
             if self.robot.closing is not None:
                 q, v, a = self.robot.closing.completed(q, v, a)
             time = np.arange(len(q)) / rate
@@ -78,7 +81,7 @@ class Sampling(Repair):
         return replace(draft, motion=motion)
 
 
-def _joined(there: Transfer, middle: tuple[Array, Array, Array], back: Transfer) -> list[Array]:
+def _join_phases(there: Transfer, middle: tuple[Array, Array, Array], back: Transfer) -> list[Array]:
     """Positions, velocities and accelerations one after the other, shared samples once."""
     parts = ((there.q, there.v, there.a), middle, (back.q, back.v, back.a))
     return [np.vstack([parts[0][k][:-1], parts[1][k], parts[2][k][1:]]) for k in range(3)]

@@ -19,26 +19,28 @@ _ONE_LEG_SHRINKS = ((0.85, 1.0), (0.7, 1.0), (0.55, 1.0), (0.7, 0.6), (0.55, 0.4
 _WALK_SHRINKS = ((0.5, 1.0), (0.5, 0.5), (0.5, 1.4))
 
 
-def shrunk(candidate: Candidate) -> Iterator[Candidate]:
+def milder_candidates(candidate: Candidate) -> Iterator[Candidate]:
     """The candidate with milder leg motions, in turn; none if it has no leg motion."""
     pelvis, com = candidate.pelvis, candidate.com
     if candidate.zmp is not None:
         # Footprints, pelvis and centre of mass belong together, but for these.
         for pitch, lean in _WALK_SHRINKS:
             feet = {
-                name: _scaled(curve, [1.0, 1.0, 1.0, 1.0, pitch, 1.0])
+                name: _scale_curve(curve, [1.0, 1.0, 1.0, 1.0, pitch, 1.0])
                 for name, curve in candidate.feet.items()
             }
-            yield replace(candidate, feet=feet, pelvis=pelvis and _scaled(pelvis, [1.0, lean, 1.0, 1.0]))
+            yield replace(candidate, feet=feet, pelvis=pelvis and _scale_curve(pelvis, [1.0, lean, 1.0, 1.0]))
     elif candidate.feet:
         for swing, lean in _ONE_LEG_SHRINKS:
             feet = {name: curve.shrunk(swing) for name, curve in candidate.feet.items()}
             # As low as before: the legs have to reach as far.
-            yield replace(candidate, feet=feet, pelvis=pelvis and _scaled(pelvis, [1.0, lean, lean, lean]))
+            yield replace(
+                candidate, feet=feet, pelvis=pelvis and _scale_curve(pelvis, [1.0, lean, lean, lean])
+            )
     elif pelvis is not None:
         for factor in _SHRINKS:
             yield replace(candidate, pelvis=pelvis.shrunk(factor), com=com and com.shrunk(factor))
 
 
-def _scaled(curve: Curve, factors: list[float]) -> Curve:
+def _scale_curve(curve: Curve, factors: list[float]) -> Curve:
     return curve.shrunk(np.array(factors)) if isinstance(curve, PolynomialCurve | SplineCurve) else curve

@@ -38,7 +38,7 @@ class Steering:
     idle: tuple[int, ...]
 
 
-def steering(robot: Robot) -> Steering:
+def find_steering(robot: Robot) -> Steering:
     """What legs can steer: all of it with six joints to a sole, or three to a point; less with fewer joints.
 
     Feet come first, then the centre of mass, the height, and the turns that are freest.
@@ -51,7 +51,9 @@ def steering(robot: Robot) -> Steering:
     chosen = _Independent(len(moving))
     soles = {}
     for number, foot in enumerate(robot.feet):
-        rows = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), _contact(robot, data, number), strict=False))
+        rows = dict(
+            zip(("x", "y", "z", "roll", "pitch", "yaw"), _contact_rows(robot, data, number), strict=False)
+        )
         held = frozenset(name for name in _OF_SOLES if name in rows and chosen.takes(rows[name][moving]))
         if foot.flat:
             soles[foot.name] = held
@@ -103,7 +105,7 @@ class _Independent:
         return np.asarray(rest - (self._basis @ rest) @ self._basis)
 
 
-def _contact(robot: Robot, data: pin.Data, number: int) -> Array:
+def _contact_rows(robot: Robot, data: pin.Data, number: int) -> Array:
     """What a foot holds: six rows of a flat one about its middle, three of any other, ``(6 or 3, nv)``."""
     foot = robot.feet[number]
     pose = data.oMi[foot.joint]

@@ -34,7 +34,7 @@ class Transfer:
     a: Array
 
 
-def transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Transfer:
+def plan_transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Transfer:
     """Move the joints on a straight line from ``start`` to ``end``, at rest at both, jerk-limited.
 
     Args:
@@ -49,7 +49,7 @@ def transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Transfer
     way = end - start
     size = np.maximum(np.abs(way), 1e-9)
     limits = robot.limits
-    share, duration = _ramp(
+    share, duration = _unit_ramp(
         _SHARE * float((limits.velocity / size).min()),
         _SHARE * float((limits.acceleration / size).min()),
         _SHARE * float((limits.jerk / size).min()),
@@ -76,7 +76,7 @@ class _State(NamedTuple):
     acceleration: float
 
 
-def _ramp(velocity: float, acceleration: float, jerk: float) -> tuple[Callable[[float], _State], float]:
+def _unit_ramp(velocity: float, acceleration: float, jerk: float) -> tuple[Callable[[float], _State], float]:
     """From 0 to 1 at rest, as fast as the limits allow: position, velocity and acceleration at a time; duration."""
     import ruckig
 
@@ -93,11 +93,11 @@ def _ramp(velocity: float, acceleration: float, jerk: float) -> tuple[Callable[[
         except ruckig.RuckigError:
             continue
         if result in (ruckig.Result.Working, ruckig.Result.Finished):
-            return partial(_state, trajectory, unit), unit * float(trajectory.duration)
+            return partial(_trajectory_state, trajectory, unit), unit * float(trajectory.duration)
     raise NoSolutionError("ruckig finds no transfer", remedy="check the limits")
 
 
-def _state(trajectory: Any, unit: float, time: float) -> _State:
+def _trajectory_state(trajectory: Any, unit: float, time: float) -> _State:
     """The state of a trajectory whose time counts in ``unit`` [s]."""
     position, speed, rate = trajectory.at_time(float(time) / unit)
     return _State(position[0], speed[0] / unit, rate[0] / unit**2)

@@ -18,9 +18,9 @@ from excite.robot.shapes.support_area import has_area
 from excite.safety.repairs.balancer import Balancer
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath, coordinates_of
-from excite.safety.repairs.shrinking import shrunk
+from excite.safety.repairs.shrinking import milder_candidates
 from excite.safety.repairs.waypoints import SAMPLES_PER_SPAN
-from excite.safety.repairs.zmp_following import following
+from excite.safety.repairs.zmp_following import follow_zmp
 
 # Samples of a Fourier series: per second of its own time.
 _SAMPLES_PER_SECOND = 40.0
@@ -50,7 +50,7 @@ class WholeBody(Repair):
         """A draft with a path; or ``unreachable``, ``mechanism``, ``joint_position``, ``self_collision`` or
         ``foot_ground``."""
         outcome = self._attempt(draft)
-        for smaller in shrunk(draft.candidate):
+        for smaller in milder_candidates(draft.candidate):
             if isinstance(outcome, Draft):
                 break
             outcome = self._attempt(replace(draft, candidate=smaller))
@@ -65,7 +65,7 @@ class WholeBody(Repair):
         q[:, self.robot.n_base_q :] = candidate.posture.evaluate(s)
         for k in range(1 if candidate.zmp is None else 1 + _CORRECTIONS):
             if k:
-                candidate = following(self.robot, candidate, s, q)
+                candidate = follow_zmp(self.robot, candidate, s, q)
             solved = len(s) if self._balancer is None else self._balancer.solve(candidate, s, q)
             if solved < len(s):
                 return draft.rejected("unreachable", "legs", posture=q[max(solved - 1, 0)])

@@ -11,13 +11,13 @@ from scipy.linalg import solve_banded
 
 from excite.arrays import Array
 from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.polynomials import hermite
+from excite.motion.generators.polynomials import hermite_curve
 from excite.robot.robot import Robot
 from excite.safety.contact_wrench import wrench_at_world_origin, zero_moment_point
 from excite.safety.repairs.path import MotionPath, coordinates_of
 
 
-def following(robot: Robot, candidate: Candidate, s: Array, q: Array) -> Candidate:
+def follow_zmp(robot: Robot, candidate: Candidate, s: Array, q: Array) -> Candidate:
     """The candidate with a centre of mass that brings the zero-moment point nearer to where it shall be.
 
     The zero-moment point that a body motion ``q`` has and the one asked for differ by ``e``; a pendulum whose centre of
@@ -32,9 +32,9 @@ def following(robot: Robot, candidate: Candidate, s: Array, q: Array) -> Candida
     """
     if candidate.com is None or candidate.zmp is None or candidate.speed is None:
         return candidate
-    com, squared = _pendulum(robot)
+    com, squared = _pendulum_model(robot)
     rate = candidate.speed
-    error = com + candidate.zmp.evaluate(s) - _zmp(robot, s, q, rate)
+    error = com + candidate.zmp.evaluate(s) - _zmp_of(robot, s, q, rate)
     step = (s[1] - s[0]) / rate
     coupling = 1.0 / (squared * step**2)
     bands = np.zeros((3, len(s) - 2))
@@ -43,22 +43,22 @@ def following(robot: Robot, candidate: Candidate, s: Array, q: Array) -> Candida
     moved = np.zeros_like(error)
     moved[1:-1] = solve_banded((1, 1), bands, error[1:-1])
     # Standing on both feet the robot starts and ends as it would without.
-    moved *= _window(candidate, s)[:, None]
+    moved *= _walking_window(candidate, s)[:, None]
     values = candidate.com.evaluate(s) + moved
     first = np.gradient(values, s, axis=0, edge_order=2)
     second = np.gradient(first, s, axis=0, edge_order=2)
     for derivative in (first, second):
         derivative[[0, -1]] = 0.0
-    return replace(candidate, com=hermite(s, values, first, second))
+    return replace(candidate, com=hermite_curve(s, values, first, second))
 
 
-def _pendulum(robot: Robot) -> tuple[Array, float]:
+def _pendulum_model(robot: Robot) -> tuple[Array, float]:
     """Horizontal centre of mass at rest, ``(2,)`` [m], and the square of the pendulum's frequency [1/s²]."""
     centre = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))
     return centre[:2], float(np.linalg.norm(robot.model.gravity.linear)) / float(centre[2])
 
 
-def _zmp(robot: Robot, s: Array, q: Array, rate: float) -> Array:
+def _zmp_of(robot: Robot, s: Array, q: Array, rate: float) -> Array:
     sample = MotionPath(robot, s, coordinates_of(robot, q)).knots
     data = robot.model.createData()
     forces = np.array(
@@ -71,7 +71,7 @@ def _zmp(robot: Robot, s: Array, q: Array, rate: float) -> Array:
     return zero_moment_point(wrench_at_world_origin(forces, rotation, sample.q[:, :3]))
 
 
-def _window(candidate: Candidate, s: Array) -> Array:
+def _walking_window(candidate: Candidate, s: Array) -> Array:
     """1 while the robot walks, smoothly 0 at the start of the first stance and at the end of the last, ``(n,)``."""
     first, last = candidate.phases[0].end, candidate.phases[-1].start
     u = np.clip(np.minimum(s / first, (s[-1] - s) / (s[-1] - last)), 0.0, 1.0)

@@ -17,7 +17,7 @@ from defusedxml.ElementTree import parse
 
 import excite
 from excite.errors import InputError, NoSolutionError
-from excite.export.simulators.proof import prove
+from excite.export.simulators.proof import prove_taken
 from excite.export.simulators.registry import MODEL_FORMATS
 from excite.export.simulators.result import read_subject
 from excite.export.simulators.subject import JOINT_TERMS, SERVO_TERMS, Subject
@@ -217,7 +217,7 @@ def test_a_writer_that_drops_a_parameter_is_found_out(
     for change, what in ((without_mass, "wrist_3_link"), (without_friction, friction)):
         monkeypatch.setattr(kind, "render", lambda self, changed, c=change: original(self, c(changed)))
         with pytest.raises(NoSolutionError, match=rf"do not follow.*{re.escape(what)}"):
-            prove(kind(), subject)
+            prove_taken(kind(), subject)
 
 
 @pytest.mark.parametrize("name", [name for name in MODEL_FORMATS if MODEL_FORMATS[name].servo_terms])
@@ -236,7 +236,7 @@ def test_a_servo_that_is_not_what_was_said_is_found_out(
 
     monkeypatch.setattr(kind, "render", misled)
     with pytest.raises(NoSolutionError, match=rf"do not follow {term}\.shoulder_pan_joint"):
-        prove(kind(), subject)
+        prove_taken(kind(), subject)
 
 
 def test_nothing_is_written_of_what_was_not_proved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

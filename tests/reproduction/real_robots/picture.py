@@ -16,7 +16,7 @@ from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.equations.units import force_unit
 from excite.doctor.examine import examine
 from excite.logs.log import Log
-from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, to_png
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure, to_png
 from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def plot(shown: Sequence[Curves]) -> Figure:
         panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
         panels[-1].set_xlabel("time on the trial left out [s]")
 
-    return draw(paint, _HEIGHT_IN * len(shown) + 0.4, width_in=7.2)
+    return draw_figure(paint, _HEIGHT_IN * len(shown) + 0.4, width_in=7.2)
 
 
 def write_picture(path: Path, robot: Robot, log: Log, joints: Sequence[str]) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from excite.errors import MotionError
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
-from excite.robot.mechanisms.building import mechanism
+from excite.robot.mechanisms.building import build_mechanism
 from excite.robot.mechanisms.closures import Loop
 from excite.robot.mechanisms.mechanism import Mechanism
 
@@ -90,7 +90,7 @@ def _mechanism(model: mujoco.MjModel) -> Mechanism:
             Loop(f"loop_{number}", (joints[bodies[0]][0], joints[bodies[1]][0]), (places[0], places[1]))
         )
     driven = {model.joint(int(j)).name for j in model.actuator_trnid[:, 0]}
-    return mechanism(tree, loops, [n for n in list(tree.names)[1:] if n not in driven and n != "root"])
+    return build_mechanism(tree, loops, [n for n in list(tree.names)[1:] if n not in driven and n != "root"])
 
 
 @cache

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import excite
-from excite.campaign.expected.prediction import predict
+from excite.campaign.expected.prediction import predict_statistics
 from excite.errors import RobotError
 from excite.export.export import export_motion
 from excite.identification.identify import identify
@@ -194,7 +194,7 @@ def test_a_plan_of_a_mechanism_says_how_certain_its_parameters_will_be(model: st
     robot = brought(text, tmp_path, **({"base": "suspended"} if hangs else {}))
     plan = excite.plan(robot, n_candidates=4, seed=1)
     assert plan.forecast is not None and "predicted RSD" in plan.summary()
-    predicted = predict(robot, list(plan.motions))
+    predicted = predict_statistics(robot, list(plan.motions))
     roles = dict.fromkeys([motion.name for motion in plan.motions], "identification")
     log = excite.simulate(robot, list(plan.motions), nominal=True, roles=roles).log
     said = {

@@ -33,7 +33,7 @@ class Book:
         tokens = {joint: [t for t in name_tokens(joint) if t not in _EMPTY] for joint in joints}
         counts = [Counter(own) for own in tokens.values()]
         shared = {} if len(counts) < 2 else {t: min(count[t] for count in counts) for t in counts[0]}
-        told = {joint: _without(own, shared) for joint, own in tokens.items()}
+        told = {joint: _drop_shared_tokens(own, shared) for joint, own in tokens.items()}
         return cls(
             {joint: tuple(t for t in own if not t.isdigit()) for joint, own in told.items()},
             {joint: tuple(int(t) for t in own if t.isdigit()) for joint, own in told.items()},
@@ -72,7 +72,9 @@ class Book:
 
     def shortly(self, word: str) -> frozenset[str]:
         """Joints of whose names a word is a short form, or the other way round: ``fl``, ``sh``, ``l``, ``flexion``."""
-        initials = frozenset(j for j, words in self.words.items() if len(word) > 1 and _initials(word, words))
+        initials = frozenset(
+            j for j, words in self.words.items() if len(word) > 1 and _is_made_of_initials(word, words)
+        )
         return initials or frozenset(
             joint
             for joint, words in self.words.items()
@@ -89,7 +91,7 @@ class Book:
         )
 
 
-def _without(tokens: list[str], shared: dict[str, int]) -> list[str]:
+def _drop_shared_tokens(tokens: list[str], shared: dict[str, int]) -> list[str]:
     """Tokens without the first ones of those that every name has: ``3`` once of ``fr3_joint3``."""
     left, kept = dict(shared), []
     for token in tokens:
@@ -109,7 +111,7 @@ def _written_together(word: str, words: tuple[str, ...]) -> bool:
     )
 
 
-def _initials(word: str, words: tuple[str, ...]) -> bool:
+def _is_made_of_initials(word: str, words: tuple[str, ...]) -> bool:
     """Whether a word is made of the first letters of neighbours among words, in either order: ``lf``, ``fl``."""
     count = len(word)
     return any(

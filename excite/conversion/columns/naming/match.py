@@ -38,7 +38,7 @@ class Match:
     doubts: tuple[Doubt, ...]
 
 
-def match(names: Sequence[Name], joints: Sequence[str]) -> Match | None:
+def match_columns(names: Sequence[Name], joints: Sequence[str]) -> Match | None:
     """Joints of columns by their names.
 
     Each word of a name that stands in joints' names, or is short for one, leaves the joints that have it; words that
@@ -55,7 +55,7 @@ def match(names: Sequence[Name], joints: Sequence[str]) -> Match | None:
     """
     book = Book.of(joints)
     names = [replace(name, words=book.read(name.words)) for name in names]
-    exact = _exact(names)
+    exact = _match_exact_names(names)
     known = _by_words(names, book, joints)
     for column, joint in exact.items():
         known[column] = frozenset((joint,))
@@ -84,11 +84,11 @@ def match(names: Sequence[Name], joints: Sequence[str]) -> Match | None:
         {joint: column for joint in joints for column, at in placed.items() if at == joint},
         because,
         tuple(name.column for name in rest),
-        _doubts(rest, known, joints, set(placed.values())),
+        _list_doubts(rest, known, joints, set(placed.values())),
     )
 
 
-def _exact(names: Sequence[Name]) -> dict[str, str]:
+def _match_exact_names(names: Sequence[Name]) -> dict[str, str]:
     """Joints by the column in which their whole name stands; one that stands in several tells nothing."""
     said = [name.exact for name in names]
     return {name.column: name.exact for name in names if name.exact and said.count(name.exact) == 1}
@@ -158,7 +158,7 @@ def _in_order(
     return {column: joint for column, joint in pairs.items() if column not in placed} if agrees else {}
 
 
-def _doubts(
+def _list_doubts(
     rest: Sequence[Name], known: Candidates, joints: Sequence[str], taken: set[str]
 ) -> tuple[Doubt, ...]:
     """Columns that are left with the joints that they may be, those that may be the same ones together."""

@@ -32,13 +32,13 @@ def by_places(name: Name, names: Sequence[Name], book: Book) -> frozenset[str]:
     """Joints that numbers before the last one leave: an arm's in ``arm2_q3``; all where they tell nothing."""
     left = frozenset(book.numbers)
     for back in range(2, max((len(own) for own in book.numbers.values()), default=0) + 1):
-        if len(name.numbers) >= back and (meant := _meant(names, book, back)):
+        if len(name.numbers) >= back and (meant := _joint_numbers(names, book, back)):
             number = meant.get(name.numbers[-back])
             left &= {j for j, own in book.numbers.items() if len(own) >= back and own[-back] == number}
     return left
 
 
-def _meant(names: Sequence[Name], book: Book, back: int) -> dict[int, int]:
+def _joint_numbers(names: Sequence[Name], book: Book, back: int) -> dict[int, int]:
     """The joints' numbers for those that columns have at one place from the end; empty where that cannot be told.
 
     Counted from 0 where the joints are from 1, or the other way round, they are one less or more; and of another count
@@ -66,7 +66,7 @@ def by_numbers(names: Sequence[Name], known: Candidates, book: Book, joints: Seq
         if name.numbers and len(fits) > 1:
             groups.setdefault(fits, {})[name.column] = name.numbers[-1]
     found: Candidates = {}
-    meant = _meant(names, book, 1)
+    meant = _joint_numbers(names, book, 1)
     for fits, numbers in groups.items():
         if len(set(numbers.values())) < len(numbers):
             continue

@@ -26,12 +26,12 @@ class Parsed(NamedTuple):
     factor: float
 
 
-def _named(dimension: Dimension, **sizes: tuple[float, str]) -> dict[str, Parsed]:
+def _named_dimension(dimension: Dimension, **sizes: tuple[float, str]) -> dict[str, Parsed]:
     return {word: Parsed(dimension, size) for size, words in sizes.values() for word in words.split()}
 
 
 _WORDS: dict[str, Parsed] = {
-    **_named(
+    **_named_dimension(
         _ANGLE,
         rad=(1.0, "rad rads radian radians"),
         mrad=(1e-3, "mrad milliradian milliradians"),
@@ -41,7 +41,7 @@ _WORDS: dict[str, Parsed] = {
         second=(math.pi / 648e3, "arcsec arcsecs arcsecond arcseconds"),
         turn=(2.0 * math.pi, "rev revs turn turns revolution revolutions umdrehungen cycle cycles u r"),
     ),
-    **_named(
+    **_named_dimension(
         _LENGTH,
         m=(1.0, "m meter meters metre metres"),
         cm=(1e-2, "cm centimeter centimeters centimetre centimetres"),
@@ -50,13 +50,13 @@ _WORDS: dict[str, Parsed] = {
         inch=(0.0254, "in inch inches"),
         ft=(0.3048, "ft foot feet"),
     ),
-    **_named(
+    **_named_dimension(
         _TIME,
         s=(1.0, "s sec secs second seconds"),
         ms=(1e-3, "ms msec millisecond milliseconds"),
         minute=(60.0, "min minute minutes"),
     ),
-    **_named(
+    **_named_dimension(
         _FORCE,
         n=(1.0, "n newton newtons"),
         kn=(1e3, "kn kilonewton kilonewtons"),
@@ -68,7 +68,7 @@ _WORDS: dict[str, Parsed] = {
         lbf=(_POUND, "lbf lb lbs"),
         ozf=(_POUND / 16.0, "ozf oz"),
     ),
-    **_named(
+    **_named_dimension(
         _CURRENT,
         a=(1.0, "a amp amps ampere amperes arms"),
         ma=(1e-3, "ma milliamp milliamps milliampere milliamperes mamp mamps"),
@@ -108,9 +108,9 @@ def parse_unit(text: str) -> Parsed | None:
     is such a unit, and else divides them (``deg_s``).
     """
     text = re.sub(r"(?<=[a-z])\s*\*\*\s*(?=[+-]?\d)", "^", text.strip().lower().translate(_POWERS))
-    parts = _parts(text)
+    parts = _split_unit(text)
     for loose in (1, -1):
-        whole = _together(parts, loose) if parts else None
+        whole = _combine_parts(parts, loose) if parts else None
         if whole is not None and whole.dimension in KINDS:
             return whole
     return None
@@ -133,14 +133,14 @@ def trailing_compound(text: str) -> tuple[str, str]:
 
 
 def _is_plain(unit: str) -> bool:
-    parts = _parts(unit.strip().lower().translate(_POWERS))
+    parts = _split_unit(unit.strip().lower().translate(_POWERS))
     written = "/" in unit or "per" in unit.lower() or "^" in unit
     words = {word for _, word, _ in parts}
     alone = words & _OTHERWISE and not (words & {"in"} and words & {"oz", "ozf", "lb", "lbf"})
     return written or not alone
 
 
-def _parts(text: str) -> list[tuple[str, str, int]]:
+def _split_unit(text: str) -> list[tuple[str, str, int]]:
     """What stands before each word, the word, and its power; empty for what is no such row."""
     found: list[tuple[str, str, int]] = []
     between, at = "", 0
@@ -158,10 +158,10 @@ def _parts(text: str) -> list[tuple[str, str, int]]:
     return found
 
 
-def _together(parts: list[tuple[str, str, int]], loose: int) -> Parsed | None:
+def _combine_parts(parts: list[tuple[str, str, int]], loose: int) -> Parsed | None:
     dimension, factor = [0] * 5, 1.0
     for between, word, power in parts:
-        one = _word(word, power)
+        one = _parse_word(word, power)
         if one is None:
             return None
         # A power that is written as negative divides already.
@@ -172,14 +172,14 @@ def _together(parts: list[tuple[str, str, int]], loose: int) -> Parsed | None:
     return Parsed((a, b, c, d, e), factor)
 
 
-def _word(word: str, power: int) -> Parsed | None:
+def _parse_word(word: str, power: int) -> Parsed | None:
     """A word with its power: a unit, a rate (``radps``, with the power of its time) or a torque (``mnm``)."""
     if power != 1 and word in ("rads", "degs"):
         # rads2, rads-1: a second that is written on to the angle.
         return Parsed((1, 0, -abs(power), 0, 0), _WORDS[word].factor)
     if word in _WORDS:
         one = _WORDS[word]
-        return Parsed(_times(one.dimension, power), one.factor**power)
+        return Parsed(_multiply_dimension(one.dimension, power), one.factor**power)
     if word[-3:] in _RATES and word[:-3] in ("", "k") and power == 1:
         rate = parse_unit(_RATES[word[-3:]])
         return None if rate is None else Parsed(rate.dimension, rate.factor * (1e3 if word[:-3] else 1.0))
@@ -187,7 +187,7 @@ def _word(word: str, power: int) -> Parsed | None:
         above, found, below = word.rpartition(mark)
         if found and above in _WORDS and below in _WORDS and _WORDS[below].dimension == _TIME and power > 0:
             one, time = _WORDS[above], _WORDS[below]
-            powers = zip(one.dimension, _times(time.dimension, power), strict=True)
+            powers = zip(one.dimension, _multiply_dimension(time.dimension, power), strict=True)
             a, b, c, d, e = (x - y for x, y in powers)
             return Parsed((a, b, c, d, e), one.factor / time.factor**power)
     for at in range(1, len(word)):
@@ -197,6 +197,6 @@ def _word(word: str, power: int) -> Parsed | None:
     return None
 
 
-def _times(dimension: Dimension, power: int) -> Dimension:
+def _multiply_dimension(dimension: Dimension, power: int) -> Dimension:
     a, b, c, d, e = (power * x for x in dimension)
     return a, b, c, d, e

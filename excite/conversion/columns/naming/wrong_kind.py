@@ -37,7 +37,7 @@ def ask_for_kind(found: Guesses, items: list[Mapped], named: str, mapping: Map) 
     found.ask(
         f"{items[0].source} … are {_CALLED[own]} by their names and state {named}, a unit of {_CALLED[is_of]}",
         f"units: {{{channel}: {_USUAL[own]}}} or what they are in, scale: {{{channel}: FACTOR}} to {_USUAL[own]}, or "
-        f'ignore: ["{beginning(items)}*"]',
+        f'ignore: ["{common_beginning(items)}*"]',
     )
 
 
@@ -50,7 +50,7 @@ def ask_for_rate(found: Guesses, items: list[Mapped], named: str) -> None:
         )
 
 
-def beginning(items: list[Mapped]) -> str:
+def common_beginning(items: list[Mapped]) -> str:
     """What the columns' names begin with, all of them; none of it means anything else in a pattern."""
     first, last = (end(item.source for item in items) for end in (min, max))
     same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))

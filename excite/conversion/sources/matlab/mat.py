@@ -57,16 +57,16 @@ class MatSource(Source):
         found: dict[str, Any] = {}
         for name, value in [*content.items(), *tables.items()]:
             if not name.startswith("__"):
-                _collect(name, value, found, 0)
+                _collect_variables(name, value, found, 0)
         return recordings_of(path, found)
 
 
-def _collect(name: str, value: object, found: dict[str, Any], depth: int) -> None:
+def _collect_variables(name: str, value: object, found: dict[str, Any], depth: int) -> None:
     if depth > _DEEPEST:
         return
     if isinstance(value, dict):
         for key, inner in value.items():
-            _collect(f"{name}/{key}", inner, found, depth + 1)
+            _collect_variables(f"{name}/{key}", inner, found, depth + 1)
     elif _is_texts(value):
         found[name] = np.array([str(word).strip() for word in np.ravel(np.asarray(value, dtype=object))])
     elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
@@ -75,7 +75,7 @@ def _collect(name: str, value: object, found: dict[str, Any], depth: int) -> Non
         members = list(np.ravel(value)) if isinstance(value, np.ndarray) else value
         called = _own_names(members)
         for k, inner in enumerate(members):
-            _collect(f"{name}/{called[k]}" if called else f"{name}{k + 1}", inner, found, depth + 1)
+            _collect_variables(f"{name}/{called[k]}" if called else f"{name}{k + 1}", inner, found, depth + 1)
     elif isinstance(value, int | float):
         found[name] = np.asarray(value)
 

@@ -42,18 +42,18 @@ class Objects:
     def of(cls, workspace: Array) -> Objects:
         """From the bytes of a file's workspace, as ``scipy.io.loadmat`` gives them."""
         packed = workspace.tobytes()
-        inner = next(_variables(b" " * (_HEADER - 4) + packed[:4] + packed[8:]))
+        inner = next(_read_variables(b" " * (_HEADER - 4) + packed[:4] + packed[8:]))
         cells = inner["__function_workspace__"][0, 0]["MCOS"][0]["arr"].ravel()
-        return cls(tuple(cells), _properties(cells[0].tobytes()))
+        return cls(tuple(cells), _object_properties(cells[0].tobytes()))
 
     def table(self, reference: Any) -> dict[str, Any] | None:
         """Columns of a table by name, a timetable's times as ``Time`` [s]; None for another object."""
         held = self._held(reference)
         if {"data", "varnames"} <= held.keys():
-            return dict(zip(_words(held["varnames"]), self._columns(held["data"]), strict=False))
+            return dict(zip(_read_words(held["varnames"]), self._columns(held["data"]), strict=False))
         if "any" in held and (held["any"].dtype.names or ()):
             inside = held["any"].ravel()[0]
-            columns = dict(zip(_words(inside["varNames"]), self._columns(inside["data"]), strict=False))
+            columns = dict(zip(_read_words(inside["varNames"]), self._columns(inside["data"]), strict=False))
             times = self._times(inside["rowTimes"], int(np.ravel(inside["numRows"])[0]))
             return columns if times is None else {"Time": times} | columns
         return None
@@ -75,7 +75,7 @@ class Objects:
 
     def _seconds(self, value: Any) -> Array | None:
         """A duration or date in seconds; None for anything else."""
-        held = self._held(_reference(value))
+        held = self._held(_object_reference(value))
         stamp = held.get("millis", held.get("data"))
         if stamp is None or stamp.dtype.kind not in "fc":
             return None
@@ -104,7 +104,7 @@ def tables_of(path: Path, workspace: Array) -> dict[str, dict[str, Any]]:
     """
     objects = Objects.of(workspace)
     found = {}
-    for variable in _variables(path.read_bytes()):
+    for variable in _read_variables(path.read_bytes()):
         # Of a variable that is an object the name stands in its first field.
         fields = variable.get("None")
         if fields is None or "arr" not in (fields.dtype.names or ()):
@@ -115,7 +115,7 @@ def tables_of(path: Path, workspace: Array) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _variables(data: bytes) -> Iterator[dict[str, Any]]:
+def _read_variables(data: bytes) -> Iterator[dict[str, Any]]:
     """A file's variables, each read alone: of several objects scipy keeps the last one."""
     from scipy.io import loadmat
 
@@ -127,17 +127,17 @@ def _variables(data: bytes) -> Iterator[dict[str, Any]]:
         at += 8 + (size if kind == _COMPRESSED else -(-size // 8) * 8)
 
 
-def _reference(value: Any) -> Any:
+def _object_reference(value: Any) -> Any:
     """What a value that is an object refers to it by; the value itself where it is none."""
     return value[0]["arr"] if "arr" in (getattr(value.dtype, "names", None) or ()) else value
 
 
-def _properties(packed: bytes) -> dict[int, dict[str, int]]:
+def _object_properties(packed: bytes) -> dict[int, dict[str, int]]:
     """Numbers of the cells that hold each object's properties."""
     words = np.frombuffer(packed, "<u4", len(packed) // 4)
     names = packed[_NAMES_AT:].split(b"\0", int(words[1]))
     _, saved, objects, plain, end = (int(at) // 4 for at in words[2:7])
-    lists = [_lists(words[first:last]) for first, last in ((saved, objects), (plain, end))]
+    lists = [_property_lists(words[first:last]) for first, last in ((saved, objects), (plain, end))]
     found = {}
     for number, at in enumerate(range(objects + _OBJECT, plain - _OBJECT + 1, _OBJECT), start=1):
         of_saved, of_plain = (int(word) for word in words[at + 3 : at + 5])
@@ -150,7 +150,7 @@ def _properties(packed: bytes) -> dict[int, dict[str, int]]:
     return found
 
 
-def _lists(words: Array) -> list[Array]:
+def _property_lists(words: Array) -> list[Array]:
     """Lists of properties, each behind its length and filled up to pairs of words."""
     found, at = [], 0
     while at < len(words):
@@ -161,5 +161,5 @@ def _lists(words: Array) -> list[Array]:
     return found
 
 
-def _words(cells: Any) -> list[str]:
+def _read_words(cells: Any) -> list[str]:
     return [str(np.ravel(cell)[0]) if np.size(cell) else "" for cell in cells.ravel()]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Recording, Stream
 from excite.conversion.sources.ros.any_message import decode_any
 from excite.conversion.sources.ros.gathered import Gathered, Room
@@ -20,7 +20,7 @@ _OTHER_CLOCK_S = 3600.0
 
 def is_of_torques(topic: str) -> bool:
     """Whether a topic is called after torques or currents, so that messages of any type in it may hold them."""
-    return clue(topic, ()).quantity in ("tau", "i")
+    return read_clue(topic, ()).quantity in ("tau", "i")
 
 
 class Topics:

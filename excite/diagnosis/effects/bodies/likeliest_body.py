@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve
+from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
 
 # Sizes of mass, first moments and moments of inertia, by which the solver scales: a kilogram within a hand's breadth.
 _SIZES = np.array([1.0, *[0.1] * 3, *[0.01] * 6])
@@ -76,7 +76,7 @@ def _body(information: Array, target: Array, reach: float, most: float) -> Array
     if np.isfinite(most):
         rows.append(-np.eye(10)[0])
         bound.append(-most)
-    answer = solve(
+    answer = solve_cone_program(
         ConeProgram(
             matrix=matrix,
             target=(vectors.T @ (target * _SIZES)) / root,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, near
+from excite.arrays import Array, widen_flags
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.samples import ArmSamples
@@ -55,7 +55,7 @@ def between_reversals(samples: ArmSamples, carried: float = _CARRIED) -> NDArray
     for trial in samples.trials:
         v = trial.v[:, list(samples.index)]
         turns = np.diff(np.sign(v), axis=0, prepend=np.sign(v[:1])) != 0.0
-        parts.append(~near(turns, reach)[trial.rows])
+        parts.append(~widen_flags(turns, reach)[trial.rows])
     return np.concatenate(parts).T
 
 

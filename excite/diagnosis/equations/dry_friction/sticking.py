@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array, near
+from excite.arrays import Array, widen_flags
 
 # Speed up to which a joint may stick, in those up to which it may as well stand, and for how long before and after it
 # the filter of the kinematics may hide that, in periods of its cut-off. Of six records of simulated arms that stick
@@ -49,7 +49,9 @@ def surely_slips(
     stuck[1:] |= turned
     stuck[:-1] |= turned
     around = round(_AROUND * rate_hz / cutoff_hz)
-    return np.concatenate([~near(part, around) for part in np.split(stuck, np.flatnonzero(starts)[1:])])
+    return np.concatenate(
+        [~widen_flags(part, around) for part in np.split(stuck, np.flatnonzero(starts)[1:])]
+    )
 
 
 def counted(slips: NDArray[np.bool_]) -> Array:

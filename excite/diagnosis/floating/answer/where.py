@@ -12,7 +12,7 @@ from excite.diagnosis.floating.equations.problem import Problem
 from excite.diagnosis.floating.equations.state import State
 from excite.diagnosis.floating.search.refinement import Fitted, explained_state
 from excite.logs.columns import WRENCH_AXES
-from excite.logs.signals.spectrum import welch
+from excite.logs.signals.spectrum import welch_spectrum
 
 _LEAST = 0.02
 
@@ -66,7 +66,7 @@ def _explained(columns: Array, residual: Array) -> float:
 
 
 def _band(residual: Array, rate_hz: float) -> tuple[float, float]:
-    f, p = welch(residual, rate_hz, min(256, len(residual)), centred=False)
+    f, p = welch_spectrum(residual, rate_hz, min(256, len(residual)), centred=False)
     growth = np.cumsum(p) / max(float(p.sum()), 1e-300)
     low, high = (float(f[min(int(np.searchsorted(growth, x)), len(f) - 1)]) for x in (0.1, 0.9))
     return low, high

@@ -20,7 +20,7 @@ from excite.robot.robot import Robot
 from excite.simulation.coordinates import body_name
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
-from excite.simulation.mjcf_shapes import wxyz
+from excite.simulation.mjcf_shapes import mujoco_quaternion
 
 if TYPE_CHECKING:
     import mujoco
@@ -95,4 +95,4 @@ def _add_sensors(spec: mujoco.MjSpec, problem: Problem, placements: dict[str, pi
     for sensor in robot.sensors:
         body = spec.body(body_name(robot.segments[sensor.joint - 1].link)) if sensor.joint else spec.worldbody
         placement = placements[sensor.name]
-        body.add_site(name=sensor.name, pos=placement.translation, quat=wxyz(placement.rotation))
+        body.add_site(name=sensor.name, pos=placement.translation, quat=mujoco_quaternion(placement.rotation))

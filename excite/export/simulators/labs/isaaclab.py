@@ -11,15 +11,15 @@ from excite.arrays import Array
 from excite.export.models.verification import States
 from excite.export.simulators.labs.script import (
     PHYSICS_DT,
-    beside,
     by_joint,
-    common,
+    common_value,
     delay_note,
     delay_text,
+    joint_table,
     module_name,
-    recorded,
-    table,
-    variable,
+    path_beside,
+    record_configuration,
+    variable_name,
 )
 from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
 from excite.export.simulators.subject import JOINT_TERMS, SERVO_TERMS, Subject
@@ -86,7 +86,7 @@ class IsaacLabFormat(ModelFormat):
         """See :class:`ModelFormat`."""
         usda = self._usda.render(subject)
         module = module_name(subject.stem, "cfg")
-        late, floating = common(subject.servo("delay")), subject.robot.floating
+        late, floating = common_value(subject.servo("delay")), subject.robot.floating
         delayed = late is not None
         fields = {**_FIELDS, "torque_limit": "actuator_effort_limit" if delayed else "joint_effort_limit"}
         terms = {term: subject.written(term) for term in JOINT_TERMS}
@@ -101,7 +101,7 @@ class IsaacLabFormat(ModelFormat):
         given.append("            friction=DYNAMIC_FRICTION,")
         if delayed:
             given += ["            min_delay=DELAY_STEPS,", "            max_delay=DELAY_STEPS,"]
-        name = variable(subject.stem)
+        name = variable_name(subject.stem)
         text = _TEMPLATE.format(
             robot=subject.stem,
             module=module,
@@ -109,9 +109,9 @@ class IsaacLabFormat(ModelFormat):
             effort=fields["torque_limit"],
             older="effort_limit" if delayed else "effort_limit_sim",
             actuator="DelayedPDActuatorCfg" if delayed else "ImplicitActuatorCfg",
-            tables="\n".join(f"{key} = {table(values)}" for key, values in tables.items() if values),
+            tables="\n".join(f"{key} = {joint_table(values)}" for key, values in tables.items() if values),
             delay=delay_text(late),
-            usd=beside(usda.main),
+            usd=path_beside(usda.main),
             pos=f"pos={tuple(float(v) for v in subject.robot.rest[:3])!r}, " if floating else "",
             arguments="\n".join(given),
         )
@@ -119,7 +119,7 @@ class IsaacLabFormat(ModelFormat):
 
     def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
         """The USD by its reader, and the configuration run without Isaac Lab: its terms take the place of the USD's."""
-        found = recorded(rendered.files[rendered.main], variable(subject.stem), "isaaclab")
+        found = record_configuration(rendered.files[rendered.main], variable_name(subject.stem), "isaaclab")
         (group,) = found.arguments["actuators"].values()
         usda = next(content for name, content in rendered.files.items() if name.endswith(".usda"))
         return LoadedIsaacLab(subject, read_usda(subject.robot, usda.decode()), group.arguments)

@@ -13,13 +13,13 @@ from excite.export.models.verification import States
 from excite.export.simulators.friction import with_friction
 from excite.export.simulators.labs.script import (
     PHYSICS_DT,
-    beside,
-    common,
+    common_value,
     delay_note,
     delay_text,
     module_name,
-    recorded,
-    variable,
+    path_beside,
+    record_configuration,
+    variable_name,
 )
 from excite.export.simulators.mjcf import MjcfFormat
 from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
@@ -103,7 +103,7 @@ class MjlabFormat(ModelFormat):
         """See :class:`ModelFormat`."""
         xml = self._mjcf.render(subject)
         module = module_name(subject.stem, "mjlab")
-        late, robot = common(subject.servo("delay")), subject.robot
+        late, robot = common_value(subject.servo("delay")), subject.robot
         # A text that is kept has terms of its own where nothing was found, which mjlab leaves as they are.
         term = subject.written if subject.template is None else subject.term
         columns = {name: term(name) if name in JOINT_TERMS else subject.servo(name) for name in _FIELDS}
@@ -115,8 +115,8 @@ class MjlabFormat(ModelFormat):
         text = _TEMPLATE.format(
             robot=subject.stem,
             module=module,
-            variable=variable(subject.stem),
-            xml=beside(xml.main),
+            variable=variable_name(subject.stem),
+            xml=path_beside(xml.main),
             ground=GROUND,
             delay=delay_text(late),
             late="" if late is None else _LATE,
@@ -128,7 +128,7 @@ class MjlabFormat(ModelFormat):
 
     def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
         """The model by MuJoCo, and the configuration run without mjlab: its terms take the place of the model's."""
-        found = recorded(rendered.files[rendered.main], variable(subject.stem), "mjlab")
+        found = record_configuration(rendered.files[rendered.main], variable_name(subject.stem), "mjlab")
         actuators = found.arguments["articulation"].arguments["actuators"]
         model = Rendered({name: text for name, text in rendered.files.items() if name.endswith(".xml")})
         return LoadedMjlab(subject, self._mjcf.load(subject, model), [one.arguments for one in actuators])
@@ -155,7 +155,7 @@ class LoadedMjlab(LoadedModel):
 
     def __init__(self, subject: Subject, model: LoadedModel, actuators: list[Mapping[str, Any]]) -> None:
         self._robot, self._model = subject.robot, model
-        rows = [_of(name, actuators) for name in subject.robot.joint_names]
+        rows = [_actuator_of(name, actuators) for name in subject.robot.joint_names]
         read = {
             term: np.array([np.nan if row.get(name) is None else float(row[name]) for row in rows])
             for term, name in _FIELDS.items()
@@ -173,7 +173,7 @@ class LoadedMjlab(LoadedModel):
         return with_friction(self._robot, self._model.torques(states), states, more)
 
 
-def _of(joint: str, actuators: list[Mapping[str, Any]]) -> Mapping[str, Any]:
+def _actuator_of(joint: str, actuators: list[Mapping[str, Any]]) -> Mapping[str, Any]:
     """The actuator that drives a joint."""
     for one in actuators:
         if any(re.fullmatch(pattern, joint) for pattern in one["target_names_expr"]):

@@ -64,7 +64,7 @@ class Recorded:
         return Recorded(self.name, arguments)
 
 
-def recorded(text: bytes, name: str, library: str) -> Recorded:
+def record_configuration(text: bytes, name: str, library: str) -> Recorded:
     """What a configuration's text calls ``name``, run with stand-ins for all that it imports of a library.
 
     Args:
@@ -95,7 +95,7 @@ def _is_of(statement: ast.Import | ast.ImportFrom, library: str) -> bool:
     return module.split(".")[0] == library
 
 
-def table(values: Mapping[str, float], *, indent: str = "    ") -> str:
+def joint_table(values: Mapping[str, float], *, indent: str = "    ") -> str:
     """A dictionary by joint, a line each; names are patterns, which both libraries take them for."""
     rows = [f"{indent}{re.escape(name)!r}: {float(value)!r}," for name, value in values.items()]
     return "\n".join(["{", *rows, "}"])
@@ -111,7 +111,7 @@ def by_joint(found: Any, joints: tuple[str, ...]) -> Array:
     return np.array(rows)
 
 
-def common(values: Array) -> float | None:
+def common_value(values: Array) -> float | None:
     """The one value that all joints have; None where it is not known."""
     return float(values[0]) if len(values) and np.isfinite(values).all() else None
 
@@ -122,11 +122,11 @@ def module_name(stem: str, suffix: str) -> str:
     return f"robot_{plain}_{suffix}" if plain[:1].isdigit() else f"{plain}_{suffix}"
 
 
-def variable(stem: str) -> str:
+def variable_name(stem: str) -> str:
     """A name for a module's constant, made of a robot's."""
     return module_name(stem, "CFG").upper()
 
 
-def beside(name: str) -> str:
+def path_beside(name: str) -> str:
     """Python that says where a file beside the configuration lies."""
     return f"Path(__file__).resolve().parent / {Path(name).name!r}"

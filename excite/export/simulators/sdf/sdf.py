@@ -49,19 +49,19 @@ class SdfFormat(ModelFormat):
         SubElement(model, "self_collide").text = "false"
         carriers = {joint.child: joint for joint in tree.joints}
         for index, body in enumerate(tree.bodies):
-            _link(model, body, carriers.get(index))
+            _write_link(model, body, carriers.get(index))
         if not tree.free:
             anchor = SubElement(model, "joint", name=f"world_to_{tree.bodies[0].name}", type="fixed")
             SubElement(anchor, "parent").text = "world"
             SubElement(anchor, "child").text = tree.bodies[0].name
         for joint in tree.joints:
-            _joint(model, joint, tree)
+            _write_joint(model, joint, tree)
         for name, carrier, pose in tree.frames:
             if name == "world" or (name.startswith("__") and name.endswith("__")):
                 # Reserved; a robot's own link of that name is where the world is.
                 continue
             frame = SubElement(model, "frame", name=name, attached_to=tree.bodies[carrier].name)
-            _pose(frame, pose)
+            _write_pose(frame, pose)
         ElementTree.indent(root)
         text = b'<?xml version="1.0"?>\n' + ElementTree.tostring(root) + b"\n"
         return Rendered({f"{subject.stem}.sdf": text, **dict(_mesh_files(tree))}, tree.notes)
@@ -71,20 +71,20 @@ class SdfFormat(ModelFormat):
         return read_sdf(subject.robot, rendered.files[rendered.main])
 
 
-def _link(model: Element, body: Body, carrier: Joint | None) -> None:
+def _write_link(model: Element, body: Body, carrier: Joint | None) -> None:
     link = SubElement(model, "link", name=body.name)
     if carrier is not None:
         SubElement(link, "pose", relative_to=carrier.name).text = "0 0 0 0 0 0"
     if body.inertia is not None:
-        _inertial(link, body.inertia)
+        _write_inertial(link, body.inertia)
     for shape in body.shapes:
         for kind in ("visual", "collision"):
             solid = SubElement(link, kind, name=f"{shape.name}_{kind}")
-            _pose(solid, shape.placement)
-            _geometry(SubElement(solid, "geometry"), shape)
+            _write_pose(solid, shape.placement)
+            _write_geometry(SubElement(solid, "geometry"), shape)
 
 
-def _inertial(link: Element, own: PrincipalInertia) -> None:
+def _write_inertial(link: Element, own: PrincipalInertia) -> None:
     inertial = SubElement(link, "inertial")
     SubElement(inertial, "pose").text = f"{number_text(*own.com)} 0 0 0"
     SubElement(inertial, "mass").text = number_text(own.mass)
@@ -94,9 +94,11 @@ def _inertial(link: Element, own: PrincipalInertia) -> None:
         SubElement(inertia, name).text = number_text(value)
 
 
-def _joint(model: Element, joint: Joint, tree: Tree) -> None:
+def _write_joint(model: Element, joint: Joint, tree: Tree) -> None:
     element = SubElement(model, "joint", name=joint.name, type="prismatic" if joint.slides else "revolute")
-    SubElement(element, "pose", relative_to=tree.bodies[joint.parent].name).text = _six(joint.placement)
+    SubElement(element, "pose", relative_to=tree.bodies[joint.parent].name).text = _format_pose(
+        joint.placement
+    )
     SubElement(element, "parent").text = tree.bodies[joint.parent].name
     SubElement(element, "child").text = tree.bodies[joint.child].name
     axis = SubElement(element, "axis")
@@ -110,7 +112,7 @@ def _joint(model: Element, joint: Joint, tree: Tree) -> None:
     SubElement(dynamics, "friction").text = number_text(joint.terms["coulomb"])
 
 
-def _geometry(geometry: Element, shape: Shape) -> None:
+def _write_geometry(geometry: Element, shape: Shape) -> None:
     if shape.vertices is not None:
         mesh = SubElement(geometry, "mesh")
         SubElement(mesh, "uri").text = _mesh_name(shape)
@@ -134,21 +136,21 @@ def _mesh_files(tree: Tree) -> list[tuple[str, bytes]]:
     for body in tree.bodies:
         for shape in body.shapes:
             if shape.vertices is not None and shape.faces is not None:
-                lines = [f"v {number_text(*corner)}" for corner in _rounded(shape.vertices)]
+                lines = [f"v {number_text(*corner)}" for corner in _round_corners(shape.vertices)]
                 lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in shape.faces]
                 files.append((_mesh_name(shape), ("\n".join(lines) + "\n").encode()))
     return files
 
 
-def _rounded(corners: Array) -> Array:
+def _round_corners(corners: Array) -> Array:
     """Corners to the micrometre, which is less than a hull is off its mesh."""
     return np.round(corners, 6)
 
 
-def _pose(element: Element, pose: pin.SE3) -> None:
-    SubElement(element, "pose").text = _six(pose)
+def _write_pose(element: Element, pose: pin.SE3) -> None:
+    SubElement(element, "pose").text = _format_pose(pose)
 
 
-def _six(pose: pin.SE3) -> str:
+def _format_pose(pose: pin.SE3) -> str:
     """Place and roll, pitch, yaw, as SDF has them (about fixed axes)."""
     return number_text(*pose.translation, *pin.rpy.matrixToRpy(pose.rotation))

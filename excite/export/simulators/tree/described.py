@@ -93,7 +93,7 @@ def described_tree(subject: Subject) -> Tree:
     robot, model = subject.robot, subject.robot.model
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
-    shapes, notes = _shapes(robot) if subject.shapes else ((), ())
+    shapes, notes = _collision_shapes_of(robot) if subject.shapes else ((), ())
     first = 1 if robot.floating else 0
     root = robot.segments[0].link if robot.floating else _root_link(model)
     ten = subject.parameters.reshape(-1, 10)
@@ -155,7 +155,7 @@ def _base_inertia(model: pin.Model) -> PrincipalInertia | None:
     return PrincipalInertia(float(own.mass), np.array(own.lever), moments, axes)
 
 
-def _shapes(robot: Robot) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
+def _collision_shapes_of(robot: Robot) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
     """Collision shapes, and what is to be said where there are none."""
     try:
         return collision_shapes(robot), ()

@@ -80,7 +80,7 @@ class LoadedTree(LoadedModel):
     ) -> None:
         super().__init__(drives, servos)
         self._robot = robot
-        self._model = _assembled(robot, bodies, joints)
+        self._model = _assemble_model(robot, bodies, joints)
         self._columns = [self._model.joints[self._model.getJointId(name)].idx_v for name in robot.joint_names]
 
     def torques(self, states: States, drives: Mapping[str, Array] | None = None) -> Array:
@@ -96,7 +96,7 @@ class LoadedTree(LoadedModel):
         return with_friction(self._robot, bodies, states, self.drives if drives is None else drives)
 
 
-def _assembled(robot: Robot, bodies: Mapping[str, ReadBody], joints: Sequence[ReadJoint]) -> pin.Model:
+def _assemble_model(robot: Robot, bodies: Mapping[str, ReadBody], joints: Sequence[ReadJoint]) -> pin.Model:
     """A pinocchio model of a file's bodies and joints."""
     model = pin.Model()
     model.gravity = robot.model.gravity
@@ -105,7 +105,7 @@ def _assembled(robot: Robot, bodies: Mapping[str, ReadBody], joints: Sequence[Re
     for name in bodies:
         if name not in children:
             root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
-            _carry(model, carried, bodies, name, root, pin.SE3.Identity())
+            _carry_body(model, carried, bodies, name, root, pin.SE3.Identity())
     waiting = list(joints)
     while waiting:
         ready = [joint for joint in waiting if joint.parent in carried]
@@ -115,10 +115,12 @@ def _assembled(robot: Robot, bodies: Mapping[str, ReadBody], joints: Sequence[Re
             support, pose = carried[joint.parent]
             placement = pose * joint.in_parent
             if joint.kind == "fixed":
-                _carry(model, carried, bodies, joint.child, support, placement * joint.in_child.inverse())
+                _carry_body(
+                    model, carried, bodies, joint.child, support, placement * joint.in_child.inverse()
+                )
                 continue
             index = model.addJoint(support, _KINDS[joint.kind](joint.axis), placement, joint.name)
-            _carry(model, carried, bodies, joint.child, index, joint.in_child.inverse())
+            _carry_body(model, carried, bodies, joint.child, index, joint.in_child.inverse())
         waiting = [joint for joint in waiting if joint not in ready]
     missing = [name for name in robot.joint_names if not model.existJointName(name)]
     if missing or model.nv != robot.model.nv:
@@ -126,7 +128,7 @@ def _assembled(robot: Robot, bodies: Mapping[str, ReadBody], joints: Sequence[Re
     return model
 
 
-def _carry(
+def _carry_body(
     model: pin.Model,
     carried: dict[str, tuple[int, pin.SE3]],
     bodies: Mapping[str, ReadBody],

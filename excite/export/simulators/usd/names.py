@@ -39,7 +39,7 @@ DRIVE = {
 _PER_ANGLE, _ANGLE = ("kp", "kd", "viscous"), ("velocity_limit",)
 
 
-def factor(term: str, *, slides: bool) -> float:
+def unit_factor(term: str, *, slides: bool) -> float:
     """What a value in SI is multiplied by to be in USD's unit."""
     if slides:
         return 1.0

@@ -140,7 +140,9 @@ def parse_usda(text: str) -> UsdPrim:
 def read_usda(robot: Robot, text: str) -> LoadedTree:
     """The articulation of a USD text; raises InputError where its joints are not the robot's."""
     prims = [prim for prim in parse_usda(text).everywhere()]
-    bodies = {prim.path: _body(prim) for prim in prims if "PhysicsRigidBodyAPI" in _schemas(prim)}
+    bodies = {
+        prim.path: _read_body(prim) for prim in prims if "PhysicsRigidBodyAPI" in _applied_schemas(prim)
+    }
     joints = {_joint_name(prim): prim for prim in prims if prim.kind in _JOINTS}
     missing = [name for name in robot.joint_names if name not in joints]
     if missing:
@@ -149,24 +151,26 @@ def read_usda(robot: Robot, text: str) -> LoadedTree:
     return LoadedTree(
         robot,
         bodies,
-        [_joint(name, prim) for name, prim in joints.items()],
+        [_read_joint(name, prim) for name, prim in joints.items()],
         {
-            "viscous": _column(
+            "viscous": _read_attribute(
                 own, "PhysxJointAxisAPI", "physxJointAxis:%s:viscousFrictionCoefficient", "per"
             ),
-            "coulomb": _column(own, "PhysxJointAxisAPI", "physxJointAxis:%s:dynamicFrictionEffort"),
-            "armature": _column(own, "PhysxJointAxisAPI", "physxJointAxis:%s:armature"),
+            "coulomb": _read_attribute(own, "PhysxJointAxisAPI", "physxJointAxis:%s:dynamicFrictionEffort"),
+            "armature": _read_attribute(own, "PhysxJointAxisAPI", "physxJointAxis:%s:armature"),
         },
         {
-            "kp": _column(own, "PhysicsDriveAPI", "drive:%s:physics:stiffness", "per"),
-            "kd": _column(own, "PhysicsDriveAPI", "drive:%s:physics:damping", "per"),
-            "torque_limit": _column(own, "PhysicsDriveAPI", "drive:%s:physics:maxForce"),
-            "velocity_limit": _column(own, "PhysxJointAxisAPI", "physxJointAxis:%s:maxJointVelocity", "of"),
+            "kp": _read_attribute(own, "PhysicsDriveAPI", "drive:%s:physics:stiffness", "per"),
+            "kd": _read_attribute(own, "PhysicsDriveAPI", "drive:%s:physics:damping", "per"),
+            "torque_limit": _read_attribute(own, "PhysicsDriveAPI", "drive:%s:physics:maxForce"),
+            "velocity_limit": _read_attribute(
+                own, "PhysxJointAxisAPI", "physxJointAxis:%s:maxJointVelocity", "of"
+            ),
         },
     )
 
 
-def _schemas(prim: UsdPrim) -> list[str]:
+def _applied_schemas(prim: UsdPrim) -> list[str]:
     found = prim.metadata.get("apiSchemas", [])
     return [str(name) for name in found]
 
@@ -175,35 +179,35 @@ def _joint_name(prim: UsdPrim) -> str:
     return str(prim.values.get("excite:joint", prim.name))
 
 
-def _single(values: Any) -> Array:
+def _to_single_precision(values: Any) -> Array:
     """Numbers as single precision keeps them."""
     return np.asarray(values, dtype=np.float32).astype(float)
 
 
-def _turn(values: Any) -> Array:
-    w, x, y, z = _single(values)
+def _quaternion_rotation(values: Any) -> Array:
+    w, x, y, z = _to_single_precision(values)
     return np.asarray(pin.Quaternion(w, x, y, z).normalized().matrix())
 
 
-def _body(prim: UsdPrim) -> ReadBody:
+def _read_body(prim: UsdPrim) -> ReadBody:
     """A body by its mass properties; without them a base that is held, whose mass nothing feels."""
-    if "PhysicsMassAPI" not in _schemas(prim):
+    if "PhysicsMassAPI" not in _applied_schemas(prim):
         return ReadBody(0.0, np.zeros(3), np.zeros((3, 3)))
-    turn = _turn(prim.values["physics:principalAxes"])
-    moments = np.diag(_single(prim.values["physics:diagonalInertia"]))
+    turn = _quaternion_rotation(prim.values["physics:principalAxes"])
+    moments = np.diag(_to_single_precision(prim.values["physics:diagonalInertia"]))
     return ReadBody(
-        float(_single(prim.values["physics:mass"])),
-        _single(prim.values["physics:centerOfMass"]),
+        float(_to_single_precision(prim.values["physics:mass"])),
+        _to_single_precision(prim.values["physics:centerOfMass"]),
         turn @ moments @ turn.T,
     )
 
 
-def _joint(name: str, prim: UsdPrim) -> ReadJoint:
+def _read_joint(name: str, prim: UsdPrim) -> ReadJoint:
     kind, values = _JOINTS[prim.kind], prim.values
     poses = [
         pin.SE3(
-            _turn(values.get(f"physics:localRot{side}", [1.0, 0.0, 0.0, 0.0])),
-            _single(values.get(f"physics:localPos{side}", [0.0, 0.0, 0.0])),
+            _quaternion_rotation(values.get(f"physics:localRot{side}", [1.0, 0.0, 0.0, 0.0])),
+            _to_single_precision(values.get(f"physics:localPos{side}", [0.0, 0.0, 0.0])),
         )
         for side in (0, 1)
     ]
@@ -212,12 +216,16 @@ def _joint(name: str, prim: UsdPrim) -> ReadJoint:
     return ReadJoint(name, kind, parent, child, poses[0], poses[1], axis)
 
 
-def _column(joints: list[UsdPrim], schema: str, attribute: str, angle: str = "") -> Array:
+def _read_attribute(joints: list[UsdPrim], schema: str, attribute: str, angle: str = "") -> Array:
     """An attribute of all joints in SI: ``per`` degree, or ``of`` degrees; NaN where it or its schema is missing."""
     found = []
     for prim in joints:
         axis = "linear" if prim.kind == "PhysicsPrismaticJoint" else "angular"
-        value = prim.values.get(attribute % axis, np.nan) if f"{schema}:{axis}" in _schemas(prim) else np.nan
+        value = (
+            prim.values.get(attribute % axis, np.nan)
+            if f"{schema}:{axis}" in _applied_schemas(prim)
+            else np.nan
+        )
         turn = {"per": 180.0 / np.pi, "of": np.pi / 180.0}.get(angle, 1.0) if axis == "angular" else 1.0
-        found.append(float(_single(value)) * turn)
+        found.append(float(_to_single_precision(value)) * turn)
     return np.array(found)

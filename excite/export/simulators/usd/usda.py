@@ -12,9 +12,16 @@ from excite.arrays import Array
 from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
 from excite.export.simulators.subject import Subject
 from excite.export.simulators.tree.described import Body, Joint, Tree, described_tree
-from excite.export.simulators.usd.names import DRIVE, NEWTON, PHYSX, STATIC, factor, prim_name
+from excite.export.simulators.usd.names import DRIVE, NEWTON, PHYSX, STATIC, prim_name, unit_factor
 from excite.export.simulators.usd.reading import read_usda
-from excite.export.simulators.usd.writing import Prim, number, placed, quaternion, several, shape_prim
+from excite.export.simulators.usd.writing import (
+    Prim,
+    format_quaternion,
+    format_several,
+    format_single,
+    pose_attributes,
+    shape_prim,
+)
 
 _HEAD = """#usda 1.0
 (
@@ -47,7 +54,7 @@ class UsdaFormat(ModelFormat):
         names = _prim_names(tree)
         top = Prim("Xform", name, ["PhysicsArticulationRootAPI", "PhysxArticulationAPI"])
         top.lines.append("bool physxArticulation:enabledSelfCollisions = 0")
-        top.inside = [_body(body, own) for body, own in zip(tree.bodies, names, strict=True)]
+        top.inside = [_body_prim(body, own) for body, own in zip(tree.bodies, names, strict=True)]
         paths = [f"/{name}/{own}" for own in names]
         joints = Prim("Scope", prim_name("joints", names))
         if not tree.free:
@@ -57,7 +64,7 @@ class UsdaFormat(ModelFormat):
         taken = ["world_to_base"]
         for joint in tree.joints:
             taken.append(prim_name(joint.name, taken))
-            joints.inside.append(_joint(joint, taken[-1], paths))
+            joints.inside.append(_joint_prim(joint, taken[-1], paths))
         top.inside.append(joints)
         text = _HEAD.format(name=name) + "\n" + "\n".join(top.text()) + "\n"
         return Rendered({f"{subject.stem}.usda": text.encode()}, tree.notes)
@@ -74,15 +81,15 @@ def _prim_names(tree: Tree) -> list[str]:
     return names
 
 
-def _body(body: Body, name: str) -> Prim:
-    prim = Prim("Xform", name, ["PhysicsRigidBodyAPI"], placed(body.pose))
+def _body_prim(body: Body, name: str) -> Prim:
+    prim = Prim("Xform", name, ["PhysicsRigidBodyAPI"], pose_attributes(body.pose))
     if body.inertia is not None:
         prim.schemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
         prim.lines += [
-            f"float physics:mass = {number(body.inertia.mass)}",
-            f"point3f physics:centerOfMass = {several(body.inertia.com)}",
-            f"float3 physics:diagonalInertia = {several(_single_moments(body.inertia.moments))}",
-            f"quatf physics:principalAxes = {quaternion(body.inertia.rotation)}",
+            f"float physics:mass = {format_single(body.inertia.mass)}",
+            f"point3f physics:centerOfMass = {format_several(body.inertia.com)}",
+            f"float3 physics:diagonalInertia = {format_several(_single_moments(body.inertia.moments))}",
+            f"quatf physics:principalAxes = {format_quaternion(body.inertia.rotation)}",
         ]
     prim.inside = [shape_prim(shape) for shape in body.shapes]
     return prim
@@ -98,7 +105,7 @@ def _single_moments(moments: Array) -> Array:
     return single.astype(float)
 
 
-def _joint(joint: Joint, name: str, paths: list[str]) -> Prim:
+def _joint_prim(joint: Joint, name: str, paths: list[str]) -> Prim:
     kind = "PhysicsPrismaticJoint" if joint.slides else "PhysicsRevoluteJoint"
     axis = "linear" if joint.slides else "angular"
     schemas = [f"PhysicsDriveAPI:{axis}", f"PhysxJointAxisAPI:{axis}", "NewtonJointAPI"]
@@ -109,21 +116,21 @@ def _joint(joint: Joint, name: str, paths: list[str]) -> Prim:
         f"rel physics:body0 = <{paths[joint.parent]}>",
         f"rel physics:body1 = <{paths[joint.child]}>",
         'uniform token physics:axis = "X"',
-        f"point3f physics:localPos0 = {several(joint.placement.translation)}",
-        f"quatf physics:localRot0 = {quaternion(joint.placement.rotation @ turn)}",
+        f"point3f physics:localPos0 = {format_several(joint.placement.translation)}",
+        f"quatf physics:localRot0 = {format_quaternion(joint.placement.rotation @ turn)}",
         "point3f physics:localPos1 = (0, 0, 0)",
-        f"quatf physics:localRot1 = {quaternion(turn)}",
-        f"float physics:lowerLimit = {number(lower)}",
-        f"float physics:upperLimit = {number(upper)}",
+        f"quatf physics:localRot1 = {format_quaternion(turn)}",
+        f"float physics:lowerLimit = {format_single(lower)}",
+        f"float physics:upperLimit = {format_single(upper)}",
         f'uniform token drive:{axis}:physics:type = "force"',
     ]
     values = {**joint.terms, **joint.servo}
     for table in (DRIVE, PHYSX, NEWTON):
         for term, attribute in table.items():
             if term in values:
-                value = number(values[term] * factor(term, slides=joint.slides))
+                value = format_single(values[term] * unit_factor(term, slides=joint.slides))
                 lines.append(f"float {attribute.format(axis=axis)} = {value}")
-    lines.append(f"float {STATIC.format(axis=axis)} = {number(joint.terms['coulomb'])}")
+    lines.append(f"float {STATIC.format(axis=axis)} = {format_single(joint.terms['coulomb'])}")
     # The name that the robot's description has, where USD takes no such name.
     if name != joint.name:
         lines.append(f'custom string excite:joint = "{joint.name}"')

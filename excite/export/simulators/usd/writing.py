@@ -48,7 +48,7 @@ class Prim:
         yield indent + "}"
 
 
-def number(value: float) -> str:
+def format_single(value: float) -> str:
     """A number with the digits of single precision, which is what USD keeps of most."""
     single = np.float32(value)
     return (
@@ -62,26 +62,26 @@ def number(value: float) -> str:
     )
 
 
-def several(values: Iterable[float]) -> str:
+def format_several(values: Iterable[float]) -> str:
     """Numbers in brackets."""
-    return "(" + ", ".join(number(value) for value in values) + ")"
+    return "(" + ", ".join(format_single(value) for value in values) + ")"
 
 
-def quaternion(rotation: Array) -> str:
+def format_quaternion(rotation: Array) -> str:
     """A rotation ``(3, 3)``, real part first."""
     x, y, z, w = pin.Quaternion(rotation).normalized().coeffs()
-    return several((w, x, y, z))
+    return format_several((w, x, y, z))
 
 
-def placed(pose: pin.SE3, scale: Array | None = None) -> list[str]:
+def pose_attributes(pose: pin.SE3, scale: Array | None = None) -> list[str]:
     """Attributes that put a prim somewhere."""
     lines = [
-        f"double3 xformOp:translate = {several(pose.translation)}",
-        f"quatf xformOp:orient = {quaternion(pose.rotation)}",
+        f"double3 xformOp:translate = {format_several(pose.translation)}",
+        f"quatf xformOp:orient = {format_quaternion(pose.rotation)}",
     ]
     order = ["xformOp:translate", "xformOp:orient"]
     if scale is not None:
-        lines.append(f"double3 xformOp:scale = {several(scale)}")
+        lines.append(f"double3 xformOp:scale = {format_several(scale)}")
         order.append("xformOp:scale")
     named = ", ".join(f'"{name}"' for name in order)
     return [*lines, f"uniform token[] xformOpOrder = [{named}]"]
@@ -92,21 +92,21 @@ def shape_prim(shape: Shape) -> Prim:
     schemas = ["PhysicsCollisionAPI"]
     if shape.vertices is None or shape.faces is None:
         scale = np.array(shape.size) if shape.kind == "box" else None
-        lines = placed(shape.placement, scale)
+        lines = pose_attributes(shape.placement, scale)
         if shape.kind == "box":
             lines.append("double size = 1")
         else:
-            lines.append(f"double radius = {number(shape.size[0])}")
+            lines.append(f"double radius = {format_single(shape.size[0])}")
         if shape.kind in ("capsule", "cylinder"):
-            lines += ['uniform token axis = "Z"', f"double height = {number(shape.size[1])}"]
+            lines += ['uniform token axis = "Z"', f"double height = {format_single(shape.size[1])}"]
         return Prim(_SOLIDS[shape.kind], prim_name(shape.name), schemas, lines)
-    points = ", ".join(several(corner) for corner in np.round(shape.vertices, 6))
+    points = ", ".join(format_several(corner) for corner in np.round(shape.vertices, 6))
     return Prim(
         "Mesh",
         prim_name(shape.name),
         [*schemas, "PhysicsMeshCollisionAPI"],
         [
-            *placed(shape.placement),
+            *pose_attributes(shape.placement),
             f"point3f[] points = [{points}]",
             f"int[] faceVertexCounts = [{', '.join(['3'] * len(shape.faces))}]",
             f"int[] faceVertexIndices = [{', '.join(str(int(corner)) for corner in shape.faces.ravel())}]",

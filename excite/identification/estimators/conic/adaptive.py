@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.identification.constraints.assemble import known_total_mass
 from excite.identification.constraints.body import pseudo_inertia_cones
-from excite.identification.constraints.linear import stack
+from excite.identification.constraints.linear import stack_constraints
 from excite.identification.constraints.mass import total_mass
 from excite.identification.estimators.base import Estimate, Estimator
 from excite.identification.estimators.conic.conic import ConicSolver, interior_point
@@ -18,7 +18,7 @@ from excite.identification.estimators.ridge import ridge
 from excite.identification.estimators.setting import number, word
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Adaptive(Estimator[AdaptiveSettings]):
 
     def estimate(self, problem: IdentificationProblem, settings: AdaptiveSettings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(regression(problem)), settings)
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
 
     def solve(self, rows: Regression, settings: AdaptiveSettings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
@@ -95,7 +95,7 @@ class Adaptive(Estimator[AdaptiveSettings]):
             prior_spread=settings.prior_spread, segment_spread=settings.segment_spread, alpha=alpha
         )
         mass = known_total_mass(rows, settings)
-        linear = stack([] if mass is None else [total_mass(problem, mass)], problem.n_params)
+        linear = stack_constraints([] if mass is None else [total_mass(problem, mass)], problem.n_params)
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
         best = conic_estimate(self.name, rows, ridge(rows, pull), linear, cones, self._solver)
         return replace(consistent_or_raised(best), total_mass=mass)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from excite.identification.constraints.body import feasibility_cones
 from excite.identification.constraints.bounds import MASS_AND_FIRST_MOMENT
-from excite.identification.constraints.linear import stack
+from excite.identification.constraints.linear import stack_constraints
 from excite.identification.constraints.mass import non_negative_masses
 from excite.identification.estimators.base import Estimate, Estimator
 from excite.identification.estimators.conic.conic import ConicSolver, interior_point
@@ -20,7 +20,7 @@ from excite.identification.estimators.settings import (
     PullSettings,
 )
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class PhysicallyFeasible(Estimator[Cls2Settings]):
 
     def estimate(self, problem: IdentificationProblem, settings: Cls2Settings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(regression(problem)), settings)
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
 
     def solve(self, rows: Regression, settings: Cls2Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
@@ -67,6 +67,6 @@ class PhysicallyFeasible(Estimator[Cls2Settings]):
         """
         problem = rows.problem
         bounds = bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)
-        linear = stack([non_negative_masses(problem), bounds], problem.n_params)
+        linear = stack_constraints([non_negative_masses(problem), bounds], problem.n_params)
         cones = (feasibility_cones(problem, settings.inertia_floor),)
         return conic_estimate(self.name, rows, ridge(rows, settings), linear, cones, self._solver)

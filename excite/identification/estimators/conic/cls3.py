@@ -17,7 +17,7 @@ from excite.identification.constraints.ellipsoid import (
     com_in_ellipsoids,
     mass_in_ellipsoids,
 )
-from excite.identification.constraints.linear import stack
+from excite.identification.constraints.linear import stack_constraints
 from excite.identification.constraints.mass import non_negative_masses, total_mass
 from excite.identification.constraints.stated_bounds import stated_bounds
 from excite.identification.estimators.base import Estimate, Estimator
@@ -32,7 +32,7 @@ from excite.identification.estimators.settings import (
 )
 from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class DensityRealisable(Estimator[Cls3Settings]):
 
     def estimate(self, problem: IdentificationProblem, settings: Cls3Settings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(regression(problem)), settings)
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
 
     def solve(self, rows: Regression, settings: Cls3Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
@@ -109,6 +109,6 @@ class DensityRealisable(Estimator[Cls3Settings]):
         if settings.bounds is not None:
             parts.append(stated_bounds(problem, settings.bounds, default_bounds(problem.robot, settings)))
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor), com_in_ellipsoids(problem, centers))
-        linear = stack(parts, problem.n_params)
+        linear = stack_constraints(parts, problem.n_params)
         best = conic_estimate(self.name, rows, ridge(rows, settings), linear, cones, self._solver)
         return replace(consistent_or_raised(best), total_mass=mass)

@@ -56,7 +56,7 @@ class ConicAnswer:
 ConicSolver = Callable[[ConicProblem], ConicAnswer]
 
 
-def stacked(problem: ConicProblem) -> tuple[Array, Array]:
+def stack_rows(problem: ConicProblem) -> tuple[Array, Array]:
     """All rows ``M`` and offsets ``c``: ``M z + c`` lies in ``{0} × ℝ₊ × cones``."""
     matrices = [
         problem.linear.matrix,
@@ -72,7 +72,7 @@ def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> Coni
     Centred at the unconstrained optimum, where the objective is small: relative tolerances then mean
     something.
     """
-    matrix, offset = stacked(problem)
+    matrix, offset = stack_rows(problem)
     linear, n = problem.linear, len(problem.target)
     kinds = [
         clarabel.ZeroConeT(linear.n_equal),
@@ -102,28 +102,28 @@ def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> Coni
     )
 
 
-def refined(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
+def refine_answer(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
     """Newton's steps on ``λ = Π(λ − M z(λ) − c)`` with ``z = target + Mᵀλ`` (Qi and Sun 1993).
 
     From an interior-point answer they converge quadratically to rounding where the constraints are not
     redundant; a shorter step is taken where the full one does not help. The answer whose recomputed
     distance to the optimum is smaller is returned.
     """
-    matrix, offset = stacked(problem)
+    matrix, offset = stack_rows(problem)
     gram = matrix @ matrix.T
     start = matrix @ problem.target + offset
 
     def residual_of(dual: Array) -> tuple[Array, Array]:
         value = dual - start - gram @ dual
-        return value, dual - _projected(problem, value)
+        return value, dual - _project_dual(problem, value)
 
-    dual = _projected(problem, answer.multipliers)
+    dual = _project_dual(problem, answer.multipliers)
     value, residual = residual_of(dual)
     error = float(np.linalg.norm(residual))
     for _ in range(_REFINEMENTS):
         if error < 1e-14 * max(1.0, float(np.linalg.norm(dual))):
             break
-        factor = lu_factor(_jacobian(problem, value, gram), overwrite_a=True, check_finite=False)
+        factor = lu_factor(_projection_jacobian(problem, value, gram), overwrite_a=True, check_finite=False)
         change = lu_solve(factor, residual, check_finite=False)
         for share in _SHARES:
             tried = dual - share * change
@@ -138,7 +138,7 @@ def refined(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
     return better if conic_distance(problem, better) < conic_distance(problem, answer) else answer
 
 
-def _split(problem: ConicProblem, vector: Array) -> tuple[Array, list[Array]]:
+def _split_vector(problem: ConicProblem, vector: Array) -> tuple[Array, list[Array]]:
     place = len(problem.linear.bound)
     head, rest = vector[:place], []
     for cones in problem.cones:
@@ -147,18 +147,18 @@ def _split(problem: ConicProblem, vector: Array) -> tuple[Array, list[Array]]:
     return head, rest
 
 
-def _projected(problem: ConicProblem, vector: Array) -> Array:
+def _project_dual(problem: ConicProblem, vector: Array) -> Array:
     """Nearest point of the dual cone; multipliers of equalities are free."""
-    head, rest = _split(problem, vector)
+    head, rest = _split_vector(problem, vector)
     flat = np.maximum(head, 0.0)
     flat[: problem.linear.n_equal] = head[: problem.linear.n_equal]
     blocks = (cones.projected(part).ravel() for cones, part in zip(problem.cones, rest, strict=True))
     return np.concatenate([flat, *blocks])
 
 
-def _jacobian(problem: ConicProblem, vector: Array, gram: Array) -> Array:
+def _projection_jacobian(problem: ConicProblem, vector: Array, gram: Array) -> Array:
     """Derivative of ``λ − Π(λ − c − gram·λ)``, block by block."""
-    head, rest = _split(problem, vector)
+    head, rest = _split_vector(problem, vector)
     flat = (head > 0.0).astype(float)
     flat[: problem.linear.n_equal] = 1.0
     full = np.eye(len(vector))
@@ -196,8 +196,8 @@ def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
     """
     if not np.isfinite(answer.multipliers).all():
         return np.inf
-    matrix, offset = stacked(problem)
-    dual = _projected(problem, answer.multipliers)
+    matrix, offset = stack_rows(problem)
+    dual = _project_dual(problem, answer.multipliers)
     stationarity = answer.z - problem.target - matrix.T @ dual
     slack = float(dual @ (matrix @ answer.z + offset))
     return float(np.sqrt(stationarity @ stationarity + 2.0 * abs(slack)))

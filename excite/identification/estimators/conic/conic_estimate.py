@@ -18,8 +18,8 @@ from excite.identification.estimators.conic.conic import (
     ConicSolver,
     conic_distance,
     conic_violations,
-    refined,
-    stacked,
+    refine_answer,
+    stack_rows,
 )
 from excite.identification.estimators.fallback import best_known
 from excite.identification.estimators.ridge import Ridge
@@ -64,7 +64,7 @@ def conic_estimate(
         raise no_solution(status, replace(known, status=status))
     if np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all():
         try:
-            answer = refined(problem, answer)
+            answer = refine_answer(problem, answer)
         except LinAlgError:
             # The answer stands as it is; its distance decides.
             pass
@@ -95,7 +95,7 @@ def consistent_or_raised(best: Estimate) -> Estimate:
 
 def _is_ray(problem: ConicProblem, answer: ConicAnswer) -> bool:
     """Whether multipliers prove that there is no point: ``λ`` in the dual cone, ``Mᵀλ = 0``, ``λᵀc < 0``."""
-    matrix, offset = stacked(problem)
+    matrix, offset = stack_rows(problem)
     ray = answer.multipliers
     if not np.isfinite(ray).all():
         return False

@@ -15,7 +15,7 @@ from excite.identification.estimators.base import Estimate, Estimator
 from excite.identification.estimators.conic.conic import ConicSolver, interior_point
 from excite.identification.estimators.conic.conic_estimate import conic_estimate, consistent_or_raised
 from excite.identification.estimators.entropic.entropic import entropic_estimate
-from excite.identification.estimators.entropic.entropic_newton import newton
+from excite.identification.estimators.entropic.entropic_newton import newton_steps
 from excite.identification.estimators.entropic.entropic_problem import EntropicSolver
 from excite.identification.estimators.entropic.geometric import pullback_metric
 from excite.identification.estimators.ridge import ridge
@@ -27,7 +27,7 @@ from excite.identification.estimators.settings import (
     SymmetrySettings,
 )
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, prior_std, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,12 @@ class PhysicallyConsistent(Estimator[LmiSettings]):
         "was weighed or the record tells it, symmetry where it is asked for"
     )
 
-    def __init__(self, solver: ConicSolver = interior_point, entropic: EntropicSolver = newton):
+    def __init__(self, solver: ConicSolver = interior_point, entropic: EntropicSolver = newton_steps):
         self._solver, self._entropic = solver, entropic
 
     def estimate(self, problem: IdentificationProblem, settings: LmiSettings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(regression(problem)), settings)
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
 
     def solve(self, rows: Regression, settings: LmiSettings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.

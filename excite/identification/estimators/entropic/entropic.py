@@ -15,7 +15,7 @@ from excite.identification.constraints.body import moving_segments
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, no_solution
-from excite.identification.estimators.entropic.entropic_newton import cholesky
+from excite.identification.estimators.entropic.entropic_newton import safe_cholesky
 from excite.identification.estimators.entropic.entropic_problem import (
     EntropicAnswer,
     EntropicProblem,
@@ -36,7 +36,7 @@ def entropic_distance(problem: EntropicProblem, answer: EntropicAnswer) -> float
     left = problem.gradient(answer.z) - problem.linear.matrix.T @ multipliers
     slack = problem.linear.matrix @ answer.z - problem.linear.bound
     gap = abs(float(multipliers @ slack))
-    factor = cholesky(problem.hessian(answer.z))
+    factor = safe_cholesky(problem.hessian(answer.z))
     if factor is None:
         return np.inf
     newton_step = cho_solve(factor, left)

@@ -44,7 +44,7 @@ class _Point:
 
 # Where no point meets the rows, multipliers grow until they overflow: that is looked at, not warned of.
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def newton(problem: EntropicProblem) -> EntropicAnswer | None:
+def newton_steps(problem: EntropicProblem) -> EntropicAnswer | None:
     """Primal-dual steps from the nominal model, which is inside; None where they find no feasible point.
 
     ``S`` stands for ``w X⁻¹`` and reaches it along a central path, as in semidefinite programming (Helmberg et
@@ -73,7 +73,7 @@ def newton(problem: EntropicProblem) -> EntropicAnswer | None:
         guess = system.step(np.zeros(m), problem.weights, None)
         if not guess.finite:
             break
-        alpha = min(1.0, _longest(point, system, guess))
+        alpha = min(1.0, _longest_step(point, system, guess))
         if cramped:
             # Close to the boundary: back to the middle, without a correction that was meant for a long step.
             center, corrected = 0.5 * level, None
@@ -82,7 +82,7 @@ def newton(problem: EntropicProblem) -> EntropicAnswer | None:
         step = system.step(np.full(m, center), np.maximum(problem.weights, center), corrected)
         if not step.finite:
             break
-        length = min(1.0, _BACK * _longest(point, system, step))
+        length = min(1.0, _BACK * _longest_step(point, system, step))
         point, cramped = point.moved(step, length), length <= _SHORT
     if not missed < _FEASIBLE:
         return None
@@ -120,7 +120,7 @@ class _System:
         curved -= problem.weights[:, None, None] * np.eye(10)
         blocks = curved.transpose(0, 2, 1) @ problem.maps
         normal = np.eye(n) + problem.maps.reshape(-1, n).T @ blocks.reshape(-1, n)
-        factor = cholesky(normal + rows.T @ ((point.dual / point.s)[:, None] * rows))
+        factor = safe_cholesky(normal + rows.T @ ((point.dual / point.s)[:, None] * rows))
         if factor is None:
             return None
         return cls(
@@ -149,7 +149,7 @@ class _System:
         inner = (aim - point.dual * self.primal) / point.s
         right = rows.T @ inner - self.slope + np.tensordot(shape.vectors(wish), p.maps, 2)
         free = cho_solve(self.factor, right, check_finite=False)
-        nu = _solved(equal @ self.across, -self.tied - equal @ free)
+        nu = _solve_or_nan(equal @ self.across, -self.tied - equal @ free)
         dz = free + self.across @ nu
         ds = rows @ dz + self.primal
         product = self.inverse @ shape.matrices(p.maps @ dz) @ point.big
@@ -157,7 +157,7 @@ class _System:
         return _Point(dz, ds, (aim - point.dual * ds) / point.s, nu, big)
 
 
-def _solved(matrix: Array, right: Array) -> Array:
+def _solve_or_nan(matrix: Array, right: Array) -> Array:
     """Solution of a linear system, NaN where rounding has made it singular: no step is taken then."""
     try:
         return np.asarray(np.linalg.solve(matrix, right))
@@ -165,7 +165,7 @@ def _solved(matrix: Array, right: Array) -> Array:
         return np.full(len(right), np.nan)
 
 
-def cholesky(matrix: Array) -> tuple[Array, bool] | None:
+def safe_cholesky(matrix: Array) -> tuple[Array, bool] | None:
     """Cholesky factor; the diagonal grows by a hair where rounding has made the matrix indefinite."""
     diagonal = np.diag_indices_from(matrix)
     for hair in (0.0, 1e-14, 1e-12, 1e-10, 1e-8):
@@ -177,17 +177,17 @@ def cholesky(matrix: Array) -> tuple[Array, bool] | None:
     return None
 
 
-def _longest(point: _Point, system: _System, step: _Point) -> float:
+def _longest_step(point: _Point, system: _System, step: _Point) -> float:
     """Longest step that keeps slacks, multipliers, ``X`` and ``S`` positive."""
     change = triangle_of(4).matrices(system.problem.maps @ step.z)
-    lengths = [_inside(system.x, change), _inside(point.big, step.big)]
+    lengths = [_longest_definite_step(system.x, change), _longest_definite_step(point.big, step.big)]
     for value, move in ((point.s, step.s), (point.dual, step.dual)):
         falling = move < 0.0
         lengths.append(float((-value[falling] / move[falling]).min(initial=np.inf)))
     return min(lengths)
 
 
-def _inside(matrices: Array, change: Array) -> float:
+def _longest_definite_step(matrices: Array, change: Array) -> float:
     """Longest step that keeps symmetric matrices positive definite."""
     eigen, vectors = np.linalg.eigh(matrices)
     root = vectors / np.sqrt(np.maximum(eigen, 1e-300))[:, None, :]

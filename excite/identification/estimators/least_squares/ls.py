@@ -12,7 +12,7 @@ from excite.identification.estimators.checked import finite_or_raised
 from excite.identification.estimators.setting import word
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import least_squares, prior_std, regression
+from excite.identification.regression import condense_problem, least_squares, prior_std
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class LeastSquares(Estimator[LsSettings]):
 
     def estimate(self, problem: IdentificationProblem, settings: LsSettings) -> Estimate:
         """See :meth:`Estimator.estimate`. Unmeasured segments keep nominal values."""
-        rows = regression(problem)
+        rows = condense_problem(problem)
         if settings.ls_reference == "nominal":
             scales = prior_std(problem, settings.spreads(problem.robot))
             parameters = least_squares(rows.factor, center=problem.prior, scales=scales)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from excite.identification.constraints.linear import stack
+from excite.identification.constraints.linear import stack_constraints
 from excite.identification.estimators.base import Estimate, Estimator
 from excite.identification.estimators.checked import checked_estimate, finite_or_raised
 from excite.identification.estimators.ridge import ridge
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import iterate_weights, regression
+from excite.identification.regression import condense_problem, iterate_weights
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class MaximumAPosteriori(Estimator[MapSettings]):
 
     def estimate(self, problem: IdentificationProblem, settings: MapSettings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
-        rows = iterate_weights(regression(problem))
+        rows = iterate_weights(condense_problem(problem))
         objective = ridge(rows, settings)
-        nothing = stack([], len(objective.free))
+        nothing = stack_constraints([], len(objective.free))
         return finite_or_raised(checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing))

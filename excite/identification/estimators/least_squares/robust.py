@@ -16,7 +16,7 @@ from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.noise.correlated import estimate_noise
 from excite.identification.orthogonal import row_space
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 
 _BLOCK = 4096
 _ROUNDS = 100
@@ -67,7 +67,7 @@ class Huber(Estimator[RobustSettings]):
         Raises:
             NoSolutionError: the reweighting did not settle; ``best`` is its last state.
         """
-        rows = iterate_weights(regression(problem))
+        rows = iterate_weights(condense_problem(problem))
         scaled = scaled_parameters(rows, settings)
         space = row_space(scaled.columns(rows.factor[:, :-1]))
         basis = np.zeros((problem.n_params, space.rank))

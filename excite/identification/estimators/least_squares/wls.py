@@ -12,7 +12,7 @@ from excite.identification.estimators.checked import finite_or_raised
 from excite.identification.estimators.setting import number
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import iterate_weights, least_squares, prior_std, regression
+from excite.identification.regression import condense_problem, iterate_weights, least_squares, prior_std
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class WeightedLeastSquares(Estimator[WlsSettings]):
 
     def estimate(self, problem: IdentificationProblem, settings: WlsSettings) -> Estimate:
         """See :meth:`Estimator.estimate`; the spreads are the metric among equal solutions."""
-        rows = iterate_weights(regression(problem), iterations=settings.weight_iterations)
+        rows = iterate_weights(condense_problem(problem), iterations=settings.weight_iterations)
         scales = prior_std(problem, settings.spreads(problem.robot))
         parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
         weighted = problem.residual(parameters) / rows.std[problem.channel]

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.constraints.bounds import default_bounds, within_bounds
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.constraints.stated_bounds import speaks_of, stated_bounds
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
@@ -25,10 +25,10 @@ from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
     RANK_TOLERANCE,
     Regression,
+    condense_problem,
     iterate_weights,
     least_squares,
     prior_std,
-    regression,
 )
 from excite.regressor.base_parameters import base_parameters
 
@@ -68,7 +68,7 @@ class BoundedNearBase(Estimator[Cls1Settings]):
 
     def estimate(self, problem: IdentificationProblem, settings: Cls1Settings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(regression(problem)), settings)
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
 
     def solve(self, rows: Regression, settings: Cls1Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
@@ -156,4 +156,4 @@ def bound_rows(
     if settings.bounds is None:
         return bounds
     usual = physical_bounds(problem.robot, settings)
-    return stack([bounds, stated_bounds(problem, settings.bounds, usual)], problem.n_params)
+    return stack_constraints([bounds, stated_bounds(problem, settings.bounds, usual)], problem.n_params)

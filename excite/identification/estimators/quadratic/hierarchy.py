@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.quadratic.hierarchy_state import (
     EMPTY,
@@ -65,7 +65,9 @@ def solve_hierarchy(
         start: a point that meets most rows, ``(n,)``; it does not change the optimum.
     """
     n = matrix.shape[1]
-    state = HierarchyState(np.zeros(n) if start is None else start.copy(), np.eye(n), stack([], n))
+    state = HierarchyState(
+        np.zeros(n) if start is None else start.copy(), np.eye(n), stack_constraints([], n)
+    )
     slacks: list[float] = []
     fit_distance = distance = np.inf
     status = SolveStatus.SOLVED
@@ -83,7 +85,7 @@ def _meet(state: HierarchyState, level: Level, projector: Projector) -> float:
     """Meet a level as well as the levels above allow; returns the norm of what is violated."""
     rows, n = level.constraints, len(state.x)
     for _ in range(_MAX_ROUNDS):
-        both = stack([state.hard, rows], n)
+        both = stack_constraints([state.hard, rows], n)
         matrix = both.matrix @ state.basis
         bound = both.bound - both.matrix @ state.x
         length = np.linalg.norm(matrix, axis=1)
@@ -108,12 +110,12 @@ def _meet(state: HierarchyState, level: Level, projector: Projector) -> float:
             _keep(state, level, rows, np.arange(len(rows.bound)) < rows.n_equal)
             return 0.0
         state.add(above)
-        rows = stack([rows, found], n)
+        rows = stack_constraints([rows, found], n)
     return _least_violation(state, level, rows, projector)
 
 
 def _violated(level: Level, x: Array) -> LinearConstraints:
-    return stack([], len(x)) if level.family is None else level.family.violated(x)
+    return stack_constraints([], len(x)) if level.family is None else level.family.violated(x)
 
 
 def _finite(answer: ProjectionAnswer) -> bool:
@@ -136,7 +138,7 @@ def _least_violation(
     for _ in range(_MAX_ROUNDS):
         k, e, h = len(rows.bound), rows.n_equal, len(state.hard.bound)
         equal = LinearConstraints(rows.matrix[:e], rows.bound[:e], rows.labels[:e], e)
-        joined = stack([equal, state.hard, rows.only(np.arange(k) >= e)], len(state.x))
+        joined = stack_constraints([equal, state.hard, rows.only(np.arange(k) >= e)], len(state.x))
         counted = np.zeros((k + h, k))
         counted[:e, :e] = np.eye(e)
         counted[e + h :, e:] = np.eye(k - e)
@@ -150,7 +152,7 @@ def _least_violation(
         above, found = state.violated(x), _violated(level, x)
         if len(above.bound) or len(found.bound):
             state.add(above)
-            rows = stack([rows, found], len(x))
+            rows = stack_constraints([rows, found], len(x))
             continue
         if answer.distance > _DISTANCE * max(1.0, float(np.linalg.norm(answer.p))):
             continue
@@ -211,7 +213,7 @@ def _fit(state: HierarchyState, matrix: Array, measured: Array, projector: Proje
     rows = state.hard
     state.x, state.basis = state.x + along @ answer.p + across @ answer.n, across
     state.pin(rows.only(answer.multipliers > _ACTIVE))
-    state.hard = stack([], len(state.x))
+    state.hard = stack_constraints([], len(state.x))
     state.add(rows.only(answer.multipliers <= _ACTIVE))
     return answer.distance
 

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.orthogonal import row_space
 
@@ -83,12 +83,12 @@ class HierarchyState:
 
     def violated(self, x: Array) -> LinearConstraints:
         """Rows of the families that ``x`` violates."""
-        return stack([family.violated(x) for family in self.families], len(x))
+        return stack_constraints([family.violated(x) for family in self.families], len(x))
 
     def add(self, rows: LinearConstraints) -> None:
         """More inequalities; those that the present point misses by rounding give way to it."""
         eased = LinearConstraints(rows.matrix, np.minimum(rows.bound, rows.matrix @ self.x), rows.labels)
-        self.hard = stack([self.hard, eased], len(self.x))
+        self.hard = stack_constraints([self.hard, eased], len(self.x))
 
     def pin(self, rows: LinearConstraints) -> None:
         """Keep the present value of rows."""

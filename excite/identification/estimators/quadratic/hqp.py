@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.constraints.assemble import body_constraints
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.constraints.mass_range import masses_in_range
 from excite.identification.constraints.mirror import mirrored_pairs
 from excite.identification.constraints.sphere import SphereRows
@@ -31,7 +31,7 @@ from excite.identification.estimators.settings import (
     known_segments,
 )
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, least_squares, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights, least_squares
 from excite.robot.robot import Robot
 
 # Largest violation of a vector's row that is let pass, as a share of ε.
@@ -99,7 +99,7 @@ class HierarchicalProgram(Estimator[HqpSettings]):
 
     def estimate(self, problem: IdentificationProblem, settings: HqpSettings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(regression(problem)), settings)
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
 
     def solve(self, rows: Regression, settings: HqpSettings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
@@ -221,7 +221,7 @@ def paper_levels(rows: Regression, settings: HqpSettings, scaled: Scaled) -> tup
     parts = [masses_in_range(problem, settings.mass_ranges(problem.robot))]
     if settings.mirror is not None:
         parts.append(mirrored_pairs(problem, settings.mirror, settings.free_of_symmetry(problem.robot)))
-    second = Level("plausible", scaled.constraints(stack(parts, problem.n_params)))
+    second = Level("plausible", scaled.constraints(stack_constraints(parts, problem.n_params)))
     return first, second
 
 

@@ -9,7 +9,7 @@ from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.identification.constraints.assemble import model_constraints
 from excite.identification.constraints.inertia_cone import InertiaCone, inertia_cone
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, no_solution
 from excite.identification.estimators.fallback import best_known
@@ -24,7 +24,7 @@ from excite.identification.estimators.settings import (
     SymmetrySettings,
 )
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 
 _MAX_ROUNDS = 60
 _CONE_TOLERANCE = 1e-3
@@ -60,7 +60,7 @@ class QuadraticProgram(Estimator[QpSettings]):
 
     def estimate(self, problem: IdentificationProblem, settings: QpSettings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
-        rows = iterate_weights(regression(problem))
+        rows = iterate_weights(condense_problem(problem))
         objective = ridge(rows, settings)
         model = model_constraints(rows, settings)
         cone = inertia_cone(problem, settings.inertia_floor, settings.sphere_subdivisions)
@@ -79,7 +79,7 @@ class QuadraticProgram(Estimator[QpSettings]):
             cuts = cone.cuts(best.parameters, _CONE_TOLERANCE)
             if not len(cuts.bound):
                 return best
-            rotated = stack([rotated, objective.constraints(cuts)], len(objective.target))
+            rotated = stack_constraints([rotated, objective.constraints(cuts)], len(objective.target))
         raise _failure(rows, objective, model.linear, cone, SolveStatus.CUT_LIMIT, reached)
 
 
@@ -96,7 +96,7 @@ def _failure(
 
     def violations(z: Array) -> dict[str, float]:
         cuts = cone.cuts(objective.parameters(z), _CONE_TOLERANCE)
-        both = stack([rotated, objective.constraints(cuts)], len(z))
+        both = stack_constraints([rotated, objective.constraints(cuts)], len(z))
         worst: dict[str, float] = {}
         for label, value in zip(both.labels, both.violations(z), strict=True):
             kind = label.split(":")[0]

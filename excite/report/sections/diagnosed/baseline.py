@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Document, Findings
-from excite.report.html import Cell, number, paragraph, section, table
+from excite.report.html import Cell, format_number, html_paragraph, html_section, html_table
 from excite.report.sections.section import Section
 from excite.shown import span
 
@@ -28,19 +28,19 @@ class Baseline(Section):
             "The gap is what is left with these sizes, which the record decided before any effect was asked for: "
             "what they have taken up is no effect. Beside the accepted effects they may come out otherwise."
         )
-        bodies = [paragraph(text) for word, text in _BODIES.items() if word in found["modelled"]]
+        bodies = [html_paragraph(text) for word, text in _BODIES.items() if word in found["modelled"]]
         headers = ("joint", "parameter", "value", "±", "90 % interval", "unit")
-        return section(
+        return html_section(
             self.identifier,
             self.title,
             lead,
-            table(headers, [_row(item) for item in found["baseline"]]),
+            html_table(headers, [_baseline_row(item) for item in found["baseline"]]),
             *bodies,
         )
 
 
-def _row(item: Document) -> tuple[Cell, ...]:
+def _baseline_row(item: Document) -> tuple[Cell, ...]:
     bounds = item["interval90"]
-    between = "–" if bounds is None else span(number(bounds[0]), number(bounds[1]), " to ")
+    between = "–" if bounds is None else span(format_number(bounds[0]), format_number(bounds[1]), " to ")
     name = item["parameter"].replace("_", " ")
     return item["joint"], name, item["value"], item["std"], between, item["unit"]

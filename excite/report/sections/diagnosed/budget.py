@@ -9,7 +9,7 @@ from html import escape
 from excite.diagnosis.answer.budget import NOT_REPEATED
 from excite.diagnosis.answer.budget_doubts import HELD, doubt_of_share, left_elsewhere, named_beside_closed
 from excite.report.folder import Document, Findings
-from excite.report.html import folded, number, paragraph, section
+from excite.report.html import folded_content, format_number, html_paragraph, html_section
 from excite.report.plots.forces import channel_label
 from excite.report.sections.section import Section
 from excite.shown import span
@@ -42,14 +42,14 @@ class BudgetByChannel(Section):
         if found is None or not found["budget"]:
             return ""
         order = sorted(found["budget"].items(), key=lambda item: -(item[1]["weight"] or 0.0))
-        blocks = [(item["weight"] or 0.0, _channel(name, item)) for name, item in order]
+        blocks = [(item["weight"] or 0.0, _render_channel(name, item)) for name, item in order]
         large = "".join(html for weight, html in blocks if weight >= _SMALL) or blocks[0][1]
         small = "".join(html for weight, html in blocks[1:] if weight < _SMALL)
         if not any(weight > 0.0 for weight, _ in blocks):
             lead = "No joint's gap stands above its noise floor: there is nothing to share out."
-            every = folded("Noise floors", "".join(html for _, html in blocks))
-            return section(self.identifier, self.title, lead, every)
-        lead = _sentence(*order[0])
+            every = folded_content("Noise floors", "".join(html for _, html in blocks))
+            return html_section(self.identifier, self.title, lead, every)
+        lead = _channel_sentence(*order[0])
         how = (
             "Shares are of the power above the noise floor on trials that were not fitted, all effects taken together; "
             "those of a channel add up to one. An interval says what a share would be on other stretches of such a "
@@ -57,30 +57,38 @@ class BudgetByChannel(Section):
             "next to nothing here, so that gap and noise floor are other numbers than under Gap by channel, where each "
             f"instant counts. The {HELD}."
         )
-        rest = folded(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small) if small else ""
-        beside = _beside(found, order) + _elsewhere(found)
-        return section(self.identifier, self.title, lead, paragraph(how), beside, _legend(), large, rest)
+        rest = (
+            folded_content(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small)
+            if small
+            else ""
+        )
+        beside = _explain_difference(found, order) + _explain_elsewhere(found)
+        return html_section(
+            self.identifier, self.title, lead, html_paragraph(how), beside, _bar_legend(), large, rest
+        )
 
 
-def _channel(name: str, channel: Document) -> str:
+def _render_channel(name: str, channel: Document) -> str:
     """A channel's heading, bar and table."""
-    parts = list(_parts(channel))
-    floor, gap = number(channel["noise_floor"]), number(channel["gap"])
+    parts = list(_channel_parts(channel))
+    floor, gap = format_number(channel["noise_floor"]), format_number(channel["gap"])
     unit = channel["unit"]
-    size = f"gap {gap} {unit}, noise floor {floor} {unit}, {_percent(channel['weight'])} of the whole gap"
+    size = (
+        f"gap {gap} {unit}, noise floor {floor} {unit}, {_percent_text(channel['weight'])} of the whole gap"
+    )
     rows = "".join(
-        f"<tr><td>{escape(part.what)}</td><td class='number'>{_percent(part.share)}</td>"
-        f"<td>{_interval(part)}</td><td>{escape(_doubt(part))}</td></tr>"
+        f"<tr><td>{escape(part.what)}</td><td class='number'>{_percent_text(part.share)}</td>"
+        f"<td>{_interval_text(part)}</td><td>{escape(_part_doubt(part))}</td></tr>"
         for part in parts
     )
     head = "<tr><th>part</th><th class='number'>share</th><th>90 % interval</th><th></th></tr>"
     return (
-        f'<h3>{escape(channel_label(name))}</h3><p class="lead">{escape(size)}</p>{_bar(parts)}'
+        f'<h3>{escape(channel_label(name))}</h3><p class="lead">{escape(size)}</p>{_stacked_bar(parts)}'
         f'<div class="wide"><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>'
     )
 
 
-def _parts(channel: Document) -> Iterator[_Part]:
+def _channel_parts(channel: Document) -> Iterator[_Part]:
     """Parts of a channel's gap, named effects first, the largest of each kind first."""
     for item in sorted(channel["effects"], key=lambda item: -(item["share"] or 0.0)):
         low, high = item["interval90"]
@@ -94,21 +102,21 @@ def _parts(channel: Document) -> Iterator[_Part]:
     yield _Part("the rest", channel["rest"], None, "pale")
 
 
-def _bar(parts: list[_Part]) -> str:
+def _stacked_bar(parts: list[_Part]) -> str:
     """A stacked bar; what does harm has no width, and the others are drawn to their sum."""
     sizes = [max(part.share or 0.0, 0.0) for part in parts]
     whole = max(sum(sizes), 1.0)
     pieces = "".join(
         f'<span style="width: {100 * size / whole:.2f}%; background: var(--{part.kind})" '
-        f'title="{escape(part.what)} {_percent(part.share)}"></span>'
+        f'title="{escape(part.what)} {_percent_text(part.share)}"></span>'
         for part, size in zip(parts, sizes, strict=True)
         if size > 0.0
     )
-    said = escape("; ".join(f"{part.what} {_percent(part.share)}" for part in parts))
+    said = escape("; ".join(f"{part.what} {_percent_text(part.share)}" for part in parts))
     return f'<div class="stack" role="img" aria-label="{said}">{pieces}</div>'
 
 
-def _legend() -> str:
+def _bar_legend() -> str:
     kinds = {
         "identified": "named effects",
         "nominal": "follows something, no name",
@@ -121,29 +129,29 @@ def _legend() -> str:
     return f'<p class="legend">{items}</p>'
 
 
-def _sentence(name: str, channel: Document) -> str:
+def _channel_sentence(name: str, channel: Document) -> str:
     """``Of the gap at joint 2 (0.41 N·m above 0.05 noise), 63 % is Coulomb friction …``."""
-    *named, rest = _parts(channel)
-    large = sorted((part for part in named if _worth(part)), key=lambda part: -(part.share or 0.0))
-    said = [f"{_percent(part.share)} {_verb(part)}" for part in large[:_SAID]]
-    listed = ", ".join([*said, f"{_percent(rest.share)} is {'the rest' if said else 'without a name'}"])
-    size = f"{number(channel['gap'], 2)} {channel['unit']} above {number(channel['noise_floor'], 2)} noise"
+    *named, rest = _channel_parts(channel)
+    large = sorted((part for part in named if _is_worth_naming(part)), key=lambda part: -(part.share or 0.0))
+    said = [f"{_percent_text(part.share)} {_part_verb(part)}" for part in large[:_SAID]]
+    listed = ", ".join([*said, f"{_percent_text(rest.share)} is {'the rest' if said else 'without a name'}"])
+    size = f"{format_number(channel['gap'], 2)} {channel['unit']} above {format_number(channel['noise_floor'], 2)} noise"
     return f"Of the gap at {channel_label(name)} ({size}), {listed}."
 
 
-def _worth(part: _Part) -> bool:
+def _is_worth_naming(part: _Part) -> bool:
     """Whether a part is worth a word: of one that does harm, what makes the others more than all."""
     share = part.share or 0.0
     return share >= _WORTH or share <= -_HARMS
 
 
-def _verb(part: _Part) -> str:
+def _part_verb(part: _Part) -> str:
     if part.what.startswith(("follows", "does")):
         return part.what
     return f"is {part.what}" + (", which does harm there" if (part.share or 0.0) < 0.0 else "")
 
 
-def _beside(found: Document, order: list[tuple[str, Document]]) -> str:
+def _explain_difference(found: Document, order: list[tuple[str, Document]]) -> str:
     """Why the parts with a name are not what the accepted effects close, where they differ."""
     closed = found["gap"]["share_closed"]
     named = sum(
@@ -151,29 +159,29 @@ def _beside(found: Document, order: list[tuple[str, Document]]) -> str:
         for _, channel in order
     )
     said = named_beside_closed(named, closed, accepted=bool(found["effects"]))
-    return paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
+    return html_paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
 
 
-def _elsewhere(found: Document) -> str:
+def _explain_elsewhere(found: Document) -> str:
     """Why the gap by channel lies at another joint, where it does."""
     gaps = {name: (item["before"], item["noise_floor"]) for name, item in found["gap"]["per_channel"].items()}
     weights = {name: item["weight"] or 0.0 for name, item in found["budget"].items()}
     said = left_elsewhere(gaps, weights, found["modelled"])
-    return paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
+    return html_paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
 
 
-def _doubt(part: _Part) -> str:
+def _part_doubt(part: _Part) -> str:
     """Why its share and its interval do not seem to fit each other."""
     return "" if part.interval is None else doubt_of_share(part.share, *part.interval)
 
 
-def _interval(part: _Part) -> str:
+def _interval_text(part: _Part) -> str:
     if part.interval is None:
         return "–"
-    return span(_percent(part.interval[0]), _percent(part.interval[1]), " to ")
+    return span(_percent_text(part.interval[0]), _percent_text(part.interval[1]), " to ")
 
 
-def _percent(share: float | None) -> str:
+def _percent_text(share: float | None) -> str:
     if share is None:
         return "–"
     text = f"{100.0 * share:.0f} %".replace("-", "−")

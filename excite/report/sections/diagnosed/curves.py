@@ -8,8 +8,8 @@ from typing import Any
 from excite.arrays import Array
 from excite.report.comparisons import ForceComparison
 from excite.report.folder import Findings
-from excite.report.html import figure, section
-from excite.report.live import chart
+from excite.report.html import html_section, inline_figure
+from excite.report.live import live_chart
 from excite.report.plots.forces import channel_label
 from excite.report.plots.left_over import plot_left_over
 from excite.report.sections.section import Section
@@ -40,11 +40,13 @@ class Curves(Section):
         if len(shown) < len(data.channels):
             lead += f" The {len(shown)} channels with the largest shares of the gap."
         svg = to_svg(plot_left_over(data, shown, closed), "curves", "Measured and modelled, before and after")
-        plots = chart("curves-plots", data.time, list(_panels(data, shown, closed)), figure(svg))
-        return section(self.identifier, self.title, lead, plots)
+        plots = live_chart(
+            "curves-plots", data.time, list(_curve_panels(data, shown, closed)), inline_figure(svg)
+        )
+        return html_section(self.identifier, self.title, lead, plots)
 
 
-def _panels(data: ForceComparison, channels: Sequence[str], closed: bool) -> Iterator[dict[str, Any]]:
+def _curve_panels(data: ForceComparison, channels: Sequence[str], closed: bool) -> Iterator[dict[str, Any]]:
     """Two panels a channel: measured and modelled, and their difference."""
     models: list[tuple[dict[str, Any], Array]] = [
         ({"label": "the model", "role": "nominal", "dash": [5, 3]}, data.nominal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.diagnosis.answer.gap import closed_in_words, of_positions
 from excite.report.folder import Document, Findings
-from excite.report.html import Cell, number, paragraph, section, table
+from excite.report.html import Cell, format_number, html_paragraph, html_section, html_table
 from excite.report.sections.section import Section
 
 _PARAMETERS = 3
@@ -28,7 +28,7 @@ class Effects(Section):
         for item in (*found["effects"], *others):
             key = (item["effect"], item["location"])
             standing = "as likely" if key in alike else "accepted" if key in accepted else "tried"
-            rows.append(_row(item, standing))
+            rows.append(_effect_row(item, standing))
         headers = ("effect", "place", "", "evidence [nats]", "closed [%]", "size")
         lead = (
             "Evidence is a log-likelihood ratio over effective samples, less the price of the parameters and of the "
@@ -40,14 +40,14 @@ class Effects(Section):
             lead += " None was accepted."
         tied = found["tied_locations"]
         places = (
-            paragraph("Places that the record cannot tell apart: " + ", ".join(tied) + ".")
+            html_paragraph("Places that the record cannot tell apart: " + ", ".join(tied) + ".")
             if len(tied) > 1
             else ""
         )
-        return section(self.identifier, self.title, lead, table(headers, rows), places)
+        return html_section(self.identifier, self.title, lead, html_table(headers, rows), places)
 
 
-def _row(item: Document, standing: str) -> tuple[Cell, ...]:
+def _effect_row(item: Document, standing: str) -> tuple[Cell, ...]:
     share = item["share_closed"]
     closed = None if share is None else round(100.0 * share)
     name = item["effect"].replace("_", " ")
@@ -57,15 +57,15 @@ def _row(item: Document, standing: str) -> tuple[Cell, ...]:
         standing,
         item["evidence"],
         closed,
-        _sizes(item["parameters"]),
+        _format_sizes(item["parameters"]),
     )
 
 
-def _sizes(parameters: Document) -> str:
+def _format_sizes(parameters: Document) -> str:
     said = []
     for name, entry in list(parameters.items())[:_PARAMETERS]:
         unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
-        spread = "" if entry["std"] is None else f" ± {number(entry['std'], 1)}"
-        said.append(f"{name.replace('_', ' ')} {number(entry['value'], 4)}{spread}{unit}")
+        spread = "" if entry["std"] is None else f" ± {format_number(entry['std'], 1)}"
+        said.append(f"{name.replace('_', ' ')} {format_number(entry['value'], 4)}{spread}{unit}")
     more = len(parameters) - _PARAMETERS
     return "; ".join(said) + (f"; and {more} more" if more > 0 else "")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Findings
-from excite.report.html import Cell, figure, folded, section, table
+from excite.report.html import Cell, folded_content, html_section, html_table, inline_figure
 from excite.report.plots.gap import plot_gap
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -31,24 +31,31 @@ class GapByChannel(Section):
             (name, item["unit"], item["before"], item["after"] if closed else None, item["noise_floor"])
             for name, item in channels.items()
         ]
-        numbers = folded("Numbers", table(("channel", "unit", "before", "after", "noise floor"), rows))
-        return section(
-            self.identifier, self.title, lead, figure(svg), numbers, _rollouts(found["simulation"])
+        numbers = folded_content(
+            "Numbers", html_table(("channel", "unit", "before", "after", "noise floor"), rows)
+        )
+        return html_section(
+            self.identifier,
+            self.title,
+            lead,
+            inline_figure(svg),
+            numbers,
+            _rollout_sentence(found["simulation"]),
         )
 
 
-def _rollouts(simulation: dict | None) -> str:
+def _rollout_sentence(simulation: dict | None) -> str:
     if simulation is None or not simulation["before"]:
         return ""
     after, floor = simulation["after"], simulation["floor"]
     rows: list[tuple[Cell, ...]] = [
-        (name, _thousand(before), _thousand(after[name]), _thousand(floor.get(name)))
+        (name, _times_thousand(before), _times_thousand(after[name]), _times_thousand(floor.get(name)))
         for name, before in simulation["before"].items()
     ]
     how = f"{simulation['horizon_s']:g} s, driven by {simulation['driven_by']}"
     summary = f"Roll-outs of {how}: errors [mrad or mm]"
-    return folded(summary, table(("channel", "before", "after", "what noise alone makes"), rows))
+    return folded_content(summary, html_table(("channel", "before", "after", "what noise alone makes"), rows))
 
 
-def _thousand(value: float | None) -> float | None:
+def _times_thousand(value: float | None) -> float | None:
     return None if value is None else 1e3 * value

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from excite.report.folder import Findings
-from excite.report.html import Cell, paragraph, section, table
+from excite.report.html import Cell, html_paragraph, html_section, html_table
 from excite.report.sections.section import Section
 
 
@@ -23,14 +23,15 @@ class Record(Section):
         content, following = [], found["next_experiment"]
         if following is not None:
             motion = f" The motion is in {following['motion']}." if following["motion"] else ""
-            content.append(paragraph(f"Next: {following['why']}{motion}"))
+            content.append(html_paragraph(f"Next: {following['why']}{motion}"))
         if found["log"]:
             rows: list[tuple[Cell, ...]] = [
                 (item["what"], item["cause"], "repaired" if item["repaired"] else "left as it is")
                 for item in found["log"]
             ]
             content.append(
-                "<h3>Faults of the record</h3>" + table(("what", "what was done, or is to be done", ""), rows)
+                "<h3>Faults of the record</h3>"
+                + html_table(("what", "what was done, or is to be done", ""), rows)
             )
         said = {item["what"] for item in found["log"]}
         notes = [*found["warnings"], *((found["simulation"] or {"warnings": ()})["warnings"])]
@@ -41,4 +42,4 @@ class Record(Section):
             )
         if not content:
             return ""
-        return section(self.identifier, self.title, "", *content)
+        return html_section(self.identifier, self.title, "", *content)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Document, Findings
-from excite.report.html import Cell, paragraph, section, table
+from excite.report.html import Cell, html_paragraph, html_section, html_table
 from excite.report.plots.forces import channel_label
 from excite.report.sections.section import Section
 
@@ -31,20 +31,20 @@ class Trivial(Section):
         if found is None or not shown.keys() - {"model"}:
             return ""
         rows: list[tuple[Cell, ...]] = [
-            (channel_label(name), _unit(item), *(_sized(item, key) for key in shown))
+            (channel_label(name), _item_unit(item), *(_sized_value(item, key) for key in shown))
             for name, item in errors.items()
         ]
         said = [item["message"] for item in found["findings"] if item["code"] == "no_better_than_trivial"]
-        return section(
+        return html_section(
             self.identifier,
             self.title,
-            _lead(found, "fir" in shown),
-            table(("channel", "unit", *shown.values()), rows),
-            *(paragraph(f"{text[:1].upper()}{text[1:]}.", "note") for text in said),
+            _lead_sentence(found, "fir" in shown),
+            html_table(("channel", "unit", *shown.values()), rows),
+            *(html_paragraph(f"{text[:1].upper()}{text[1:]}.", "note") for text in said),
         )
 
 
-def _lead(found: Document, of_commands: bool) -> str:
+def _lead_sentence(found: Document, of_commands: bool) -> str:
     rows = "Root mean square errors on the same rows of trials that were not fitted"
     if not of_commands:
         return (
@@ -66,10 +66,10 @@ def _lead(found: Document, of_commands: bool) -> str:
     )
 
 
-def _unit(item: Document) -> str:
+def _item_unit(item: Document) -> str:
     return _ANGLES.get(item["unit"], str(item["unit"]))
 
 
-def _sized(item: Document, key: str) -> float | None:
+def _sized_value(item: Document, key: str) -> float | None:
     value = item[key]
     return None if value is None else value * (1e3 if item["unit"] in _ANGLES else 1.0)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from excite.diagnosis.answer.gap import of_positions
 from excite.report.conclusions.diagnosed import VERDICTS
 from excite.report.folder import Document, Findings
-from excite.report.html import paragraph, tile
+from excite.report.html import html_paragraph, key_figure
 from excite.report.sections.section import Section
 from excite.shown import span
 
@@ -31,23 +31,33 @@ class Verdict(Section):
         found = findings.diagnosis
         if found is None:
             return ""
-        return f'<div class="tiles" id="{self.identifier}">{"".join(_tiles(found))}</div>{_apart(found)}'
+        return f'<div class="tiles" id="{self.identifier}">{"".join(_verdict_tiles(found))}</div>{_explain_disagreement(found)}'
 
 
-def _tiles(found: Document) -> Iterator[str]:
+def _verdict_tiles(found: Document) -> Iterator[str]:
     verdict, gap = found["verdict"], found["gap"]
-    yield tile(verdict, VERDICTS[verdict])
+    yield key_figure(verdict, VERDICTS[verdict])
     closed = bool(found["effects"])
-    size = f"{_percent(gap['before'])} → {_percent(gap['after'])}" if closed else _percent(gap["before"])
-    yield tile(size, f"of the signal is not explained; {_percent(gap['noise_floor'])} is noise")
+    size = (
+        f"{_percent_text(gap['before'])} → {_percent_text(gap['after'])}"
+        if closed
+        else _percent_text(gap["before"])
+    )
+    yield key_figure(size, f"of the signal is not explained; {_percent_text(gap['noise_floor'])} is noise")
     if closed:
         bounds = gap["share_closed_90"]
-        within = f"; 90 % interval {span(_whole(bounds[0]), _whole(bounds[1]), ' to ')} %" if bounds else ""
+        within = (
+            f"; 90 % interval {span(_whole_percent(bounds[0]), _whole_percent(bounds[1]), ' to ')} %"
+            if bounds
+            else ""
+        )
         if bounds and None not in bounds and bounds[0] < _SURE * (gap["share_closed"] or 0.0):
             within += ": so much is closed on the trials that judge, which are too few or too short to say it of others"
         units = (item["unit"] for item in gap["per_channel"].values())
         of = "gap of the positions" if of_positions(units) else "gap"
-        yield tile(f"{_whole(gap['share_closed'])} %", f"of the {of} above the noise is closed" + within)
+        yield key_figure(
+            f"{_whole_percent(gap['share_closed'])} %", f"of the {of} above the noise is closed" + within
+        )
     rollouts = found["simulation"]
     if closed and rollouts and rollouts["before"]:
         share = rollout_share(rollouts)
@@ -56,7 +66,7 @@ def _tiles(found: Document) -> Iterator[str]:
             how = (
                 f"roll-outs of {rollouts['horizon_s']:g} s err by no more than noise makes: they cannot tell"
             )
-        yield tile(f"{_whole(share)} %" if share is not None else "–", how)
+        yield key_figure(f"{_whole_percent(share)} %" if share is not None else "–", how)
 
 
 def rollout_share(rollouts: Document) -> float | None:
@@ -78,7 +88,7 @@ def rollout_share(rollouts: Document) -> float | None:
     return 1.0 - now / was if was > 0.0 else None
 
 
-def _apart(found: Document) -> str:
+def _explain_disagreement(found: Document) -> str:
     """Why torques and roll-outs say different things of the same effects, where they do."""
     closed, rollouts = found["gap"]["share_closed"], found["simulation"]
     if not found["effects"] or closed is None or not rollouts or not rollouts["before"]:
@@ -92,17 +102,17 @@ def _apart(found: Document) -> str:
         if left_out
         else "a simulator can express some effects only in part, and what it makes of an error grows with time"
     )
-    return paragraph(
-        f"{_whole(closed)} % and {_whole(share)} % are both right. The first is what the effects explain of the "
+    return html_paragraph(
+        f"{_whole_percent(closed)} % and {_whole_percent(share)} % are both right. The first is what the effects explain of the "
         f"readings, instant by instant; the second what they mend of where the simulator goes on its own for "
         f"{rollouts['horizon_s']:g} s: {why}.",
         "note",
     )
 
 
-def _percent(share: float | None) -> str:
+def _percent_text(share: float | None) -> str:
     return "–" if share is None else f"{100.0 * share:.3g} %"
 
 
-def _whole(share: float | None) -> str:
+def _whole_percent(share: float | None) -> str:
     return "–" if share is None else f"{100.0 * share:.0f}".replace("-", "−")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from excite.report.folder import Findings
-from excite.report.html import section
+from excite.report.html import html_section
 from excite.report.plots.forces import channel_label
 from excite.report.sections.section import Section
 
@@ -36,21 +36,21 @@ class Where(Section):
                 "band [Hz]",
             )
         )
-        body = "".join(_row(row, what) for row in found["where"])
+        body = "".join(_where_row(row, what) for row in found["where"])
         map_ = f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-        return section(self.identifier, self.title, lead, map_)
+        return html_section(self.identifier, self.title, lead, map_)
 
 
-def _row(row: dict, what: list[str]) -> str:
+def _where_row(row: dict, what: list[str]) -> str:
     band = " to ".join("–" if end is None else f"{end:.2g}" for end in row["band_hz"])
-    cells = "".join(_shaded(row["dependence"].get(name)) for name in what)
+    cells = "".join(_shaded_share(row["dependence"].get(name)) for name in what)
     return (
-        f"<tr><td>{escape(channel_label(row['channel']))}</td>{_shaded(row['share'])}{cells}"
+        f"<tr><td>{escape(channel_label(row['channel']))}</td>{_shaded_share(row['share'])}{cells}"
         f"<td>{band}</td></tr>"
     )
 
 
-def _shaded(share: float | None) -> str:
+def _shaded_share(share: float | None) -> str:
     if share is None:
         return '<td class="map">–</td>'
     depth = round(60.0 * min(max(share, 0.0), 1.0))

@@ -8,8 +8,8 @@ from typing import Any
 
 from excite.report.comparisons import ForceComparison
 from excite.report.folder import Findings
-from excite.report.html import figure, section
-from excite.report.live import chart
+from excite.report.html import html_section, inline_figure
+from excite.report.live import live_chart
 from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -33,7 +33,7 @@ class TorquesBesideModel(Section):
             place.rpartition(".")[2] for finding in findings.doctor["findings"] for place in finding["places"]
         }
         order = sorted(data.channels, key=lambda name: name not in named)
-        shown = _only(data, order[:MOST_PANELS])
+        shown = _select_channels(data, order[:MOST_PANELS])
         lead = (
             f"Trial {data.trial}: the torques as they stand in the log and as they were repaired, beside those of the "
             "nominal model's bodies in the repaired motion, with an offset, friction and a rotor fitted to each joint. "
@@ -46,11 +46,11 @@ class TorquesBesideModel(Section):
             self.identifier,
             "Torques as logged, as repaired and as the model needs them",
         )
-        plots = chart("beside-model-plots", shown.time, list(_panels(shown)), figure(svg))
-        return section(self.identifier, self.title, lead, plots)
+        plots = live_chart("beside-model-plots", shown.time, list(_torque_panels(shown)), inline_figure(svg))
+        return html_section(self.identifier, self.title, lead, plots)
 
 
-def _only(data: ForceComparison, names: list[str]) -> ForceComparison:
+def _select_channels(data: ForceComparison, names: list[str]) -> ForceComparison:
     at = [data.channels.index(name) for name in names]
     return replace(
         data,
@@ -62,7 +62,7 @@ def _only(data: ForceComparison, names: list[str]) -> ForceComparison:
     )
 
 
-def _panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
+def _torque_panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
     for i, (name, unit) in enumerate(zip(data.channels, data.units, strict=True)):
         series = [
             ({"label": _MODEL, "role": "ink"}, data.measured[:, i]),
