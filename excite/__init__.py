@@ -18,8 +18,8 @@ import sys
 from types import ModuleType
 from typing import Any
 
-from excite.binary_family import watch_imports
-from excite.namespaces import SPACES, groups
+from excite.api import SPACES, groups
+from excite.pinned_versions import watch_imports
 
 __version__ = "0.1.0"
 
@@ -28,18 +28,18 @@ _PUBLIC = {
     "NoSolutionError": "excite.errors",
     "UnsafeMotionError": "excite.errors",
     "Robot": "excite.robot.robot",
-    "load_robot": "excite.robot.bringing",
+    "load_robot": "excite.robot.load",
     "bundled_robots": "excite.robot.catalogue",
     "Motion": "excite.motion.motion",
     "load_motion": "excite.motion.files",
     "load_motions": "excite.motion.collection",
     "save_motion": "excite.motion.files",
     "plan": "excite.campaign.plan",
-    "check": "excite.campaign.check",
+    "check": "excite.campaign.demo",
     "rank": "excite.campaign.rank",
     "export_motion": "excite.export.export",
     "export_motions": "excite.export.export",
-    "simulate": "excite.campaign.experiment",
+    "simulate": "excite.campaign.loop",
     "Log": "excite.logs.log",
     "load_log": "excite.logs.files",
     "save_log": "excite.logs.files",
@@ -52,7 +52,7 @@ _PUBLIC = {
     "capture": "excite.campaign.capture",
     "Finding": "excite.finding",
     "diagnose": "excite.diagnosis.diagnose",
-    "Diagnosis": "excite.diagnosis.answer.result",
+    "Diagnosis": "excite.diagnosis.answer.answer",
     "campaign": "excite.campaign.loop",
     "report": "excite.report.page",
     "demo": "excite.campaign.demo",

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from excite.shown import Row, Tabled
+from excite.display import Row, Tabled
 
 Severity = Literal["fatal", "spoils", "limits", "note"]
 _WORST_FIRST: tuple[Severity, ...] = ("fatal", "spoils", "limits", "note")
@@ -70,7 +70,7 @@ class FindingList(Tabled):
     tables = ("findings",)
 
     def rows(self, table: str) -> Sequence[Row]:
-        """See :class:`~excite.shown.Tabled`: one finding a row, worst first."""
+        """See :class:`~excite.display.Tabled`: one finding a row, worst first."""
         return [
             {
                 "kind": f.kind,

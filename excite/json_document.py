@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.atomic import write_text
-from excite.made import stated
+from excite.provenance import stated
 
 
 def to_json(document: dict[str, Any]) -> str:

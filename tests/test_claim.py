@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from excite.atomic import HIDDEN
-from excite.claim import claim_folder
 from excite.errors import InputError
+from excite.folder_lock import claim_folder
 
 _CLAIM = """
 import sys
 from pathlib import Path
-from excite.claim import claimed
+from excite.folder_lock import claimed
 from excite.errors import InputError
 try:
     with claimed(Path(sys.argv[1])):

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 import excite
-from excite import shown
+from excite import display as shown
 from excite.campaign.result import Campaign, Iteration
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, UnnamedShare
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
-from excite.diagnosis.answer.result import Diagnosis
+from excite.display import Shown, Tabled
 from excite.errors import ExciteError
-from excite.identification.judgement import poor
+from excite.identification.judgement import judgement as poor
 from excite.logs.log import Trial
-from excite.shown import Shown, Tabled
 from tests.export.identified import identification_of
 from tests.export.simulators.identified_folder import known
 
@@ -168,7 +168,7 @@ def test_logs_motions_and_budgets_are_short_too(results: dict[str, Tabled], tmp_
 
 
 def test_shares_of_a_budget_are_rows_that_add_up() -> None:
-    from excite.diagnosis.answer.tables import budget_rows
+    from excite.diagnosis.answer.answer import budget_rows
 
     channel = ChannelBudget(0.1, 1.0, (), (UnnamedShare("velocity", 0.3),), 0.7)
     rows = budget_rows(Budget({"elbow_joint": channel}, (), ()))

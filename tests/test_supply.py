@@ -17,8 +17,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import excite
-from excite.binary_family import FAMILY, check_family, installed_versions
 from excite.errors import InputError
+from excite.pinned_versions import FAMILY, check_family, installed_versions
 from tests.supply.licences import Licence
 from tests.supply.needed import needed, needed_names, stated
 

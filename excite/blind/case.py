@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
-from excite.blind.arm import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, arm_of
-from excite.blind.commands import Servo
+from excite.blind.arm_case import FAULTS, N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, Servo, arm_of
 from excite.blind.detectability import effect_detectability
 from excite.blind.draw import Draft
-from excite.blind.faults import FAULTS
 from excite.blind.forms import OWN_TERMS, hide_background, hide_effect, left_out, without_term
-from excite.blind.hidden import Answer, HiddenEffect
+from excite.blind.hidden_effects import Answer, HiddenEffect
 from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.blind.faults import FAULTS
+from excite.blind.arm_case import FAULTS
 from excite.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
 
 ROBOTS = ("panda", "ur10", "iiwa14", "jaco2")

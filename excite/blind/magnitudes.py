@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.blind.arm import Arm
-from excite.blind.hidden import HiddenEffect
+from excite.blind.arm_case import Arm
+from excite.blind.hidden_effects import HiddenEffect
 from excite.simulation.effects.bodies import Shift, Tilt
 from excite.simulation.effects.drives import GearLaw, LagLaw, LooseGear, disconnect
 from excite.simulation.effects.forces import (
@@ -29,9 +29,8 @@ from excite.simulation.effects.friction import (
     WarmingLaw,
 )
 from excite.simulation.effects.registry import INJECTED_EFFECTS
-from excite.simulation.plant import Law
 from excite.simulation.true_parameters import AddedPart, with_part
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.virtual_robot import Law, VirtualRobot
 
 Hidden = tuple[VirtualRobot, HiddenEffect]
 

@@ -9,20 +9,23 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from excite.campaign.settings import CampaignSettings
+from excite.campaign.expected import TARGET_RSD, check_target
+from excite.campaign.plan import MAX_CANDIDATES
 from excite.documents.document import read_document
-from excite.documents.journal import Journal as JournalDocument
 from excite.documents.plan import Plan as PlanDocument
+from excite.documents.results import Journal as JournalDocument
 from excite.errors import InputError, LogError
+from excite.identification.estimators.estimator import DEFAULT_METHOD, find_estimator
 from excite.json_document import write_json
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
+from excite.reading.number import check_count, check_seed
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.journal/1"
@@ -204,3 +207,42 @@ def _describe_difference(found: Any, asked: Any) -> str:
             if found.get(name) != value:
                 return f"{name} {found.get(name)!r}, not {value!r}"
     return f"{str(found)[:12]!r}, not {str(asked)[:12]!r}"
+
+
+# What a campaign is asked for.
+
+# Each iteration is a day of recording.
+_MOST_ITERATIONS = 1000
+
+
+@dataclass(frozen=True)
+class CampaignSettings:
+    """Settings of a campaign; a resumed one has to have the same.
+
+    Attributes:
+        n_candidates: candidate motions in the first iteration; later ones, which aim at few joints, get a quarter.
+        target_rsd: relative standard deviation that essential base parameters have to reach [percent].
+        max_iterations: iterations at most.
+        method: registry name of the estimator.
+        seed: of all random numbers.
+        on_robot: stop after each plan, so that the motions are recorded on a real robot.
+    """
+
+    n_candidates: int = 140
+    target_rsd: float = TARGET_RSD
+    max_iterations: int = 3
+    method: str = DEFAULT_METHOD
+    seed: int = 0
+    on_robot: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the bounds and the method; raises InputError naming the setting, or UnknownNameError."""
+        check_count(self.n_candidates, "n_candidates", 1, MAX_CANDIDATES)
+        check_count(self.max_iterations, "max_iterations", 1, _MOST_ITERATIONS)
+        check_seed(self.seed)
+        find_estimator(self.method)
+        check_target(self.target_rsd)
+
+    def to_json(self) -> dict[str, Any]:
+        """All settings by name."""
+        return asdict(self)

@@ -4,38 +4,232 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from excite.campaign.candidates.judged import ENOUGH, N_CANDIDATES, TURNS, Judged
-from excite.campaign.candidates.refusal import none_is_safe
-from excite.campaign.candidates.registry import SEARCHES
-from excite.campaign.candidates.search import Asked
-from excite.campaign.candidates.series import SeriesSettings
-from excite.campaign.candidates.source import check_generator
-from excite.campaign.choice import Choice, Rehearsed, Rule, choose_motions
-from excite.campaign.expected.forecast import TARGET_RSD, check_target
-from excite.campaign.planned import Plan
-from excite.campaign.pool import Keeper, Pool, ranked_segments
+from excite.atomic import all_or_nothing
+from excite.campaign.candidates import (
+    ENOUGH,
+    N_CANDIDATES,
+    REFUSALS_FILE,
+    SEARCHES,
+    TURNS,
+    Asked,
+    Judged,
+    Refusals,
+    SeriesSettings,
+    check_generator,
+    none_is_safe,
+)
+from excite.campaign.expected import TARGET_RSD, Forecast, Outlook, check_target, is_predictable, outlook
+from excite.campaign.plan_document import conditioning_comparison, robot_file
+from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments, write_value
+from excite.campaign.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehearse_motions
+from excite.display import Row, Tabled, count
+from excite.documents.document import read_document
+from excite.documents.plan import Plan as PlanDocument
 from excite.errors import InputError, NoSolutionError
-from excite.excitation.conditioning import compute_conditioning
-from excite.excitation.selection import BEST_THREE, check_selection
+from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
+from excite.excitation.precision import row_noise
+from excite.excitation.selection import BEST_THREE, Candidates, Selection, check_selection, select_motions
+from excite.json_document import write_json
+from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
-from excite.robot.bringing import RobotLike, as_robot
+from excite.report.comparisons import ReportData, save_report_data
+from excite.robot.legs import too_soft_to_stand
+from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
+from excite.robot.shapes.stand_ins import shape_conditions
 from excite.safety.checks.robustness import judge_robustness
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter_report import FilterReport
 from excite.safety.parameter_set import stated_parameters
-from excite.safety.verdict import Robustness
+from excite.safety.refusals import tally_refusals
+from excite.safety.repairs.draft import Rejection
+from excite.safety.verdict import Robustness, conditions, robustness_of_all
 from excite.temporary_folder import TemporaryFolder
+
+# The choice of a plan's motions: by a rule, rehearsed, and chosen again without those that fell.
+
+# Motions kept back for cross-validation.
+_N_VALIDATION = 4
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How motions are chosen.
+
+    Attributes:
+        name: in ``SELECTIONS``.
+        budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
+        limits: by segment, the condition number that is good enough, for the choice by ``segments``.
+    """
+
+    name: str
+    budget_s: float | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Motions that were chosen and rehearsed: indices are those of the pool.
+
+    Attributes:
+        pool: the motions that did not fall.
+        selection: which of them go on.
+        validation: which of the others judge the result.
+        fallen: what went wrong with those that did not stand their rehearsal.
+        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall, and where the
+            user broke off before it.
+        interrupted: whether the user broke off: a robot that can fall has not rehearsed them.
+    """
+
+    pool: Pool
+    selection: Selection
+    validation: tuple[int, ...]
+    fallen: tuple[Rejection, ...]
+    load: float | None
+    interrupted: bool = False
+
+
+@dataclass(frozen=True)
+class Rehearsed:
+    """What became of motions in rehearsal, by name and load, so that none is rehearsed twice."""
+
+    found: dict[tuple[str, float], Rejection | None] = field(default_factory=dict)
+
+    def fallen(self, pool: Pool, load: float) -> dict[str, Rejection]:
+        """What went wrong with motions of a pool under a load, by name."""
+        known = {name: self.found.get((name, load)) for name in pool.names}
+        return {name: refused for name, refused in known.items() if refused is not None}
+
+
+def choose_motions(
+    robot: Robot,
+    pool: Pool,
+    base: BaseParameters,
+    rule: Rule,
+    jobs: Jobs,
+    progress: Progress,
+    rehearsed: Rehearsed | None = None,
+    *,
+    interrupted: bool = False,
+) -> Choice:
+    """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
+
+    Where all of them fall under the load that a robot should carry, they are rehearsed with the least. What is known
+    from rehearsals before stands in ``rehearsed``, and what these tell is added. Where the user broke off already, or
+    does now, they are chosen without a rehearsal, and without those of which it is known that they fall.
+    """
+    known = rehearsed or Rehearsed()
+    load = UNKNOWN_LOAD
+    try:
+        if not interrupted:
+            try:
+                return _choose_and_rehearse(robot, pool, base, rule, load, jobs, progress, known)
+            except _AllFall:
+                load = LEAST_LOAD
+                return _choose_and_rehearse(robot, pool, base, rule, load, jobs, progress, known)
+    except KeyboardInterrupt:
+        pass
+    fallen = known.fallen(pool, load)
+    left = pool.without(set(fallen))
+    selection = _apply_rule(robot, left, base, rule)
+    validation = _unchosen_in_turn(left, selection.indices)
+    return Choice(left, selection, validation, tuple(fallen.values()), None, interrupted=True)
+
+
+class _AllFall(NoSolutionError):
+    """No motion stands its rehearsal."""
+
+
+def _choose_and_rehearse(
+    robot: Robot,
+    pool: Pool,
+    base: BaseParameters,
+    rule: Rule,
+    load: float,
+    jobs: Jobs,
+    progress: Progress,
+    known: Rehearsed,
+) -> Choice:
+    while True:
+        fallen = known.fallen(pool, load)
+        left = pool.without(set(fallen))
+        if fallen and not left.entries:
+            raise _AllFall(
+                f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
+                f"mass on its back: {tally_refusals(robot, fallen.values())[0].sentence}",
+                best=left.motions,
+                remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
+            )
+        selection = _apply_rule(robot, left, base, rule)
+        validation = _unchosen_in_turn(left, selection.indices)
+        names = left.names
+        new = [i for i in (*selection.indices, *validation) if (names[i], load) not in known.found]
+        if not new:
+            carried = load if can_fall(robot) else None
+            return Choice(left, selection, validation, tuple(fallen.values()), carried)
+        outcomes = rehearse_motions(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
+        for i, refused in zip(new, outcomes, strict=True):
+            known.found[names[i], load] = refused
+
+
+def _apply_rule(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Selection:
+    """What a rule selects; raises NoSolutionError where that is nothing."""
+    selection = (
+        select_motions(rule.name, selection_candidates(robot, left, base, rule)) if left.entries else None
+    )
+    if selection is None or not selection.indices:
+        raise NoSolutionError(
+            f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
+            best=left.motions,
+            remedy="ask for more candidates",
+        )
+    return selection
+
+
+def selection_candidates(
+    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule | None = None
+) -> Candidates:
+    """What a rule of selection chooses from, within its bounds."""
+
+    def weighted() -> OnDisk[MotionFactor]:
+        noise, motions = row_noise(robot), pool.motions
+        files = tuple(pool.folder.path / f"{name}.weighted" for name in pool.names)
+        for index, path in enumerate(files):
+            # A choice without those that fell finds the others' there.
+            if not path.exists():
+                write_value(motion_factor(robot, motions[index], row_std=noise), path)
+        return OnDisk(files, pool.folder)
+
+    return Candidates(
+        robot=robot,
+        ranking=pool.ranking,
+        factors=pool.factors,
+        durations=pool.durations,
+        base=base,
+        weighted=weighted,
+        budget_s=None if rule is None else rule.budget_s,
+        limits={} if rule is None else rule.limits,
+    )
+
+
+def _unchosen_in_turn(pool: Pool, chosen: Sequence[int], count: int = _N_VALIDATION) -> tuple[int, ...]:
+    """Up to ``count`` motions that were not chosen, generators taken in turn."""
+    left = [i for i in pool.in_turn() if i not in set(chosen)]
+    return tuple(sorted(left[:count]))
+
 
 # Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
 MAX_CANDIDATES = 1_000_000
@@ -68,7 +262,7 @@ def plan(
     ``interrupted`` of the plan says so.
 
     Args:
-        robot: the robot, or what :func:`~excite.robot.bringing.load_robot` takes.
+        robot: the robot, or what :func:`~excite.robot.load.load_robot` takes.
         n_candidates: how many candidate motions to generate; if None 140, and twice as many more while fewer than
             three motions come of them.
         targets: joints to aim at; all, if empty.
@@ -95,7 +289,7 @@ def plan(
     Raises:
         KeyboardInterrupt: the user interrupted before any candidate was accepted.
         NoSolutionError: no candidate was accepted; the error says what refuses most and what would help; its
-            ``best`` are the :class:`~excite.campaign.candidates.refusal.Refusals`.
+            ``best`` are the :class:`~excite.campaign.candidates.Refusals`.
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """
@@ -221,3 +415,238 @@ def _check_settings(
             field="budget",
             remedy="choose by another selection, or leave it out",
         )
+
+
+# What a plan is: motions that were found safe and chosen, and what they promise.
+
+SCHEMA = "excite.plan/1"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Tabled):
+    """Motions that were found safe and chosen because they excite the parameters.
+
+    Attributes:
+        robot: the robot.
+        generated: number of candidates.
+        rejected: by reason, how many candidates the filter refused.
+        refusals: what refused them, where, and the change that would help most.
+        pool: every accepted motion, in the order of the candidates.
+        selection: which of them go on, and for which segments.
+        validation: accepted motions that were not chosen and that judge the result, as indices.
+        conditioning: of the chosen motions together.
+        unchosen: conditioning of as many seconds of accepted motions taken as they come, for comparison.
+        stages: seconds by stage.
+        load: that the robot carried on its back in the rehearsal, of its mass; None of a robot that cannot fall.
+        target_rsd: that is asked for of the essential parameters [percent].
+        before: motions that were run already, which what is to be expected counts too.
+        interrupted: whether the user broke off: chosen from what was accepted by then, and not rehearsed.
+        robust: least margins of each chosen motion over the robots that it may be; none where the user broke off.
+    """
+
+    robot: Robot
+    generated: int
+    rejected: Mapping[str, int]
+    refusals: Refusals
+    pool: Pool
+    selection: Selection
+    validation: tuple[int, ...]
+    conditioning: Conditioning
+    unchosen: Conditioning
+    stages: Mapping[str, float]
+    load: float | None = None
+    target_rsd: float = TARGET_RSD
+    before: tuple[Motion, ...] = ()
+    interrupted: bool = False
+    robust: tuple[Robustness, ...] = ()
+
+    tables = ("motions", "segments", "base_parameters", "rejected")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.display.Tabled`.
+
+        The chosen motions, condition numbers by segment, what is to be expected of each base parameter (none where the
+        sensors' noise is not stated), or how many candidates were refused for what.
+        """
+        if table == "motions":
+            return [
+                {
+                    "motion": item.motion,
+                    "segments": item.segments,
+                    "duration_s": self.pool.entries[item.index].duration_s,
+                }
+                for item in self.selection.selected
+            ]
+        if table == "segments":
+            return [{"segment": s.segment, "condition": s.condition} for s in self.conditioning.segments]
+        if table == "rejected":
+            return [{"reason": reason, "candidates": n} for reason, n in sorted(self.rejected.items())]
+        return [] if self.outlook is None else [one.to_json() for one in self.outlook.parameters]
+
+    @property
+    def accepted(self) -> OnDisk[Motion]:
+        """The accepted motions, read from disk one by one."""
+        return self.pool.motions
+
+    @property
+    def factors(self) -> OnDisk[MotionFactor]:
+        """R factor of each accepted motion."""
+        return self.pool.factors
+
+    @property
+    def motions(self) -> OnDisk[Motion]:
+        """The chosen motions."""
+        return self.accepted.only(self.selection.indices)
+
+    @property
+    def validation_motions(self) -> OnDisk[Motion]:
+        """Motions for cross-validation, not among the chosen ones."""
+        return self.accepted.only(self.validation)
+
+    @cached_property
+    def outlook(self) -> Outlook | None:
+        """What all motions promise for each base parameter; None where the sensors' noise is not stated."""
+        return outlook(self.robot, (*self.before, *self.motions)) if is_predictable(self.robot) else None
+
+    @property
+    def forecast(self) -> Forecast | None:
+        """What that makes of the target; None without an outlook."""
+        if self.outlook is None:
+            return None
+        seconds = self.duration_s + sum(motion.duration for motion in self.before)
+        return Forecast.of(self.outlook.essential_rsd, self.target_rsd, seconds)
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the chosen motions together [s]."""
+        return float(sum(self.pool.durations[list(self.selection.indices)]))
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``excite.plan/1`` document."""
+        return {
+            "schema": SCHEMA,
+            "robot": self.robot.name,
+            "candidates": {
+                "generated": self.generated,
+                "accepted": len(self.pool.entries),
+                "rejected": dict(sorted(self.rejected.items())),
+            },
+            **self.refusals.to_json(),
+            "selected": [
+                {
+                    "motion": f"motions/{item.motion}.parquet",
+                    "segments": list(item.segments),
+                    "duration_s": self.pool.entries[item.index].duration_s,
+                }
+                for item in self.selection.selected
+            ],
+            "robust": {
+                item.motion: one.to_json()
+                for item, one in zip(self.selection.selected, self.robust, strict=False)
+            },
+            "rehearsed_load": self.load,
+            "interrupted": self.interrupted,
+            "validation": [f"motions/{self.pool.names[i]}.parquet" for i in self.validation],
+            "conditioning": dict(self.conditioning.to_json()),
+            "base_parameters": []
+            if self.outlook is None
+            else [parameter.to_json() for parameter in self.outlook.parameters],
+            "forecast": None if self.forecast is None else self.forecast.to_json(),
+            "as_far_as": list(shape_conditions(self.robot)),
+            "assumed": [one.model_dump() for one in self.robot.description.assumed],
+            "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
+        }
+
+    def summary(self) -> str:
+        """A few lines for a person."""
+        refused = ", ".join(f"{n} {reason}" for reason, n in sorted(self.rejected.items())) or "none"
+        judged = f"{len(self.pool.entries)} of {count(self.generated, 'candidate')} accepted"
+        lines = [
+            f"{self.robot.name}: {judged} (refused: {refused})",
+            f"{count(len(self.selection.indices), 'motion')} chosen, {self.duration_s:.0f} s in total"
+            + (f"; safe{conditions(shapes)}" if (shapes := shape_conditions(self.robot)) else ""),
+        ]
+        if len(self.selection.indices) < len(self.pool.entries):
+            lines += [f"chosen: {self.conditioning.summary()}", f"gained: {self._gain_of_choice()}"]
+        else:
+            lines += [f"all that were accepted: {self.conditioning.summary()}"]
+            lines += ["none is left to validate on: plan more candidates"]
+        if self.interrupted:
+            rehearsed = ", and nobody has rehearsed them in simulation" if self.robot.floating else ""
+            lines.append(f"interrupted: the best of those accepted by then{rehearsed}")
+        if self.validation:
+            names = ", ".join(f"{self.pool.names[i]}.parquet" for i in self.validation)
+            lines.append(f"written too, to validate on and not to identify from: motions/{names}")
+        if self.robust:
+            lines.append(robustness_of_all(self.robust))
+        if self.load is not None and self.load < UNKNOWN_LOAD:
+            lines.append(
+                f"rehearsed with {self.load:.0%} of the robot's mass on its back: with {UNKNOWN_LOAD:.0%} every motion "
+                "falls or slips, so its model must know its mass"
+            )
+        if self.refusals.few:
+            lines.append(self.refusals.summary())
+        if self.outlook is not None:
+            lines.append(self.outlook.summary())
+        if self.forecast is not None and self.forecast.needed_s:
+            lines.append(self.forecast.summary())
+        if self.selection.unserved:
+            lines.append("excited by no single motion: " + ", ".join(self.selection.unserved))
+        lines += [f"assumed: {one}" for one in self.robot.description.assumed]
+        return "\n".join(lines)
+
+    def _gain_of_choice(self) -> str:
+        """What choosing gains over as many seconds of accepted motions taken as they come.
+
+        The mean is the geometric one over the axes of the confidence ellipsoid: its volume goes with the root of the
+        information's determinant.
+        """
+        chosen, unchosen = self.conditioning, self.unchosen
+        if unchosen.rank < chosen.rank:
+            return f"rank {chosen.rank}, as many seconds unchosen have {unchosen.rank}"
+        if not np.isfinite(chosen.log_det):
+            return "no rank: as many seconds unchosen excite as many base parameters"
+        ratio = np.exp((unchosen.log_det - chosen.log_det) / (2.0 * chosen.rank))
+        change = f"{abs(1.0 - ratio):.1%} {'smaller' if ratio <= 1.0 else 'larger'}"
+        return (
+            f"standard deviations {change} in the mean than of as many seconds unchosen "
+            f"(log-determinant {unchosen.log_det:.4g})"
+        )
+
+    def report_data(self) -> ReportData:
+        """What the report shows beside the JSON."""
+        all_chosen = len(self.selection.indices) == len(self.pool.entries)
+        before = "all that were accepted" if all_chosen else "as many seconds, unchosen"
+        return ReportData(
+            conditioning=conditioning_comparison(self.unchosen, self.conditioning, before, "chosen motions")
+        )
+
+    def save(self, folder: Path) -> Path:
+        """Write chosen and validation motions to ``motions/``, the report's arrays and ``plan.json``: all or none.
+
+        Motions that a plan before this one wrote into the folder are removed; other files there stay.
+        """
+        folder = Path(folder)
+        before = _written_before(folder / "plan.json")
+        with all_or_nothing():
+            for motion in (*self.motions, *self.validation_motions):
+                save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
+            save_report_data(self.report_data(), folder / "report_data.npz")
+            write_json({**self.to_json(), **robot_file(self.robot, folder)}, folder / "plan.json")
+        # Motions of a plan before this one are of another robot, or were chosen beside others.
+        for name in before - {motion.name for motion in (*self.motions, *self.validation_motions)}:
+            (folder / "motions" / f"{name}.parquet").unlink(missing_ok=True)
+        # Of a plan before this one, in which nothing was safe.
+        (folder / REFUSALS_FILE).unlink(missing_ok=True)
+        return folder
+
+
+def _written_before(file: Path) -> set[str]:
+    """Names of the motions that a plan says it wrote; none where there is no plan, or none that can be read."""
+    if not file.is_file():
+        return set()
+    try:
+        plan = read_document(file, PlanDocument)
+    except InputError:
+        return set()
+    return {Path(name).stem for name in (*(item.motion for item in plan.selected), *plan.validation)}

@@ -11,8 +11,8 @@ import numpy as np
 
 from excite.excitation.conditioning import Conditioning
 from excite.report.comparisons import ConditioningComparison
-from excite.robot.bringing import keep_description
 from excite.robot.catalogue import data_folder
+from excite.robot.load import keep_description
 from excite.robot.robot import Robot
 
 

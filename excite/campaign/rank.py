@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from excite.display import Row, Tabled
 from excite.errors import InputError
 from excite.excitation.conditioning import Conditioning, compute_conditioning, motion_factor
 from excite.motion.collection import MotionsLike, as_motions
 from excite.progress import Progress, silent
 from excite.regressor.base_parameters import structural_base_parameters
-from excite.robot.bringing import RobotLike, as_robot
-from excite.shown import Row, Tabled
+from excite.robot.load import RobotLike, as_robot
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class RankReport(Tabled):
     tables = ("motions", "segments")
 
     def rows(self, table: str) -> Sequence[Row]:
-        """See :class:`~excite.shown.Tabled`: each motion alone, best first, or its condition number by segment."""
+        """See :class:`~excite.display.Tabled`: each motion alone, best first, or its condition number by segment."""
         if table == "motions":
             return [
                 {
@@ -93,7 +93,7 @@ def rank(robot: RobotLike, motions: MotionsLike, *, progress: Progress = silent)
     """Rank motions by condition numbers, full (base columns) and per segment.
 
     Args:
-        robot: the robot, or what :func:`~excite.robot.bringing.load_robot` takes.
+        robot: the robot, or what :func:`~excite.robot.load.load_robot` takes.
         motions: what to rank: motions, files, folders.
         progress: told after each motion.
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from excite.campaign.on_disk import OnDisk, read_value
-from excite.motion.generators.bodyparts import support_reach
+from excite.campaign.pool import OnDisk, read_value
+from excite.motion.generators.generator import support_reach
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
@@ -20,8 +20,7 @@ from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Rejection
-from excite.simulation.execution import DivergedError
-from excite.simulation.machine import Machine
+from excite.simulation.execution import DivergedError, Machine
 from excite.simulation.replay import FALL_END_TILT_RAD, WatchedRun, watched_run
 from excite.simulation.true_parameters import AddedPart, with_part
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot

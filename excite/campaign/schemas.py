@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from excite.conversion.mapping import Map
+from excite.conversion.explicit_mapping import Map
 from excite.documents.registry import DOCUMENTS
 from excite.errors import UnknownNameError
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA

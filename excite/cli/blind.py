@@ -12,17 +12,23 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from excite.claim import claim_folder
 from excite.cli.session.command_help import HelpfulCommand
-from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.options import (
+    ClusterOption,
+    JobsOption,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    requested_workers,
+)
 from excite.cli.session.output import command_line, emit_result, progress_bars
-from excite.cli.session.workers import requested_workers
+from excite.display import count
 from excite.errors import ExciteError, InputError
+from excite.folder_lock import claim_folder
 from excite.json_document import write_json
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, at_once
 from excite.progress import Progress
-from excite.shown import count
 from excite.temporary_folder import TemporaryFolder
 
 NAME = "blind"
@@ -146,8 +152,8 @@ def score(
     ] = None,
 ) -> None:
     """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
+    from excite.blind.answers import from_diagnosis, read_entry  # lazy: pinocchio
     from excite.blind.board import score_board  # lazy: pinocchio
-    from excite.blind.entry.answers import from_diagnosis, read_entry  # lazy: pinocchio
     from excite.blind.make import answers_file, load_answers  # lazy: pinocchio
     from excite.blind.score import score_entry  # lazy: pinocchio
 
@@ -206,7 +212,7 @@ def _run_entry(method: str, case: Path) -> tuple[dict[str, Any], float]:
 # The child ends with the process that waits for it, however that ends.
 _DIAGNOSE = """
 import os, sys
-from excite.lifetime import die_with_parent
+from excite.kill_with_parent import die_with_parent
 die_with_parent(int(sys.argv.pop(1)))
 from excite.cli.main import main
 main()
@@ -222,7 +228,7 @@ def _children_s() -> float:
 def _run_diagnosis(seed: int, case: Path) -> tuple[dict[str, Any], float]:
     """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
     from excite.documents.diagnosis import Diagnosis  # lazy: pydantic
-    from excite.reading.json_document import check_content, parse_json  # lazy: pydantic
+    from excite.reading.documents import check_content, parse_json  # lazy: pydantic
 
     folder = TemporaryFolder()
     copy = Path(shutil.copytree(case, folder.path / "private" / "log"))

@@ -9,9 +9,7 @@ from typing import Annotated, Any
 import typer
 
 import excite
-from excite.claim import claim_folder
 from excite.cli.session.command_help import METHOD_HELP
-from excite.cli.session.completion import one_of
 from excite.cli.session.interruption import exit_code_of_interruption, keeping_best, say_interrupted
 from excite.cli.session.options import (
     ClusterOption,
@@ -20,12 +18,14 @@ from excite.cli.session.options import (
     OutOption,
     RobotArgument,
     SeedOption,
+    one_of,
+    requested_workers,
 )
+from excite.cli.session.outcome import refusals_shown
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
-from excite.cli.session.refused import refusals_shown
-from excite.cli.session.workers import requested_workers
-from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
-from excite.made import made_by
+from excite.folder_lock import claim_folder
+from excite.identification.estimators.estimator import DEFAULT_METHOD, ESTIMATORS
+from excite.provenance import made_by
 
 NAME = "campaign"
 
@@ -143,7 +143,7 @@ def _is_given(context: typer.Context, setting: str) -> bool:
 
 def _next_of_page(folder: Path) -> str:
     """What the page says comes next."""
-    from excite.report.conclusions.conclusion import draw_conclusion  # lazy: numpy
+    from excite.report.conclusions import draw_conclusion  # lazy: numpy
     from excite.report.folder import read_folder  # lazy: numpy
 
     found = draw_conclusion(read_folder(folder))

@@ -7,10 +7,22 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.origin import relative_to, stated_origin
-from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
-from excite.cli.session.workers import requested_workers
+from excite.cli.session.options import (
+    ClusterOption,
+    JobsOption,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    requested_workers,
+)
+from excite.cli.session.output import (
+    EXIT_NEGATIVE,
+    command_line,
+    emit_result,
+    progress_bars,
+    relative_to,
+    stated_origin,
+)
 from excite.json_document import write_json
 
 NAME = "check"

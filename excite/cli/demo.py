@@ -5,10 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import excite
-from excite.claim import claim_folder
-from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.options import (
+    ClusterOption,
+    JobsOption,
+    JsonOption,
+    OutOption,
+    SeedOption,
+    requested_workers,
+)
 from excite.cli.session.output import command_line, emit_result, progress_bars
-from excite.cli.session.workers import requested_workers
+from excite.folder_lock import claim_folder
 
 NAME = "demo"
 

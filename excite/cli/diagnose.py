@@ -9,13 +9,12 @@ import typer
 
 import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.origin import stated_origin
-from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.cli.session.output import command_line, emit_result, progress_bars, stated_origin
 from excite.errors import RobotError
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
-    from excite.diagnosis.answer.result import Diagnosis
+    from excite.diagnosis.answer.answer import Diagnosis
     from excite.robot.robot import Robot
 
 NAME = "diagnose"
@@ -48,7 +47,7 @@ def command(
         result = excite.diagnose(log, nominal, seed=seed, out=out or apply, budget=budget, progress=progress)
     summary, document = result.summary(), result.to_json()
     if apply is not None and model is not None:
-        from excite.campaign.applied.apply import apply_effects  # lazy: pinocchio
+        from excite.campaign.applied import apply_effects  # lazy: pinocchio
 
         try:
             applied = apply_effects(result, model, apply)
@@ -76,7 +75,7 @@ def _next_command(robot: str | None, log: Path, apply: Path | None, document: di
     if document["effects"]:
         return command_line("diagnose", log, "--apply", "better", "--out", "first")
     from excite.logs.header import header_path, read_header  # lazy: pydantic
-    from excite.report.conclusions.diagnosed import identify_fitted  # lazy: pydantic
+    from excite.report.conclusions import identify_fitted  # lazy: pydantic
 
     words = identify_fitted(document, read_header(header_path(log)), robot, log)
     return command_line(*words) if words else ""
@@ -84,7 +83,7 @@ def _next_command(robot: str | None, log: Path, apply: Path | None, document: di
 
 def _check_nominal(nominal: Robot | None, log: Path) -> Robot:
     """The robot that effects are to be written into, refused before any work where it takes none."""
-    from excite.campaign.applied.apply import check_applicable  # lazy: pinocchio
+    from excite.campaign.applied import check_applicable  # lazy: pinocchio
     from excite.logs.files import load_log  # lazy: pinocchio
     from excite.logs.robot import nominal_robot  # lazy: pinocchio
 
@@ -95,8 +94,12 @@ def _check_nominal(nominal: Robot | None, log: Path) -> Robot:
 
 def _save_diagnosis(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:
     """Write the curves, the document, and the page that shows both; returns the page."""
-    from excite.report.comparisons import ForceComparison, PathComparison  # lazy: numpy
-    from excite.report.data import ReportData, save_report_data  # lazy: pydantic
+    from excite.report.comparisons import (  # lazy: numpy  # lazy: pydantic
+        ForceComparison,
+        PathComparison,
+        ReportData,
+        save_report_data,
+    )
 
     c, rollouts = result.curves, result.simulation
     p = None if rollouts is None else rollouts.path

@@ -9,8 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.origin import stated_origin
-from excite.cli.session.output import command_line, emit_result
+from excite.cli.session.output import command_line, emit_result, stated_origin
 from excite.json_document import write_json
 from excite.robot.catalogue import is_robot, robot_of_log
 
@@ -89,9 +88,13 @@ def _examine_robot(robot: Path, out: Path | None, *, as_json: bool) -> None:
 
 def _save_findings(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
     """Write what was found, and the torques that a page of it shows."""
-    from excite.doctor.beside_model import beside_model  # lazy: pinocchio
-    from excite.report.comparisons import ForceComparison  # lazy: numpy
-    from excite.report.data import DOCTOR_DATA, ReportData, save_report_data  # lazy: pydantic
+    from excite.doctor.model_comparison import beside_model  # lazy: pinocchio
+    from excite.report.comparisons import (  # lazy: pydantic
+        DOCTOR_DATA,
+        ForceComparison,  # lazy: numpy
+        ReportData,
+        save_report_data,
+    )
 
     seen = beside_model(robot, log, chart.log) if chart.usable else None
     shown = None

@@ -9,10 +9,9 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.session.completion import one_of
-from excite.cli.session.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
+from excite.cli.session.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption, one_of
 from excite.cli.session.output import command_line, emit_result
-from excite.export.registry import EXPORTERS
+from excite.export.exporter import EXPORTERS
 from excite.json_document import write_json
 
 NAME = "export"
@@ -71,7 +70,7 @@ def command(
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
     from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
-    from excite.export.whose import robot_beside  # lazy: pydantic
+    from excite.export.resolve_robot import robot_beside  # lazy: pydantic
     from excite.motion.collection import motion_paths  # lazy: pinocchio
 
     try:

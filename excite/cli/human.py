@@ -9,16 +9,18 @@ import typer
 
 import excite
 from excite.atomic import atomic_folder
-from excite.cli.session.options import JobsOption, JsonOption, SeedOption
-from excite.cli.session.output import command_line, emit_result, progress_bars
-from excite.cli.session.segment_options import (
+from excite.cli.session.options import (
     AsymmetricOption,
+    JobsOption,
+    JsonOption,
     MassRangeOption,
+    SeedOption,
     named_numbers,
     segment_settings,
 )
+from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.errors import InputError
-from excite.identification.estimators.registry import find_estimator
+from excite.identification.estimators.estimator import find_estimator
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
@@ -154,7 +156,7 @@ def _written_files(out: Path) -> list[str]:
     if not (out / _DOCUMENT).is_file():
         return []
     from excite.documents.document import read_document  # lazy: pydantic
-    from excite.documents.human import Human  # lazy: pydantic
+    from excite.documents.results import Human  # lazy: pydantic
 
     try:
         return read_document(out / _DOCUMENT, Human).files

@@ -11,14 +11,21 @@ import typer
 import excite
 from excite.atomic import all_or_nothing
 from excite.cli.session.command_help import METHOD_HELP
-from excite.cli.session.completion import one_of
-from excite.cli.session.failure import of_error
-from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
-from excite.cli.session.origin import stated_origin
-from excite.cli.session.output import command_line, emit_result, progress_bars
-from excite.cli.session.segment_options import AsymmetricOption, MassRangeOption, segment_settings
+from excite.cli.session.options import (
+    AsymmetricOption,
+    JobsOption,
+    JsonOption,
+    MassRangeOption,
+    OutOption,
+    RobotArgument,
+    SeedOption,
+    one_of,
+    segment_settings,
+)
+from excite.cli.session.outcome import of_error
+from excite.cli.session.output import command_line, emit_result, progress_bars, stated_origin
 from excite.errors import InputError
-from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
+from excite.identification.estimators.estimator import DEFAULT_METHOD, ESTIMATORS
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
@@ -173,7 +180,7 @@ def _check_template(robot: excite.Robot, template: Path | None, out: Path | None
         raise InputError("is no file", source=template, remedy="give the MJCF file of the robot")
     if out is None:
         raise InputError("nothing to write into", source="--template", remedy="give --out DIR")
-    from excite.export.models.mjcf_template import read_template  # lazy: pinocchio
+    from excite.export.models.mjcf import read_template  # lazy: pinocchio
 
     read_template(robot, template, {})
 

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.session.model_options import stated_source
 from excite.cli.session.options import (
     JobsOption,
     JsonOption,
@@ -18,6 +17,7 @@ from excite.cli.session.options import (
     PackagePathOption,
     SeedOption,
     XacroArgOption,
+    stated_source,
 )
 from excite.cli.session.output import command_line, emit_result
 

@@ -42,8 +42,18 @@ from excite.cli import (  # noqa: E402
 from excite.cli.pages import report, view  # noqa: E402
 from excite.cli.records import capture, convert, init_log  # noqa: E402
 from excite.cli.session.command_help import HelpfulCommand, MethodsCommand  # noqa: E402
-from excite.cli.session.completion import asked_to_complete  # noqa: E402
-from excite.cli.session.failure import (  # noqa: E402
+from excite.cli.session.interruption import (  # noqa: E402
+    answer_interrupted,
+    exit_code_of_interruption,
+    handle_signals,
+)
+from excite.cli.session.options import (  # noqa: E402
+    asked_to_complete,
+    typed_command,
+    typed_seed,
+    with_model_options,
+)
+from excite.cli.session.outcome import (  # noqa: E402
     EXIT_BAD_INPUT,
     EXIT_USAGE,
     of_error,
@@ -51,15 +61,8 @@ from excite.cli.session.failure import (  # noqa: E402
     of_unforeseen,
     of_usage,
 )
-from excite.cli.session.interruption import (  # noqa: E402
-    answer_interrupted,
-    exit_code_of_interruption,
-    handle_signals,
-)
-from excite.cli.session.model_options import with_model_options  # noqa: E402
-from excite.cli.session.typed import typed_command, typed_seed  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
-from excite.made import made_by  # noqa: E402
+from excite.provenance import made_by  # noqa: E402
 
 # What typer raises for a command line that means nothing; it is click's, which typer may or may not bring along.
 _UsageError: Any = typer.BadParameter.__mro__[2]

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import excite
-from excite.cli.session.completion import one_of
-from excite.cli.session.options import JobsOption, JsonOption, ModelOutOption, SeedOption
+from excite.cli.session.options import JobsOption, JsonOption, ModelOutOption, SeedOption, one_of
 from excite.cli.session.output import emit_result
-from excite.export.simulators.registry import MODEL_FORMATS
-from excite.shown import count
+from excite.display import count
+from excite.export.simulators.write import MODEL_FORMATS
 
 if TYPE_CHECKING:
-    from excite.export.simulators.comparison import Change
-    from excite.export.simulators.subject import Lost
+    from excite.export.simulators.model_format import Lost
+    from excite.export.simulators.subject_result import Change
     from excite.export.simulators.write import SimulatorModel
 
 NAME = "model"

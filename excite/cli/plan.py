@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import excite
-from excite.campaign.candidates.registry import SEARCHES
-from excite.claim import claim_folder
-from excite.cli.session.completion import one_of
+from excite.campaign.candidates import SEARCHES
 from excite.cli.session.interruption import exit_code_of_interruption, keeping_best, say_interrupted
 from excite.cli.session.options import (
     ClusterOption,
@@ -19,14 +17,16 @@ from excite.cli.session.options import (
     OutOption,
     RobotArgument,
     SeedOption,
+    one_of,
+    requested_workers,
 )
+from excite.cli.session.outcome import refusals_shown
 from excite.cli.session.output import command_line, emit_result, progress_bars
-from excite.cli.session.refused import refusals_shown
-from excite.cli.session.workers import requested_workers
-from excite.motion.generators.registry import GENERATORS
+from excite.folder_lock import claim_folder
+from excite.motion.generators.mixture import GENERATORS
 
 if TYPE_CHECKING:
-    from excite.campaign.candidates.series import SeriesSettings
+    from excite.campaign.candidates import SeriesSettings
 
 NAME = "plan"
 

@@ -8,8 +8,6 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.claim import claim_folder
-from excite.cli.session.completion import one_of
 from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
@@ -18,10 +16,12 @@ from excite.cli.session.options import (
     OutOption,
     RobotArgument,
     SeedOption,
+    one_of,
+    requested_workers,
 )
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
-from excite.cli.session.workers import requested_workers
-from excite.logs.vocabulary import EFFECTS
+from excite.folder_lock import claim_folder
+from excite.logs.header import EFFECTS
 
 NAME = "simulate"
 
@@ -49,7 +49,7 @@ def command(
 ) -> None:
     """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
     from excite.logs.files import check_replaceable  # lazy: pinocchio
-    from excite.motion.roles import planned_roles  # lazy: pydantic
+    from excite.motion.collection import planned_roles  # lazy: pydantic
 
     check_replaceable(out or Path("log"))
     loaded = excite.load_robot(robot)

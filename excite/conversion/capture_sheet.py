@@ -13,8 +13,8 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from excite.conversion.assemble import Table
-from excite.conversion.mapping import TrialRules
+from excite.conversion.clock import Table
+from excite.conversion.explicit_mapping import TrialRules
 from excite.conversion.trials import Cut, cut_trials
 from excite.errors import LogError
 from excite.logs.header_blocks import Role

@@ -9,26 +9,20 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from excite.atomic import write_text
-from excite.conversion.assemble import Table, assemble_streams
 from excite.conversion.capture_sheet import by_sheet, read_capture
+from excite.conversion.clock import Table, assemble_streams
+from excite.conversion.explicit_mapping import Map, read_map
 from excite.conversion.guess import guess_columns
 from excite.conversion.guesses import Guesses, UnclearError
-from excite.conversion.header import log_header
-from excite.conversion.machine import Machine, at_joints, load_machine
-from excite.conversion.map_text import map_text
-from excite.conversion.mapping import Map, read_map
-from excite.conversion.motors import joint_sided
 from excite.conversion.parts import joined_by_joint
-from excite.conversion.recording import Recording, stated_rate
+from excite.conversion.recording import Machine, Recording, at_joints, load_machine, stated_rate
 from excite.conversion.recordings import read_recordings
-from excite.conversion.repairs.clean_rows import whole_rows
-from excite.conversion.repairs.turns import WHOLE_TURNS, within_ranges
-from excite.conversion.result import Conversion
-from excite.conversion.shapes.clock_runs import in_runs
-from excite.conversion.torques.preview import ask_for_scale
-from excite.conversion.torques.scales import scale_notes
-from excite.conversion.torques.weighing import settled_by_torques, weighed
+from excite.conversion.repairs import WHOLE_TURNS, whole_rows, within_ranges
+from excite.conversion.result import Conversion, log_header, map_text
+from excite.conversion.shapes import in_runs
+from excite.conversion.torques import ask_for_scale, joint_sided, scale_notes, settled_by_torques, weighed
 from excite.conversion.trials import Cut, cut_trials
+from excite.display import count
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError
 from excite.logs.columns import read_columns
@@ -36,8 +30,7 @@ from excite.logs.files import check_replaceable, header_text, load_log, save_log
 from excite.logs.header_blocks import Guess
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
-from excite.reading.paths import PathsLike, as_paths
-from excite.shown import count
+from excite.reading.file import PathsLike, as_paths
 from excite.temporary_folder import TemporaryFolder
 
 _UNSEEN = "the doctor could not look at it"

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+import re
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.base import add_base, feet_of
-from excite.conversion.columns.anonymous import Understood, understand_columns
-from excite.conversion.columns.axes import axes_as_positions
-from excite.conversion.columns.base_signals import add_base_signals
+from excite.arrays import Array
+from excite.conversion.base_signals import add_base, add_base_signals, feet_of
+from excite.conversion.clock import TICKS, clock_column, clock_pace, goes_evenly, rate_by_velocities
+from excite.conversion.column_words import Clue, is_of_joints
 from excite.conversion.columns.choice import choose_families, settle_unmeasured
-from excite.conversion.columns.clock import TICKS, clock_column, clock_pace, goes_evenly, rate_by_velocities
-from excite.conversion.columns.commands import is_followed, settle_commands
-from excite.conversion.columns.contact_forces import without_contact_forces
-from excite.conversion.columns.families import (
+from excite.conversion.columns.unfilled import live_columns, without_unfilled
+from excite.conversion.columns.vocabulary import FORCES, OF_WORD
+from excite.conversion.explicit_mapping import Map
+from excite.conversion.families import (
+    TARGETS,
     Family,
     clues_of,
+    columns_line,
     find_families,
     is_anonymous,
     with_numbers_for_letters,
+    without_base,
 )
-from excite.conversion.columns.free_base import without_base
-from excite.conversion.columns.quantities import convert_units
-from excite.conversion.columns.unfilled import live_columns, without_unfilled
-from excite.conversion.columns.words import Clue, is_of_joints
 from excite.conversion.guesses import RATE_LINE, Guesses, Mapped
-from excite.conversion.machine import Machine
-from excite.conversion.mapping import Map
 from excite.conversion.questions import (
+    MOST_NAMED,
     ask_for_base,
     ask_for_joints,
     ask_for_nameless_torques,
@@ -42,15 +42,11 @@ from excite.conversion.questions import (
     note_other_names,
     torques_of_no_joint,
 )
-from excite.conversion.recording import Recording, Stream, stated_rate
-from excite.conversion.stated import (
-    add_stated,
-    ask_for_stated_positions,
-    of_single_joints,
-    with_stated_labels,
-    without_stated,
-)
-from excite.conversion.torques.controller import note_controllers_constants
+from excite.conversion.recording import Machine, Recording, Stream, stated_rate
+from excite.conversion.scales import convert_units
+from excite.conversion.torques import note_controllers_constants
+from excite.conversion.unnamed_columns import Understood, understand_columns
+from excite.finding import first_names
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
@@ -275,3 +271,315 @@ def _ask_for_doubts(found: Guesses, recording: Recording, machine: Machine) -> N
     for doubt in recording.said.get("doubts", ()):
         if guessed & set(doubt.columns):
             found.ask(doubt.what, doubt.line)
+
+
+# Axes that are called by the letter that accelerations have: ``A1`` … ``A6`` of KUKA's and ABB's controllers.
+
+_LETTER = "a"
+
+
+def axes_as_positions(
+    found: Guesses, groups: Sequence[Family], clues: Mapping[str, Clue], known: set[str]
+) -> list[Family]:
+    """The families, with columns of axes as positions where no others are there.
+
+    A recording of accelerations has positions, too; one of axes' positions calls them by their axes alone.
+
+    Args:
+        found: what is known; the guess is added.
+        groups: the families.
+        clues: what the columns' names say.
+        known: channels that the map states.
+    """
+    if "q" in known or any(family.target == "q" for family in groups):
+        return list(groups)
+    measured = next((f for f in groups if f.quantity == "a" and f.target == "a" and f.stem == _LETTER), None)
+    if measured is None:
+        return list(groups)
+    found.facts.append(
+        ("q", f"{measured.columns[0]} …", "axes by their letter: no other positions are there")
+    )
+    return [
+        replace(family, quantity="q", target=TARGETS["q", clues[family.columns[0]].commanded])
+        if family.quantity == "a" and _LETTER in family.stem.split("_")
+        else family
+        for family in groups
+    ]
+
+
+# Commands whose names do not say of what: ``ctrl`` and ``action`` may be positions, or torques.
+
+# Median over the joints of the correlation with what was measured. In 60 drawn motions of three arms (3 to 20 s),
+# positions that were asked for 10 to 90 ms before correlate by 0.94 or more with those measured, torques with positions
+# by 0.00 at the most; robots under weak gains follow worse, so the line is drawn between.
+_FOLLOWED = 0.5
+# A hobby servo at 50 Hz answers 4 rows after it was asked.
+_LATEST_ROWS = 8
+
+
+def settle_commands(
+    found: Guesses, chosen: dict[str, Family], recording: Recording, joints: Sequence[str]
+) -> None:
+    """Take commands of no stated quantity for what was measured that follows them.
+
+    Positions go first: what torques are asked for is close to no position. Commands that nothing follows are left out
+    where torques were measured, and asked about where none were.
+    """
+    family = chosen.get("q_cmd")
+    if family is None or "q" not in chosen or family.stated or _says_positions(family):
+        return
+    columns = {c.name: c.values for stream in recording.streams for c in stream.columns}
+    agreements = {
+        target: _command_agreement(family, chosen[target], columns)
+        for target in ("q", "tau")
+        if target in chosen
+    }
+    of_position, of_torque = agreements["q"], agreements.get("tau") or 0.0
+    if of_position is None or of_position >= max(_FOLLOWED, of_torque):
+        return
+    measured = {"tau", "i"} & {*chosen, *(item.channel for item in found.mapped)}
+    if not measured and is_followed(family, chosen["q"], recording):
+        why = "commands whose name says no quantity: positions, towards which the measured ones move"
+        found.facts.append(("q_cmd", f"{family.columns[0]} …", why))
+        return
+    del chosen["q_cmd"]
+    if of_torque >= _FOLLOWED:
+        if "tau_cmd" not in chosen:
+            chosen["tau_cmd"] = replace(family, target="tau_cmd", quantity="tau")
+        return
+    if not measured:
+        found.ask(
+            f"{family.columns[0]} … are commands by their names, and the positions do not follow them: whether they "
+            "are positions or torques is not told",
+            f"columns: {{{columns_line(family, joints)}}} or columns: {{{columns_line(family, joints, 'tau_cmd')}}}",
+        )
+        return
+    found.facts.append(
+        ("nothing", f"{family.columns[0]} …", "commands that no measured position or torque follows")
+    )
+
+
+def is_followed(command: Family, position: Family, recording: Recording) -> bool:
+    """Whether positions do as a command asks: they resemble it, or move towards it a few rows later.
+
+    A servo that is asked for more than it can do turns towards its target as fast as it can, which is proportional
+    to, or has the sign of, what is left to go.
+    """
+    columns = {c.name: c.values for stream in recording.streams for c in stream.columns}
+    alike = _command_agreement(command, position, columns)
+    if alike is None or alike >= _FOLLOWED:
+        return True
+    towards = []
+    for joint, name in command.placed.columns.items():
+        if joint in position.placed.columns:
+            asked, is_at = columns[name], columns[position.placed.columns[joint]]
+            left, step = (asked - is_at)[:-1], np.diff(is_at)
+            # Up to as many rows late as a few hundredths of a second are at the rates of servos.
+            towards.append(
+                max(
+                    _correlation(left[: len(left) - late], step[late:]) or 0.0 for late in range(_LATEST_ROWS)
+                )
+            )
+    return bool(towards) and float(np.median(towards)) >= _FOLLOWED
+
+
+def _says_positions(family: Family) -> bool:
+    return any(OF_WORD.get(word) == "q" for word in family.stem.split("_"))
+
+
+def _command_agreement(one: Family, other: Family, columns: Mapping[str, Array]) -> float | None:
+    """Median over the joints of the correlation; None where they are of different times."""
+    values = []
+    for joint, name in one.placed.columns.items():
+        if joint not in other.placed.columns:
+            continue
+        a, b = columns[name], columns[other.placed.columns[joint]]
+        if len(a) != len(b):
+            return None
+        if (value := _correlation(a, b)) is not None:
+            values.append(value)
+    return float(np.median(values)) if values else None
+
+
+def _correlation(a: Array, b: Array) -> float | None:
+    """Of the rows in which both are numbers; None where one of them stands still."""
+    whole = np.isfinite(a) & np.isfinite(b)
+    if whole.sum() <= 2 or np.ptp(a[whole]) == 0.0 or np.ptp(b[whole]) == 0.0:
+        return None
+    return float(np.corrcoef(a[whole], b[whole])[0, 1])
+
+
+# Forces that were measured at feet, tools or load cells: joints that turn are driven by torques, not by
+# these.
+
+
+def without_contact_forces(found: Guesses, groups: Sequence[Family], machine: Machine) -> list[Family]:
+    """The families without those called forces that are fewer than the joints, which turn.
+
+    A column is called a force where something slides, is pressed or stands: some programs call all joints' torques
+    forces, too, and then there is one for each joint of which there are positions.
+    """
+    placed = [len(family.placed.columns) for family in groups if family.quantity == "q"]
+    joints = max(placed, default=machine.n)
+    left = []
+    for family in groups:
+        if _is_force(family) and len(family.columns) < joints and not _is_prismatic_family(family, machine):
+            why = "forces, fewer than the joints, which turn: of feet, tools or load cells, and no joint's torques"
+            found.facts.append(("nothing", f"{family.columns[0]} …", why))
+        else:
+            left.append(family)
+    return left
+
+
+def _is_force(family: Family) -> bool:
+    words = set(family.stem.split("_"))
+    return (
+        family.quantity == "tau"
+        and not family.stated
+        and bool(words & FORCES)
+        and family.unit in ("", "N", "kN")
+        and not (family.placed.named and family.placed.columns and not family.placed.left_over)
+    )
+
+
+def _is_prismatic_family(family: Family, machine: Machine) -> bool:
+    places = [machine.joints.index(joint) for joint in family.placed.columns if joint in machine.joints]
+    return any(bool(machine.slides[place]) for place in places)
+
+
+# Columns that a map states: patterns expanded, what is not there asked for, single joints beside guessed
+# ones.
+
+
+def add_stated(found: Guesses, recording: Recording, mapping: Map, joints: Sequence[str]) -> None:
+    """What a map's ``columns`` say, patterns expanded; columns that are not there are asked for."""
+    names = column_names(recording)
+    for target, pattern in mapping.columns.items():
+        if unlike := _no_target(target, pattern, joints):
+            found.ask(*unlike)
+            continue
+        missing = []
+        for goal, column in expand(target, pattern, joints):
+            source = column if column in names else _same_but_for_stream(column, names)
+            if source is None:
+                missing.append(column)
+            else:
+                found.mapped.append(Mapped(goal, source, 1.0, "stated in the map", stated=True))
+        if missing:
+            there = ", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else "")
+            found.ask(
+                f"no column {', '.join(missing[:4])} in {recording.name}, which has {there}",
+                f'columns: {{{target}: "NAME"}}',
+            )
+
+
+def _no_target(target: str, pattern: str, joints: Sequence[str]) -> tuple[str, str] | None:
+    """What is wrong with a target of ``columns`` that names no joint of the robot, and the line to correct it."""
+    channel, _, joint = target.partition(".")
+    if channel not in TARGETS.values() or joint in joints:
+        return None
+    if not joint and (len(joints) == 1 or re.search(r"\{(joint|n0?)\}", pattern)):
+        return None
+    names = first_names(joints, MOST_NAMED)
+    wrong = (
+        f"is one column for {len(joints)} joints"
+        if not joint
+        else f"names no joint of the robot, which has {names}"
+    )
+    return (
+        f"{target}: {pattern} {wrong}",
+        f'columns: {{{channel}.{joints[0]}: "{pattern}"}} (or another joint)',
+    )
+
+
+def without_stated(found: Guesses, groups: Sequence[Family], clues: Mapping[str, Clue]) -> list[Family]:
+    """The families without columns of joints of which a map states another column for the same channel."""
+    stated = {item.target: item.source for item in found.mapped if item.stated}
+    numbers = {clues[source].numbers for source in stated.values() if source in clues} - {()}
+    left = []
+    for family in groups:
+        taken = {joint for joint in family.placed.columns if f"{family.target}.{joint}" in stated}
+        taken = {j for j in taken if stated[f"{family.target}.{j}"] != family.placed.columns[j]}
+        said = {target.partition(".")[2] for target in stated if target.startswith(f"{family.target}.")}
+        doubts = tuple(
+            replace(doubt, joints=free, columns=columns)
+            for doubt in family.placed.doubts
+            if (free := tuple(joint for joint in doubt.joints if joint not in said))
+            if (columns := tuple(c for c in doubt.columns if not (said and clues[c].numbers in numbers)))
+        )
+        others = {joint: column for joint, column in family.placed.columns.items() if joint not in taken}
+        if others or not taken:
+            left.append(replace(family, placed=replace(family.placed, columns=others, doubts=doubts)))
+    return left
+
+
+def with_stated_labels(found: Guesses, clues: dict[str, Clue]) -> dict[str, Clue]:
+    """The clues, columns of whatever quantity being of the joint that a map states of the same label."""
+    labels: dict[tuple[str, tuple[int, ...]], str] = {}
+    for item in found.mapped:
+        said, joint = clues.get(item.source), item.target.partition(".")[2]
+        if item.channel in TARGETS.values() and said is not None and said.label and joint:
+            labels.setdefault((said.label, said.numbers), joint)
+    return {
+        name: replace(said, exact=labels[said.label, said.numbers])
+        if not said.exact and (said.label, said.numbers) in labels
+        else said
+        for name, said in clues.items()
+    }
+
+
+def ask_for_stated_positions(found: Guesses, clues: dict[str, Clue], joints: Sequence[str]) -> None:
+    """Ask for the positions of joints of which a map states something else, and nothing tells them."""
+    known = {item.target.partition(".")[2] for item in found.of("q")}
+    lacking = [
+        (item.target, joint)
+        for item in found.mapped
+        if item.stated and item.channel in TARGETS.values() and (joint := item.target.partition(".")[2])
+        if joint in joints and joint not in known
+    ]
+    if known and lacking:
+        target, joint = lacking[0]
+        found.ask(
+            f"{target} is stated, and no position of {joint} was found",
+            f'columns: {{q.{joint}: "NAME"}}',
+        )
+
+
+def of_single_joints(
+    found: Guesses, clues: dict[str, Clue], mapping: Map, joints: Sequence[str]
+) -> dict[str, Clue]:
+    """What columns say that a map states of some joints of a channel: the others' are guessed beside them."""
+    stated: dict[str, dict[str, str]] = {}
+    for item in found.mapped:
+        channel, _, joint = item.target.partition(".")
+        if item.stated and (channel in TARGETS.values()) and joint:
+            stated.setdefault(channel, {})[joint] = item.source
+    said: dict[str, Clue] = {}
+    for (quantity, commanded), channel in TARGETS.items():
+        columns = stated.get(channel, {})
+        if len(columns) < len(joints) and not any(key == channel for key in mapping.columns):
+            said |= {
+                column: replace(clues[column], quantity=quantity, commanded=commanded, exact=joint)
+                for joint, column in columns.items()
+                if column in clues
+            }
+    return said
+
+
+def expand(target: str, pattern: str, joints: Sequence[str]) -> list[tuple[str, str]]:
+    """Channels of single joints with their columns, for a pattern with ``{joint}``, ``{n}`` or ``{n0}``."""
+    channel, _, label = target.partition(".")
+    if not re.search(r"\{(joint|n0?)\}", pattern):
+        if label or channel in {"time", "base", "wrench", "imu", "contact"} or len(joints) != 1:
+            return [(target, pattern)]
+        return [(f"{channel}.{joints[0]}", pattern)]
+    found = []
+    for k, joint in enumerate(joints):
+        column = pattern.replace("{joint}", joint).replace("{n0}", str(k)).replace("{n}", str(k + 1))
+        found.append((f"{channel}.{joint}", column))
+    return found
+
+
+def _same_but_for_stream(column: str, names: list[str]) -> str | None:
+    found = [name for name in names if name.rpartition("/")[2] == column]
+    return found[0] if len(found) == 1 else None

@@ -7,11 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from excite.doctor.examine import Chart
-from excite.logs.log import Log
-from excite.shown import Row, Tabled, count
+import numpy as np
+import yaml
+from pydantic import ValidationError
 
-SCHEMA = "excite.convert/1"
+from excite.conversion.base_signals import base_fields
+from excite.conversion.explicit_mapping import SCHEMA, Map
+from excite.conversion.families import columns_of
+from excite.conversion.guesses import Guesses
+from excite.conversion.recording import Machine, Recording
+from excite.conversion.trials import Cut
+from excite.display import Row, Tabled, count
+from excite.doctor.examine import Chart
+from excite.errors import LogError
+from excite.logs.header import check_header
+from excite.logs.log import Log, LogHeader
+
+RESULT_SCHEMA = "excite.convert/1"
 # Columns without a use that are named in a summary.
 _SHOWN = 8
 
@@ -43,7 +55,7 @@ class Conversion(Tabled):
     tables = ("guessed", "trials", "columns", "findings")
 
     def rows(self, table: str) -> Sequence[Row]:
-        """See :class:`~excite.shown.Tabled`: what was guessed, trials, columns, what the doctor finds."""
+        """See :class:`~excite.display.Tabled`: what was guessed, trials, columns, what the doctor finds."""
         if table == "guessed":
             return [{"what": w, "source": s, "because": b} for w, s, b in self.guesses]
         if table == "trials":
@@ -72,7 +84,7 @@ class Conversion(Tabled):
     def to_json(self) -> dict[str, Any]:
         """The document ``excite.convert/1``."""
         return {
-            "schema": SCHEMA,
+            "schema": RESULT_SCHEMA,
             "log": str(self.folder),
             "joints": list(self.log.header.joints),
             "columns": {target: {"column": c, "factor": f} for target, (c, f) in self.columns.items()},
@@ -82,3 +94,173 @@ class Conversion(Tabled):
             "unused": list(self.unused),
             "findings": [] if self.chart is None else [f.to_json() for f in self.chart.findings],
         }
+
+
+# The ``log.yaml`` of a conversion, with what was guessed in it.
+
+
+def log_header(
+    cuts: Sequence[Cut], found: Guesses, machine: Machine, stated: Map, recordings: Sequence[Recording]
+) -> LogHeader:
+    """Header of a converted log: from what the map states, else from what the recordings hold.
+
+    Args:
+        cuts: the trials, columns by channel in SI units.
+        found: what was guessed; what is settled here is added to its facts.
+        machine: the robot.
+        stated: the map, whose ``log`` entries hold.
+        recordings: what the trials are cut from.
+
+    Raises:
+        LogError: what the map states makes no header of a log.
+    """
+    present = {name for cut in cuts for name in cut.columns}
+    joints = [joint for joint in machine.joints if f"q.{joint}" in present]
+    torque = str(stated.log.get("torque") or _torque_word(present, found))
+    channel = "i" if torque == "current" else "tau"
+    without = [joint for joint in joints if f"{channel}.{joint}" not in present] if torque != "none" else []
+    steps = np.concatenate([np.diff(cut.columns["time"]) for cut in cuts])
+    rate = 1.0 / float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    content: dict[str, Any] = {
+        "schema": "excite.log/1",
+        "robot": machine.file,
+        "base": "fixed",
+        "gravity": list(machine.gravity),
+        "rate_hz": float(f"{rate:.5g}"),
+        "joints": joints,
+        "torque": torque,
+        "no_torque": without,
+        "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"]
+        + (["armature"] if torque != "link_side" else []),
+    }
+    content |= base_fields(present, found, machine, stated.log)
+    gains = _stated_gains(recordings, joints, found)
+    if gains:
+        content["controller"] = gains
+        found.facts.append(
+            ("controller", ", ".join(name for name in gains if name != "mode"), "the recording states them")
+        )
+    if "modelled" not in stated.log:
+        usual = "what joints of this kind have at least"
+        found.facts.append(("modelled", ", ".join(content["modelled"]), usual))
+    content |= stated.log
+    if torque == "none":
+        content.pop("no_torque", None)
+    content["guessed"] = [
+        {"what": what, "source": source, "because": because} for what, source, because in found.rows()
+    ]
+    content["trials"] = [
+        {"file": f"{cut.name}.parquet", "role": cut.role}
+        | ({"repeats": f"{cut.repeats}.parquet"} if cut.repeats else {})
+        for cut in cuts
+    ]
+    try:
+        header = LogHeader.model_validate(content)
+    except ValidationError as error:
+        faults = [f"{'.'.join(str(p) for p in e['loc'])} ({e['msg'].lower()})" for e in error.errors()]
+        raise LogError(
+            "cannot be written: " + "; ".join(faults[:10]), field="log", remedy="correct log: in map.yaml"
+        ) from error
+    check_header(header, Path("map.yaml"))
+    return header
+
+
+def _torque_word(present: set[str], found: Guesses) -> str:
+    if any(name.startswith("tau.") for name in present):
+        found.facts.append(
+            (
+                "torque",
+                "motor_side",
+                "torques of unknown side are taken to contain the joint's friction and rotor",
+            )
+        )
+        return "motor_side"
+    if any(name.startswith("i.") for name in present):
+        found.facts.append(("torque", "current", "currents, and no torques, were recorded"))
+        return "current"
+    found.facts.append(("torque", "none", "neither torques nor currents were recorded"))
+    return "none"
+
+
+def _stated_gains(recordings: Sequence[Recording], joints: Sequence[str], found: Guesses) -> dict[str, Any]:
+    """Gains that the recording states for every joint, in a list or by the names that it gives them."""
+    said = recordings[0].said
+    gains: dict[str, Any] = {}
+    labels = {item.target.partition(".")[2]: item.source.partition(".")[2] for item in found.of("q_cmd")}
+    for name, by_label in said.get("gains", {}).items():
+        if joints and all(labels.get(joint) in by_label for joint in joints):
+            gains[name] = {joint: by_label[labels[joint]] for joint in joints}
+    for name in ("kp", "kd"):
+        values = said.get(name)
+        if isinstance(values, list) and len(values) == len(joints):
+            gains[name] = {joint: float(value) for joint, value in zip(joints, values, strict=True)}
+    return {"mode": "position", **gains} if gains else {}
+
+
+# The ``map.yaml`` that repeats a conversion without guessing, as patterns where columns have one.
+
+
+def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map) -> str:
+    """Text of a ``map.yaml``, a line a field."""
+    joints = stated.joints or header.joints
+    columns: dict[str, str] = {}
+    scale: dict[str, float] = {}
+    offset: dict[str, float] = {}
+    for channel in dict.fromkeys(item.channel for item in found.mapped):
+        items = found.of(channel)
+        columns |= columns_of(channel, {item.target: item.source for item in items}, joints)
+        factors = {item.factor for item in items}
+        if len(factors) == 1 and factors != {1.0}:
+            scale[channel] = factors.pop()
+        elif len(factors) > 1:
+            scale |= {item.target: item.factor for item in items}
+        offset |= {item.target: item.offset for item in items if item.offset}
+    names = {cut.name for cut in cuts}
+    # The last part of a single recording is cut off again by itself.
+    validation = [
+        cut.name
+        for cut in cuts
+        if cut.role == "validation" and cut.name.removesuffix("_validation") not in names - {cut.name}
+    ]
+    lines = [
+        f"schema: {SCHEMA}",
+        f"joints: {_flow_style(list(joints))}",
+        f"columns: {_flow_style(columns)}",
+        f"units: {_flow_style(_si_units(found))}",
+    ]
+    if scale:
+        lines.append(f"scale: {_flow_style(scale)}")
+    if offset:
+        lines.append(f"offset: {_flow_style(offset)}")
+    if stated.motors:
+        lines.append(f"motors: {_flow_style([list(row) for row in stated.motors])}")
+    if stated.ignore:
+        lines.append(f"ignore: {_flow_style(list(stated.ignore))}")
+    rules = {"validation": validation} if validation else {}
+    rules |= stated.trials.model_dump(mode="json", exclude_defaults=True)
+    if rules:
+        lines.append(f"trials: {_flow_style(rules)}")
+    kept = {"torque": header.torque, "modelled": list(header.modelled)} | stated.log
+    lines.append(f"log: {_flow_style(kept)}")
+    return "\n".join(lines) + "\n"
+
+
+def _si_units(found: Guesses) -> dict[str, str]:
+    """Units of which ``scale`` is one: the factors are all written there."""
+    units = {
+        "q": "rad",
+        "q_cmd": "rad",
+        "v": "rad/s",
+        "a": "rad/s2",
+        "tau": "N·m",
+        "tau_cmd": "N·m",
+        "i": "A",
+        "time": "s",
+    }
+    return {name: unit for name, unit in units.items() if found.of(name)}
+
+
+def _flow_style(value: object) -> str:
+    return yaml.safe_dump(
+        value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000
+    ).strip()

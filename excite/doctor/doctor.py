@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from excite.doctor.examine import Chart, examine
-from excite.doctor.mistakes.weight import Weight
+from excite.doctor.mistakes.torques import Weight
 from excite.finding import Finding
-from excite.logs.brought import robot_and_log
 from excite.logs.files import save_log
+from excite.logs.load_with_robot import robot_and_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.bringing import RobotLike
+from excite.robot.load import RobotLike
 from excite.robot.robot import Robot
 from excite.rows.kinematics import in_configurations
 
@@ -29,7 +29,7 @@ def doctor(
 
     Args:
         log: a log folder, or a log in memory.
-        robot: the nominal model, or what :func:`~excite.robot.bringing.load_robot` takes; by default the one that the
+        robot: the nominal model, or what :func:`~excite.robot.load.load_robot` takes; by default the one that the
             log names.
         repair: folder that the log is written to with everything repaired that could be, the nominal weight added where
             a driver has taken it off the torques; none is without it.

@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
-from excite.doctor import families
-from excite.doctor.drive_fit import WIDTH, Drive, Predicted, beside_drives, shares_across, shares_left
-from excite.doctor.likely_bodies import LikelyBodies, half_log
-from excite.doctor.reading import Reading
-from excite.doctor.rows_within import looked_at, rows_within
+from excite.doctor import perturbed_residuals as families
+from excite.doctor.channel_mapping import Reading
+from excite.doctor.inertial_prior import LikelyBodies, half_log
+from excite.doctor.model_comparison import WIDTH, Drive, Predicted, beside_drives, shares_across, shares_left
 from excite.errors import LogError
-from excite.logs.log import Log
+from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import KinematicTree, read_tree
+from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
-from excite.robot.sliding import is_prismatic
 from excite.rows.joint_rows import JointRows
-from excite.rows.kinematics import forces_on_grid, trial_kinematics
+from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
+from excite.rows.saturation import flags_at, reached_samples
 from excite.rows.settings import ProblemSettings
 
 # Samples that every reading is judged on: some hundred of a motion tell its joints' torques as well as all.
@@ -257,3 +257,48 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
         all(trial.v is not None for trial in log.trials),
         rows_within(log),
     )
+
+
+# How much of a log's torques lies within the ranges of what measured them, and which rows do.
+
+# Share of a log's rows in which all torques are within their ranges, from which the others need not be looked at.
+_ENOUGH = 0.25
+
+
+def rows_within(log: Log) -> Array:
+    """Share of the rows that are looked at in which each torque is not clipped, ``(n_torques,)``, above zero."""
+    trials = log.role("identification")
+    if _enough(log):
+        return np.ones(len(log.header.torque_joints))
+    rows = max(1, sum(len(trial.time) for trial in trials))
+    kind = "i" if log.header.torque == "current" else "tau"
+    cut = [
+        sum(trial.cleaning.clipped.get(f"{kind}.{joint}", 0) for trial in trials)
+        for joint in log.header.torque_joints
+    ]
+    return 1.0 - np.minimum(np.array(cut, dtype=float), rows - 1) / rows
+
+
+def looked_at(log: Log, trial: Trial, k: TrialKinematics, cutoff_hz: float) -> NDArray[np.bool_]:
+    """Rows of a trial in which all torques are within their ranges, ``(n,)``; all where too few of the log are.
+
+    Args:
+        log: the log.
+        trial: one of its trials.
+        k: its kinematics, whose samples the rows are.
+        cutoff_hz: of the filter that torques go through [Hz].
+    """
+    if trial.beyond is None or not _enough(log):
+        return np.ones(len(k.time), dtype=np.bool_)
+    lost = np.asarray(flags_at(trial.time, trial.beyond, k.time).any(axis=1))
+    return ~reached_samples(lost, k.rate_hz, cutoff_hz)
+
+
+def _enough(log: Log) -> bool:
+    """Whether some torques of a log are beyond their range, and in enough of its rows none is."""
+    trials = log.role("identification")
+    if all(trial.beyond is None for trial in trials):
+        return False
+    lost = sum(0 if trial.beyond is None else int(trial.beyond.any(axis=1).sum()) for trial in trials)
+    rows = sum(len(trial.time) for trial in trials)
+    return rows - lost >= _ENOUGH * rows

@@ -13,12 +13,12 @@ from excite.documents.document import (
     Block,
     Document,
     FilePath,
+    Finding,
     Maybe,
     Name,
     Number,
     Text,
 )
-from excite.documents.finding import Finding
 
 # A motion has a few kinds of violations at each joint, foot and pair of links.
 _MOST_VIOLATIONS = 5 * MOST_ENTRIES

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from excite.errors import InputError
-from excite.reading.json_document import check_content, read_json
+from excite.reading.documents import check_content, read_json
 
 # Products of three such numbers are still finite in double precision, so that no sum of squares, ratio or axis of a
 # figure overflows; nothing in SI units comes near it.
@@ -133,3 +133,26 @@ def schema_of(kind: type[Document]) -> str:
     """What a document's field ``schema`` says, such as ``excite.plan/1``."""
     (stated,) = kind.model_fields["schema_"].annotation.__args__  # type: ignore[union-attr]
     return str(stated)
+
+
+# A finding, as it stands in every document that has any.
+
+
+class Finding(Block):
+    """What a careful reader should know."""
+
+    kind: Name = Field(description="a word that programs can test for")
+    text: Text = Field(description="what was found, the likely cause, what to do")
+    figures: Annotated[dict[Name, Any], Field(max_length=MOST_ENTRIES)] = Field(
+        default={}, description="the numbers behind it by name [SI]"
+    )
+    places: Texts = Field(default=[], description="joints, links, channels or parameters concerned")
+    severity: Literal["fatal", "spoils", "limits", "note"] = Field(
+        default="note", description="fatal: nothing can be told; spoils results; limits them; or a note"
+    )
+    sure: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        default=1.0, description="how far it is to be believed"
+    )
+    repaired: bool = Field(default=False, description="whether what follows works with it mended")
+    remedy: Text = Field(default="", description="what was done, or what is to be done")
+    trials: Texts = Field(default=[], description="trials concerned; empty for all")

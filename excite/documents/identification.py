@@ -13,6 +13,7 @@ from excite.documents.document import (
     Count,
     Document,
     FilePath,
+    Finding,
     Maybe,
     MaybePositive,
     Name,
@@ -23,7 +24,6 @@ from excite.documents.document import (
     Vector3,
     Vector6,
 )
-from excite.documents.finding import Finding
 
 
 class Inertial(Block):

@@ -16,6 +16,7 @@ from excite.documents.document import (
     Count,
     Document,
     FilePath,
+    Finding,
     InnerPath,
     Maybe,
     MaybePositive,
@@ -26,7 +27,6 @@ from excite.documents.document import (
     Seconds,
     Text,
 )
-from excite.documents.finding import Finding
 
 
 class Candidates(Block):

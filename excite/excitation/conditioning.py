@@ -14,18 +14,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.errors import InputError, MotionError
-from excite.excitation.sub_regressors import (
-    RANK_TOLERANCE,
-    SegmentCondition,
-    segment_columns,
-    segment_conditions,
-)
+from excite.errors import InputError, MotionError, UnknownNameError
 from excite.motion.motion import Motion, closed_contacts
-from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
+from excite.regressor.base_parameters import (
+    BaseParameters,
+    base_parameters,
+    r_factor,
+    structural_base_parameters,
+)
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
-from excite.regressor.factor import r_factor
 from excite.robot.robot import Robot
+
+# Sub-regressors: the columns of one segment, and their condition number (Jovic et al. 2015, II.B).
+
+# Singular values below this share of the largest are rounding: the regressor lacks rank there.
+RANK_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class SegmentCondition:
+    """Condition number of a segment's sub-regressor.
+
+    Attributes:
+        segment: name of the segment.
+        condition: condition number, infinite where the motions lack rank.
+        smallest: smallest singular value, by which motions of equal condition number are told apart.
+        n_columns: number of the segment's structurally independent columns, ten at most.
+    """
+
+    segment: str
+    condition: float
+    smallest: float
+    n_columns: int
+
+
+def segment_columns(robot: Robot, columns: Columns, base: BaseParameters) -> dict[str, NDArray[np.int64]]:
+    """Structurally independent columns of each segment, by name, for segments that have any.
+
+    Raises:
+        InputError: the base parameters are of other columns.
+    """
+    if base.names != columns.names:
+        raise InputError("base parameters of other columns than the regressor's", source=robot.name)
+    found = {}
+    for index, segment in enumerate(robot.segments):
+        own = columns.of_segment(index)
+        if base.matrix[:, own].any():
+            # Y = Y_base · matrix with Y_base of full rank: the matrix's columns depend as the regressor's do.
+            within = base_parameters(base.matrix[:, own], [base.names[c] for c in own])
+            found[segment.name] = own[within.independent]
+    return found
+
+
+def segment_conditions(
+    matrix: Array, columns: Mapping[str, NDArray[np.int64]]
+) -> tuple[SegmentCondition, ...]:
+    """Condition number of each segment's sub-regressor.
+
+    Args:
+        matrix: ``(k, n_columns)`` triangular factor of the regressor [SI].
+        columns: of each segment, from :func:`segment_columns`.
+    """
+    conditions = []
+    for name, used in columns.items():
+        # The factor is triangular: below the segment's last column there is nothing.
+        values = np.linalg.svd(r_factor(matrix[: used[-1] + 1, used]), compute_uv=False)
+        full_rank = len(values) == len(used) and values[-1] > RANK_TOLERANCE * values[0]
+        condition = float(values[0] / values[-1]) if full_rank else np.inf
+        conditions.append(SegmentCondition(name, condition, float(values[-1]), len(used)))
+    return tuple(conditions)
+
 
 # Factors that are stacked before they are made one.
 _STACKED = 40
@@ -243,3 +301,78 @@ def _row_weights(factor: MotionFactor) -> Array:
 
 def _finite_or_none(value: float) -> float | None:
     return value if np.isfinite(value) else None
+
+
+# Motions ranked by how well each of them alone excites each segment.
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Condition number of every segment's sub-regressor in every motion.
+
+    Attributes:
+        motions: names of the motions.
+        segments: names of the segments that the sensors see.
+        condition: ``(n_motions, n_segments)``, infinite where a motion lacks rank.
+        smallest: ``(n_motions, n_segments)`` smallest singular values [SI].
+    """
+
+    motions: tuple[str, ...]
+    segments: tuple[str, ...]
+    condition: Array
+    smallest: Array
+
+    def best(self, segment: str) -> tuple[int, ...]:
+        """Indices of the motions that excite a segment, best first; those that lack rank are left out.
+
+        Of equal condition numbers (to nine digits) the larger smallest singular value wins, then the name,
+        then the earlier place: the order does not depend on anything else.
+
+        Raises:
+            UnknownNameError: no such segment.
+        """
+        if segment not in self.segments:
+            raise UnknownNameError("segment", segment, list(self.segments))
+        s = self.segments.index(segment)
+        able = [m for m in range(len(self.motions)) if np.isfinite(self.condition[m, s])]
+
+        def key(m: int) -> tuple[float, float, str, int]:
+            return (
+                _round_to_nine_digits(self.condition[m, s]),
+                -_round_to_nine_digits(self.smallest[m, s]),
+                self.motions[m],
+                m,
+            )
+
+        return tuple(sorted(able, key=key))
+
+
+def rank(robot: Robot, factors: Sequence[MotionFactor], base: BaseParameters | None = None) -> Ranking:
+    """Rank motions by the condition numbers of the segments' sub-regressors (Jovic et al. 2015, II.B).
+
+    Args:
+        robot: the robot.
+        factors: one a motion.
+        base: structural base parameters; computed if None.
+
+    Raises:
+        InputError: no factor, or base parameters of other columns.
+    """
+    if not factors:
+        raise InputError("no motion to rank", remedy="hand over at least one")
+    base = base if base is not None else structural_base_parameters(robot)
+    columns = segment_columns(robot, factors[0].columns, base)
+    if any(factor.columns.names != base.names for factor in factors):
+        raise InputError("factors of different robots", remedy="rank motions of one robot")
+    table = [segment_conditions(factor.matrix, columns) for factor in factors]
+    return Ranking(
+        motions=tuple(" + ".join(factor.motions) for factor in factors),
+        segments=tuple(cell.segment for cell in table[0]),
+        condition=np.array([[cell.condition for cell in row] for row in table]),
+        smallest=np.array([[cell.smallest for cell in row] for row in table]),
+    )
+
+
+def _round_to_nine_digits(value: float) -> float:
+    """The number to nine digits, so that rounding does not decide between equals."""
+    return float(f"{value:.8e}")

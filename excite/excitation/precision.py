@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.errors import InputError
-from excite.excitation.conditioning import MotionFactor
-from excite.excitation.sub_regressors import RANK_TOLERANCE
-from excite.regressor.base_parameters import BaseParameters
-from excite.regressor.columns import DRIVE_TERMS, measured_columns
+from excite.excitation.conditioning import RANK_TOLERANCE, MotionFactor
+from excite.regressor.base_parameters import BaseParameters, r_factor
+from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
+from excite.regressor.contact_forces import stance_flags
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Robot
+from excite.robot.robot import Foot, Robot
 
 
 def row_noise(robot: Robot) -> Array:
@@ -107,3 +109,101 @@ def nominal_values(robot: Robot, base: BaseParameters) -> Array:
     for term in columns.drives:
         phi.append(per_joint(stated[term], robot.joint_names, zero) if term in stated else zero)
     return base.values(np.concatenate(phi))
+
+
+# Which base parameters any motion at all can excite, given joint limits and feet that stay on the ground.
+
+# Directions with a singular value below this share of the largest say nothing, columns of unit length.
+_SILENT = 1e-8
+# A parameter counts as undetermined when more than this share of it lies in such directions.
+_SHARE = 0.25
+
+
+def excitable_parameters(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.bool_]:
+    """Whether some motion within joint limits, with a foot flat on the ground, shows each base parameter.
+
+    Base parameters are those of free motion. Here the regressor is evaluated at random states that a robot on
+    its feet can have: any joint positions within their limits, any velocities and accelerations, one of the feet
+    still and flat on level ground (standing on two is a special case of that). What the rows then lack, no
+    motion with these contacts provides, however long.
+
+    Of a robot on feet without sensors in them the states are free, with all feet down or one in the air: what these
+    cannot show, nothing can.
+
+    Args:
+        robot: the robot; one without feet is judged within its joint limits alone.
+        base: its structural base parameters.
+        seed: of the random states.
+
+    Returns:
+        ``(n_base,)``.
+
+    Raises:
+        InputError: base parameters of other columns than those that the robot's sensors see.
+    """
+    drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in base.names)
+    columns = measured_columns(robot, drives)
+    if columns.names != base.names:
+        raise InputError("base parameters of other columns than the robot's", source=robot.name)
+    random = np.random.default_rng(seed)
+    n = 3 * len(columns.names) // robot.n_equations + 1
+    feet: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
+    parts = []
+    if robot.floating and not robot.measures_contacts:
+        states = [_random_state(robot, None, random) for _ in range(n * (1 + len(robot.feet)))]
+        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
+        rows = regressor_rows(robot, columns, q, v, a, stance_flags(robot, len(q)))
+        return determined_columns(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]), _SILENT)
+    for foot in feet:
+        states = [_random_state(robot, foot, random) for _ in range(n)]
+        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
+        rows = regressor_rows(robot, columns, q, v, a)
+        parts.append(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]))
+    return determined_columns(np.vstack(parts), _SILENT)
+
+
+def determined_columns(factor: Array, tol: float) -> NDArray[np.bool_]:
+    """Which columns of a factor ``(m, n)`` its rows determine, ``(n,)``.
+
+    Args:
+        factor: regressor rows or an R factor of them.
+        tol: directions with a singular value below this share of the largest count as undetermined, once columns
+            have been brought to unit length.
+    """
+    length = np.linalg.norm(factor, axis=0)
+    present = length > 0.0
+    scaled = factor / np.where(present, length, 1.0)
+    _, values, vectors = np.linalg.svd(r_factor(scaled), full_matrices=True)
+    values = np.concatenate([values, np.zeros(len(vectors) - len(values))])
+    share = (vectors[values < tol * values[0]] ** 2).sum(axis=0)
+    return np.asarray(present & (share <= _SHARE))
+
+
+def _random_state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> Moved:
+    """Random q, v, a, with ``foot`` still and its sole level."""
+    limits, nq, nv = robot.limits, robot.n_base_q, robot.n_base_v
+    q, v, a = robot.rest.copy(), np.zeros(robot.model.nv), np.zeros(robot.model.nv)
+    q[nq:] = random.uniform(limits.position_lower, limits.position_upper)
+    # A joint without any range cannot move.
+    free = limits.position_upper > limits.position_lower
+    v[nv:] = free * random.normal(size=robot.n_joints)
+    a[nv:] = free * 5.0 * random.normal(size=robot.n_joints)
+    if not robot.floating:
+        return Moved(q, v, a)
+    if foot is None:
+        quaternion = random.normal(size=4)
+        q[3:7] = quaternion / np.linalg.norm(quaternion)
+        v[:6], a[:6] = random.normal(size=6), 5.0 * random.normal(size=6)
+        return Moved(q, v, a)
+    model, data = robot.model, robot.model.createData()
+    q[:7] = pin.SE3ToXYZQUAT(pin.SE3.Identity())
+    pin.forwardKinematics(model, data, q)
+    sole = data.oMi[foot.joint] * foot.placement
+    q[:7] = pin.SE3ToXYZQUAT(sole.inverse())
+    pin.computeJointJacobians(model, data, q)
+    jacobian = pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.LOCAL)
+    v[:6] = np.linalg.solve(jacobian[:, :6], -jacobian[:, 6:] @ v[6:])
+    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
+    bias = data.a[foot.joint].vector
+    a[:6] = np.linalg.solve(jacobian[:, :6], -jacobian[:, 6:] @ a[6:] - bias)
+    return Moved(q, v, a)

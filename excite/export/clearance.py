@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from excite.arrays import Array
+from excite.display import percent
 from excite.errors import InputError, MotionError, UnsafeMotionError
-from excite.export.approach import with_approach
 from excite.export.exporter import Exporter
-from excite.export.grid import on_grid
 from excite.motion.content import with_verdict
 from excite.motion.motion import Motion, interpolate_motion
 from excite.motion.setpoints import SLOWEST_SAMPLES_HZ
+from excite.reading.number import check_number
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.checks.sampling import coordinate_names
+from excite.safety.checks.motion import coordinate_names
+from excite.safety.repairs.collisions import find_route
+from excite.safety.repairs.retiming import plan_transfer
 from excite.safety.verdict import Verdict
-from excite.shown import percent
 
 # How far a motion at another rate may be from what it was: shares of each joint's range, velocity limit and
 # acceleration limit. The ready motions of seven robots and planned ones of a UR10 lose at most 1e-5, 0.2 % and 2.7 % at
@@ -195,3 +199,197 @@ def rate_loss(robot: Robot, motion: Motion, written: Motion) -> dict[str, np.nda
         "acceleration": np.abs(there.joint_accelerations() - here.joint_accelerations()).max(axis=0)
         / limits.acceleration,
     }
+
+
+# The way from the robot's rest posture to where a motion starts, and back from where it ends.
+
+# Nearer to rest than single precision keeps a turn apart [rad or m], a motion needs no way there.
+_NEAR = 1e-6
+# Speeds at which a way is tried, as shares of half of each limit: slower ones where the torques do not suffice.
+_SPEEDS = (1.0, 0.5, 0.25)
+_SEED = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """Samples of the joints from rest to rest: time [s] from zero, q, v and a ``(n, n_joints)``."""
+
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+
+
+def with_approach(robot: Robot, motion: Motion) -> Motion:
+    """The motion from and to the robot's rest posture.
+
+    The joints go straight, as fast as half of their velocity, acceleration and jerk limits let them; round the
+    robot's own bodies in several straight parts, each from rest to rest, where they would touch. Which way is taken,
+    and how fast, depends on what the independent check says of it; where it likes none, the straight way stands there
+    and the check refuses the whole. Ends that another motion of a chain goes on from stay as they are.
+
+    Args:
+        robot: its robot.
+        motion: the motion; one that is broken, or of other joints, comes back as it is.
+
+    Raises:
+        InputError: it starts or ends elsewhere than at rest, and the robot stands on feet or its base moves too.
+    """
+    if not _is_whole(robot, motion):
+        return motion
+    start = None if motion.metadata.previous else _approach_way(robot, motion, 0)
+    end = None if motion.metadata.following else _approach_way(robot, motion, -1)
+    parts = [part for part in (start, end) if part is not None]
+    if not parts:
+        return motion
+    before, after = start or _empty_way(robot), end or _empty_way(robot)
+    time = motion.time - motion.time[0] + before.time[-1]
+    base, v_base = robot.n_base_q, robot.n_base_v
+    rows = len(before.time) - 1, len(after.time) - 1
+    return replace(
+        motion,
+        time=np.concatenate([before.time[:-1], time, time[-1] + after.time[1:]]),
+        q=np.vstack(
+            [
+                _with_base(before.q[:-1], motion.q[0, :base]),
+                motion.q,
+                _with_base(after.q[1:], motion.q[-1, :base]),
+            ]
+        ),
+        v=np.vstack(
+            [_with_base(before.v[:-1], np.zeros(v_base)), motion.v, _with_base(after.v[1:], np.zeros(v_base))]
+        ),
+        a=np.vstack(
+            [_with_base(before.a[:-1], np.zeros(v_base)), motion.a, _with_base(after.a[1:], np.zeros(v_base))]
+        ),
+        contacts={name: np.pad(flags, rows, mode="edge") for name, flags in motion.contacts.items()},
+    )
+
+
+def _is_whole(robot: Robot, motion: Motion) -> bool:
+    """Whether there is anything to lead to and from: what is broken, the check says."""
+    shapes = motion.q.shape == (motion.n_samples, robot.model.nq) and motion.n_samples > 2
+    return (
+        shapes
+        and motion.joint_names == robot.joint_names
+        and bool(np.isfinite(motion.q).all() and (np.diff(motion.time) > 0.0).all())
+    )
+
+
+def _approach_way(robot: Robot, motion: Motion, row: int) -> _Way | None:
+    """From rest to the first sample (row 0), or from the last one to rest; None where it is at rest already."""
+    rest, there = robot.rest[robot.n_base_q :], motion.q[row, robot.n_base_q :]
+    base = motion.q[row, : robot.n_base_q] - robot.rest[: robot.n_base_q]
+    if np.abs(motion.q[row] - robot.rest).max() <= _NEAR:
+        return None
+    if robot.feet or np.abs(base).max(initial=0.0) > _NEAR:
+        raise InputError(
+            f"{'starts' if row == 0 else 'ends'} away from rest, and only joints can be led there, not feet or a base",
+            source=motion.name,
+            field="approach",
+            remedy="plan it from rest to rest, or leave --approach out",
+        )
+    start, end = (rest, there) if row == 0 else (there, rest)
+    rate = (motion.n_samples - 1) / motion.duration
+    postures = find_route(robot, start, end, np.random.default_rng(_SEED)) or [start, end]
+    ways = [_way_along(robot, postures, rate, speed) for speed in _SPEEDS]
+    return next((way for way in ways if _is_safe_way(robot, motion, way)), ways[0])
+
+
+def _way_along(robot: Robot, postures: list[Array], rate_hz: float, speed: float) -> _Way:
+    """Straight from posture to posture, at rest in each, at a share of what a transfer does."""
+    way = _Way(np.zeros(1), postures[0][None], *(np.zeros((1, robot.n_joints)) for _ in range(2)))
+    for start, end in pairwise(postures):
+        # Sampled more finely by as much as it is stretched afterwards.
+        part = plan_transfer(robot, start, end, rate_hz / speed)
+        way = _Way(
+            np.concatenate([way.time, way.time[-1] + part.time[1:] / speed]),
+            np.vstack([way.q, part.q[1:]]),
+            np.vstack([way.v, speed * part.v[1:]]),
+            np.vstack([way.a, speed**2 * part.a[1:]]),
+        )
+    return way
+
+
+def _is_safe_way(robot: Robot, motion: Motion, way: _Way) -> bool:
+    zero = np.zeros(robot.n_base_v)
+    alone = replace(
+        motion,
+        time=way.time,
+        q=_with_base(way.q, robot.rest[: robot.n_base_q]),
+        v=_with_base(way.v, zero),
+        a=_with_base(way.a, zero),
+        contacts={},
+        metadata=replace(motion.metadata, previous="", following="", stated_hash="", robot_hash=""),
+        robot=robot.name,
+    )
+    return check_motion(robot, alone).safe
+
+
+def _empty_way(robot: Robot) -> _Way:
+    return _Way(np.zeros(1), *(np.zeros((1, robot.n_joints)) for _ in range(3)))
+
+
+def _with_base(joints: Array, base: Array) -> Array:
+    """Rows of joints behind the same base."""
+    return np.hstack([np.tile(base, (len(joints), 1)), joints])
+
+
+# The uniform grid of samples that a controller runs.
+
+# From one sample a day to what no controller runs at [Hz].
+_RATES_HZ = (1e-5, 1e6)
+# Of one file: 0.8 GB in memory and twice that as text.
+_MOST_NUMBERS = 100_000_000
+_AT_REST = 1e-6  # [rad/s or m/s]; below it a motion that ends between two grid points may be held
+
+
+def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
+    """The motion from time zero, at exactly ``k / rate_hz`` [s].
+
+    When the duration is no whole number of periods and the motion ends at rest, one more sample holds its
+    last posture; when it ends moving, the grid stops at the last whole period.
+
+    Args:
+        motion: the motion.
+        robot: its robot.
+        rate_hz: samples per second.
+
+    Returns:
+        The motion on the grid, its q, v, a belonging together.
+
+    Raises:
+        InputError: ``rate_hz`` is not positive and finite, or gives fewer than two samples.
+    """
+    check_number(rate_hz, "rate_hz", *_RATES_HZ, "Hz", source="export")
+    periods = motion.duration * rate_hz
+    numbers = periods * (motion.q.shape[1] + motion.v.shape[1] + motion.a.shape[1])
+    if numbers > _MOST_NUMBERS:
+        raise InputError(
+            f"{rate_hz:g} Hz gives {periods:.0f} samples of a motion of {motion.duration:.3f} s",
+            source=motion.name,
+            field="rate_hz",
+            remedy=f"give at most {_MOST_NUMBERS / numbers * rate_hz:.0f} Hz",
+        )
+    whole = math.floor(periods + 1e-6)
+    inside = np.arange(whole + 1) / rate_hz
+    if len(inside) < 2:
+        raise InputError(
+            f"{rate_hz} Hz gives {len(inside)} sample of a motion of {motion.duration:.3f} s",
+            source=motion.name,
+            field="rate_hz",
+            remedy=f"give at least {1.0 / motion.duration:.3f} Hz",
+        )
+    sampled = interpolate_motion(motion, robot, np.minimum(motion.time[0] + inside, motion.time[-1]))
+    if periods - whole > 1e-6 and np.abs(motion.v[-1]).max() < _AT_REST:
+        return replace(
+            sampled,
+            time=np.arange(whole + 2) / rate_hz,
+            q=np.vstack([sampled.q, motion.q[-1]]),
+            v=np.vstack([sampled.v, np.zeros(motion.v.shape[1])]),
+            a=np.vstack([sampled.a, np.zeros(motion.a.shape[1])]),
+            contacts={
+                name: np.append(flags, motion.contacts[name][-1]) for name, flags in sampled.contacts.items()
+            },
+        )
+    return replace(sampled, time=inside)

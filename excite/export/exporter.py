@@ -2,16 +2,96 @@
 
 from __future__ import annotations
 
+import json
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import numpy as np
+
+from excite.arrays import Array
 from excite.errors import InputError
-from excite.export.setting import Setting, settle_settings
 from excite.motion.motion import Motion
+from excite.motion.readers.tables import UNSAFE
+from excite.reading.number import check_number, shorten_value
+from excite.registry import Registry
 from excite.robot.robot import Robot
-from excite.safety.verdict import Violation
+from excite.safety.verdict import Violation, conditions
+
+# What can be said of a controller format beside the motion: gains, names, orders.
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting of a format, declared once for command line, validation and help.
+
+    Attributes:
+        name: after ``excite export --set``.
+        default: used where nothing is said; its type is the setting's.
+        summary: one line for help texts.
+        low: smallest number.
+        high: largest number.
+        unit: of numbers.
+        choices: words that it may be; empty for any.
+        example: a value to try, of a setting that has to be given since nothing is right for every machine.
+    """
+
+    name: str
+    default: float | str
+    summary: str
+    low: float = -math.inf
+    high: float = math.inf
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    example: str = ""
+
+    def read(self, value: object, source: str) -> float | str:
+        """The value, a number or its text; raises InputError that names the setting."""
+        if isinstance(self.default, str):
+            return self._word(value, source)
+        number = value
+        if isinstance(value, str):
+            try:
+                number = float(value)
+            except ValueError:
+                number = value[:40]
+        return check_number(number, self.name, self.low, self.high, self.unit, source=source)
+
+    def _word(self, value: object, source: str) -> str:
+        text = str(value).strip()
+        if self.choices and text not in self.choices:
+            remedy = f"choose one of {', '.join(self.choices)}"
+            raise InputError(f"is {shorten_value(text)}", source=source, field=self.name, remedy=remedy)
+        if not text.isprintable():
+            raise InputError(
+                f"is {shorten_value(text)}", source=source, field=self.name, remedy="write it in one line"
+            )
+        return text
+
+
+def settle_settings(
+    declared: Iterable[Setting], given: Mapping[str, object], source: str
+) -> dict[str, float | str]:
+    """Values of all declared settings; raises InputError for one that is not declared or not allowed.
+
+    Args:
+        declared: of the format.
+        given: by name, numbers or texts.
+        source: name of the format, for errors.
+    """
+    known = {setting.name: setting for setting in declared}
+    for name in given:
+        if name not in known:
+            remedy = f"choose one of {', '.join(known)}" if known else "leave it out: the format has none"
+            raise InputError("is no setting", source=source, field=str(name)[:60], remedy=remedy)
+    return {
+        name: setting.read(given[name], source) if name in given else setting.default
+        for name, setting in known.items()
+    }
 
 
 class Exporter(ABC):
@@ -96,3 +176,115 @@ class Exporter(ABC):
             motion: the motion, already on the grid that the controller wants.
             path: the file or folder to write; an older one is replaced.
         """
+
+
+# What a ROS 2 joint trajectory controller takes for one goal.
+
+# ros2_controllers takes a velocity for zero up to the epsilon of single precision, and since Jazzy refuses goals that
+# end with another one (allow_nonzero_velocity_at_trajectory_end).
+_ZERO = float(np.finfo(np.float32).eps)
+
+
+def goal_velocities(motion: Motion) -> Array:
+    """Velocities of the joints, ``(n, n_joints)``; the last are zero where no other motion goes on from there.
+
+    The check has found that the motion ends at rest, up to half a percent of each velocity limit; a controller would
+    refuse the whole for less than that.
+    """
+    velocities = motion.joint_velocities().copy()
+    rests = not motion.metadata.following and (motion.metadata.verdict or {}).get("safe")
+    if rests and np.abs(velocities[-1]).max() > _ZERO:
+        velocities[-1] = 0.0
+    return velocities
+
+
+def between_rests(motion: Motion) -> list[Motion]:
+    """Parts of a motion between instants at which all joints stand still, each from and to rest; both own the instant.
+
+    Each begins at its own time, so that the parts in order, and the times between them, are the motion.
+    """
+    still = np.abs(motion.joint_velocities()).max(axis=1) <= _ZERO
+    # The first sample of each time at rest; whoever waits there, waits in the next part.
+    cuts = np.flatnonzero(still[1:-1] & ~still[:-2]) + 1
+    edges = [0, *cuts.tolist(), motion.n_samples - 1]
+    return [
+        replace(
+            motion,
+            time=motion.time[i : j + 1],
+            q=motion.q[i : j + 1],
+            v=motion.v[i : j + 1],
+            a=motion.a[i : j + 1],
+            contacts={name: flags[i : j + 1] for name, flags in motion.contacts.items()},
+        )
+        for i, j in pairwise(edges)
+    ]
+
+
+# The controller formats by name. A new one is one file beside this one and one line here.
+
+EXPORTERS: Registry[Exporter] = Registry(
+    "format",
+    {
+        "csv": "excite.export.plain_tables:CsvExporter",
+        "npz": "excite.export.plain_tables:NpzExporter",
+        "ros2": "excite.export.ros2:Ros2Exporter",
+        "ros2-yaml": "excite.export.ros2:Ros2YamlExporter",
+        "mcap": "excite.export.ros2:McapExporter",
+        "ur-script": "excite.export.arms:UrScriptExporter",
+        "mujoco-keyframes": "excite.export.mujoco:KeyframesExporter",
+        "lerobot": "excite.export.plain_tables:LeRobotExporter",
+        "franka": "excite.export.arms:FrankaExporter",
+        "unitree": "excite.export.humanoids:UnitreeExporter",
+        "openhrp": "excite.export.humanoids:OpenHrpExporter",
+        "opensim": "excite.export.humanoids:OpenSimExporter",
+    },
+)
+
+
+# What a file says of itself: whose motion it is, and what the independent check said of it.
+
+
+def motion_statement(motion: Motion) -> dict[str, Any]:
+    """``robot``, ``robot_hash``, ``joints`` in their order and ``verdict`` of a motion that was cleared."""
+    metadata = motion.metadata
+    return {
+        "robot": motion.robot,
+        "robot_hash": metadata.robot_hash,
+        "joints": list(motion.joint_names),
+        "verdict": metadata.verdict,
+    }
+
+
+def motion_warnings(motion: Motion) -> list[str]:
+    """What whoever opens the file has to know, one line each; nothing of a motion that is safe."""
+    verdict = motion.metadata.verdict or {}
+    if "unsafe_anyway" not in verdict:
+        return []
+    said = [str(Violation(**item)) for item in verdict["violations"]]
+    lines = [f"written all the same, {verdict['unsafe_anyway']}", *said]
+    return [f"{UNSAFE}: {' '.join(line.split())}" for line in lines]
+
+
+def motion_remarks(motion: Motion) -> list[str]:
+    """Lines for a person who opens the file: warnings, whose motion it is, and the smallest margins."""
+    verdict = motion.metadata.verdict or {}
+    lines = [
+        *motion_warnings(motion),
+        f"motion {motion.name} of robot {motion.robot}, {motion.duration:.3f} s",
+    ]
+    if verdict.get("safe"):
+        margins = {name: value for name, value in verdict["margins"].items() if value is not None}
+        stated = ", ".join(f"{name} {value:.4g}" for name, value in margins.items())
+        held = conditions(verdict.get("as_far_as", ()))
+        lines.append(f"found safe by the independent check{held}; smallest margins: {stated}")
+    return [" ".join(line.split()) for line in lines]
+
+
+def comment_lines(motion: Motion) -> str:
+    """Comment lines for a text file: the remarks, and the statement as one line of JSON that is read again."""
+    return as_comments([*motion_remarks(motion), json.dumps(motion_statement(motion))])
+
+
+def as_comments(lines: Iterable[str]) -> str:
+    """Lines as comments."""
+    return "".join(f"# {line}\n" for line in lines)

@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from excite.atomic import atomic_path
+from excite.display import Shown
 from excite.errors import InputError
 from excite.human.measure import MeasuredPerson
-from excite.human.osim import write_osim
-from excite.human.plates.ground_reaction import GroundReaction, ReactionTable, ground_reactions
+from excite.human.models import PLACES, ROBOT_FILE, urdf_text, write_osim
+from excite.human.plates import GroundReaction, ReactionTable, ground_reactions
 from excite.human.segment_table import SegmentTable, identified_body, segment_table
-from excite.human.urdf import PLACES, ROBOT_FILE, urdf_text
-from excite.human.weight.added_mass import locate_added_mass
-from excite.human.weight.weight_candidate import AddedMass
-from excite.identification.estimators.registry import find_estimator
+from excite.human.weights import AddedMass, locate_added_mass
+from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.result import Identification
@@ -23,7 +22,6 @@ from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.robot.shapes.com_box import com_boxes
-from excite.shown import Shown
 
 IDENTIFIED = "human_identified"
 

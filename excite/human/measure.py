@@ -3,33 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from excite.atomic import atomic_path
-from excite.errors import InputError, UnknownNameError
+from excite.display import Shown
+from excite.errors import InputError, LogError, UnknownNameError
 from excite.finding import Finding
-from excite.human.body import Body, body_of
-from excite.human.dimensions import DIMENSIONS, Dimensions
-from excite.human.inertials import ANTHROPOMETRY, Anthropometry
-from excite.human.laboratory import AXES, absent_markers, in_metres, turn_z_up, up_axis, with_known_labels
-from excite.human.log_folder import MeasuredTrial, human_log
-from excite.human.markers.calibration import Calibration, calibrate_body
-from excite.human.markers.marker_set import MarkerSet, find_marker_set, read_marker_set
-from excite.human.measured_trial import measured_trial
-from excite.human.pairing import paired_recordings
-from excite.human.recording import Recording
-from excite.human.segments import NAMES
-from excite.human.subject import Subject
-from excite.human.urdf import PLACES, ROBOT_FILE, robot_yaml
+from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, Dimensions, body_of
+from excite.human.markers.marker_set import (
+    Calibration,
+    MarkerSet,
+    calibrate_body,
+    find_marker_set,
+    read_marker_set,
+)
+from excite.human.models import PLACES, ROBOT_FILE, URDF_FILE, robot_yaml, urdf_text
+from excite.human.plates import PlateReading, find_support, plate_readings
+from excite.human.readers.c3d import MAX_C3D_BYTES, C3dReader, check_recording
+from excite.human.readers.reader import RecordingReader
+from excite.human.readers.tables import CsvReader, StorageReader, TrcReader
+from excite.human.recording import (
+    AXES,
+    Recording,
+    absent_markers,
+    in_metres,
+    turn_z_up,
+    up_axis,
+    with_known_labels,
+)
+from excite.human.segments import JOINT_NAMES, NAMES, Subject
+from excite.human.skeleton import base_pose, joint_angles, near_singular, place_segments
+from excite.human.trial_poses import TrialPoses, trial_poses
 from excite.logs.files import save_log
-from excite.logs.log import Log
+from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
+from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.signals.butterworth import settling_samples
 from excite.progress import Progress, silent
+from excite.reading.file import plain_name, unpack_file
 from excite.reading.number import check_number
-from excite.shown import Shown
+from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
 # People move below 20 Hz; a filter far below what they do leaves nothing of it [Hz].
@@ -229,3 +245,283 @@ def write_person(person: MeasuredPerson, folder: Path) -> None:
     with atomic_path(folder / ROBOT_FILE) as temporary:
         text = robot_yaml(person.body, person.log.header.rate_hz, plates)
         temporary.write_text(text, encoding="utf-8")
+
+
+# From recordings of a person to a log folder that identification reads as it does a robot's.
+
+_GRAVITY = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTrial:
+    """A trial ready for the log.
+
+    Attributes:
+        name: of the trial.
+        poses: postures of all frames.
+        readings: plates at the same times.
+        frames: which frames the plates carry.
+        rate_hz: of the frames [Hz].
+    """
+
+    name: str
+    poses: TrialPoses
+    readings: tuple[PlateReading, ...]
+    frames: slice
+    rate_hz: float
+
+
+def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cutoff_hz: float | None) -> Log:
+    """The log of a person's trials.
+
+    Of several trials the last one validates; a single one is cut in two, whose files overlap by what filters take
+    away at either end, so that no row is used twice.
+
+    Args:
+        body: the person.
+        trials: measured trials.
+        hold_out: share of a single trial's time that validates, 0 for none.
+        cutoff_hz: low-pass that markers and forces went through.
+
+    Raises:
+        InputError: rates differ, or the share is none.
+    """
+    if not 0.0 <= hold_out < 1.0:
+        raise InputError(f"is {hold_out}", field="hold_out", remedy="choose a share of 0 to 0.9")
+    rate = trials[0].rate_hz
+    for trial in trials:
+        if abs(trial.rate_hz / rate - 1.0) > 1e-3:
+            raise InputError(
+                f"runs at {trial.rate_hz:g} Hz, the first trial at {rate:g} Hz",
+                source=trial.name,
+                field="rate",
+                remedy="make logs of each",
+            )
+    names = _sensor_names(trials)
+    sensors: list[SensorHeader] = []
+    parts: list[tuple[dict[str, Any], Role]] = []
+    for number, trial in enumerate(trials):
+        for reading in trial.readings:
+            if all(names[number, reading.name] != sensor.name for sensor in sensors):
+                sensors.append(_sensor_header(names[number, reading.name], reading))
+    for number, trial in enumerate(trials):
+        edge = settling_samples(rate, cutoff_hz) // 2 if cutoff_hz is not None else 0
+        whole = _trial_channels(trial, number, names, [sensor.name for sensor in sensors], edge)
+        if len(trials) > 1 or hold_out == 0.0:
+            parts.append((whole, "validation" if number and number == len(trials) - 1 else "identification"))
+        else:
+            first, second = _cut_trial(whole, rate, hold_out, cutoff_hz)
+            parts += [(first, "identification"), (second, "validation")]
+    logged, headers = [], []
+    for number, (part, role) in enumerate(parts):
+        file = f"trial_{number:02d}.parquet"
+        headers.append(TrialHeader(file=file, role=role))
+        logged.append(Trial(**part, name=Path(file).stem, role=role))
+    header = LogHeader.model_validate(
+        {
+            "schema": "excite.log/1",
+            "robot": URDF_FILE,
+            "base": "floating",
+            "gravity": _GRAVITY,
+            "rate_hz": round(rate, 6),
+            "lowpass_hz": cutoff_hz,
+            "posture": "computed",
+            "joints": JOINT_NAMES,
+            "torque": "none",
+            "base_link": "pelvis",
+            "wrench": "on_robot_in_sensor_frame",
+            "sensors": sensors,
+            "modelled": ("rigid_body",),
+            "trials": headers,
+        }
+    )
+    return Log(header=header, trials=tuple(logged), robot_text=urdf_text(body))
+
+
+def _sensor_names(trials: Sequence[MeasuredTrial]) -> dict[tuple[int, str], str]:
+    """One name for each plate that stands at one place; the same name elsewhere gets the trial's number."""
+    places: dict[str, np.ndarray] = {}
+    names = {}
+    for number, trial in enumerate(trials):
+        for reading in trial.readings:
+            name = reading.name
+            if name in places and np.abs(places[name] - reading.center).max() > 1e-6:
+                name = f"{reading.name}_trial_{number}"
+            places.setdefault(name, reading.center)
+            names[number, reading.name] = name
+    return names
+
+
+def _sensor_header(name: str, reading: PlateReading) -> SensorHeader:
+    x, y, z = (float(value) for value in reading.center)
+    return SensorHeader(name=name, kind="force_plate", parent="world", xyz=(x, y, z), foot=reading.foot)
+
+
+def _trial_channels(
+    trial: MeasuredTrial,
+    number: int,
+    names: dict[tuple[int, str], str],
+    sensors: list[str],
+    edge: int,
+) -> dict[str, Any]:
+    """Channels of a trial; ``edge`` frames that the filter's transient reaches are left out at either end."""
+    pose = trial.poses.pose
+    n = len(pose)
+    wrenches = {name: np.zeros((n, 6)) for name in sensors}
+    for reading in trial.readings:
+        wrenches[names[number, reading.name]] = reading.wrench
+    span = slice(max(trial.frames.start, edge), min(trial.frames.stop, n - edge))
+    return {
+        "time": np.arange(n)[span] / trial.rate_hz + trial.poses.time[0],
+        "q": joint_angles(pose)[span],
+        "base": base_pose(pose)[span],
+        "wrenches": {name: values[span] for name, values in wrenches.items()},
+    }
+
+
+def _cut_trial(
+    whole: dict[str, Any], rate: float, hold_out: float, cutoff_hz: float | None
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    filters = ProblemSettings().filters(floating=True, lowpass_hz=cutoff_hz)
+    margin = settling_samples(rate, filters.kinematics_cutoff_hz) + settling_samples(rate, filters.cutoff_hz)
+    n = len(whole["time"])
+    middle = margin + round((1.0 - hold_out) * (n - 2 * margin))
+    if n < 3 * margin:
+        margin, middle = 0, round((1.0 - hold_out) * n)
+    return _part_of(whole, slice(0, middle + margin)), _part_of(whole, slice(middle - margin, n))
+
+
+def _part_of(whole: dict[str, Any], span: slice) -> dict[str, Any]:
+    return {
+        "time": whole["time"][span],
+        "q": whole["q"][span],
+        "base": whole["base"][span],
+        "wrenches": {name: values[span] for name, values in whole["wrenches"].items()},
+    }
+
+
+# A recording of a person as a trial: postures, plates, and what stood on them.
+
+
+class Measured(NamedTuple):
+    """A trial, what is reported of it, and what was found on the way."""
+
+    trial: MeasuredTrial
+    report: dict[str, Any]
+    findings: tuple[Finding, ...]
+
+
+def measured_trial(
+    body: Body, calibration: Calibration, recording: Recording, cutoff_hz: float | None
+) -> Measured:
+    """Postures, plates and spans of a recording; ``cutoff_hz`` of the markers' low-pass, None for none [Hz]."""
+    poses = trial_poses(calibration, recording, cutoff_hz)
+    placement = place_segments(poses.pose, body.offsets)
+    readings, odd = plate_readings(recording, placement, body, cutoff_hz)
+    held = find_support(body, placement, readings, recording.rate_hz, recording.source)
+    name = recording.source.stem
+    trial = MeasuredTrial(name, poses, readings, held.frames, recording.rate_hz)
+    span = held.frames
+    report = {
+        "seconds": (span.stop - span.start) / recording.rate_hz,
+        "rate_hz": recording.rate_hz,
+        "plates_kg": held.mass,
+        "marker_rms_m": dict(poses.marker_rms),
+        "plates": [
+            {"plate": r.name, "foot": r.foot, "pressure_center_distance_m": r.distance} for r in readings
+        ],
+    }
+    singular = near_singular(joint_angles(poses.pose), name)
+    return Measured(trial, report, (*poses.findings, *odd, *held.findings, *singular))
+
+
+# Which files belong together: markers with their forces, and standing recordings apart.
+
+_STANDING = ("static", "stand", "cal")
+
+
+def paired_recordings(
+    trials: Sequence[Path], static: Sequence[Path] = ()
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """Read files and join markers with forces.
+
+    Forces belong to the markers' file of the same name but for its ending; where names differ, they are paired in
+    the order given. A file of markers without forces is a standing recording if its name says so (``static``).
+
+    Args:
+        trials: files with markers, forces, or both.
+        static: standing recordings.
+
+    Returns:
+        Trials with markers and forces; standing recordings.
+
+    Raises:
+        LogError: markers without forces or forces without markers.
+    """
+    read = [read_recording(path) for path in trials]
+    whole = [r for r in read if r.markers and r.plates]
+    bare = [r for r in read if r.markers and not r.plates]
+    forces = [r for r in read if not r.markers]
+    standing = [read_recording(path) for path in static]
+    for recording in standing:
+        if not recording.markers:
+            raise LogError("has no markers", source=recording.source, remedy="give a recording of standing")
+    named = {force.source.stem: force for force in forces}
+    joined, left = [], []
+    for recording in bare:
+        force = named.pop(recording.source.stem, None)
+        if force is None:
+            left.append(recording)
+        else:
+            joined.append(_join_recordings(recording, force))
+    rest = list(named.values())
+    moving = [r for r in left if not _is_standing(r)]
+    if len(rest) != len(moving) and len(rest) == len(left):
+        moving = left
+    standing += [r for r in left if r not in moving]
+    if len(rest) < len(moving):
+        raise LogError(
+            "has no force plates",
+            source=moving[len(rest)].source,
+            remedy="give the file with its forces (MOT, STO) of the same name, or pass it with --static",
+        )
+    if len(rest) > len(moving):
+        raise LogError(
+            "has forces only", source=rest[len(moving)].source, remedy="give the file with its markers too"
+        )
+    joined += [_join_recordings(markers, force) for markers, force in zip(moving, rest, strict=True)]
+    order = {path: i for i, path in enumerate(trials)}
+    found = sorted((*whole, *joined), key=lambda r: order[r.source])
+    if not found:
+        raise LogError(
+            "no trial with markers and forces", remedy="give C3D files, or TRC and MOT files together"
+        )
+    return tuple(found), tuple(standing)
+
+
+def _join_recordings(markers: Recording, forces: Recording) -> Recording:
+    return replace(markers, plates=forces.plates)
+
+
+def _is_standing(recording: Recording) -> bool:
+    stem = recording.source.stem.lower()
+    return any(word in stem for word in _STANDING)
+
+
+# Which reader answers to which ending.
+
+READERS: tuple[RecordingReader, ...] = (C3dReader(), TrcReader(), StorageReader(), CsvReader())
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a file by its ending.
+
+    Raises:
+        LogError: no reader for it, or it is malformed.
+    """
+    for reader in READERS:
+        if plain_name(path).suffix.lower() in reader.suffixes:
+            with unpack_file(path, limit=MAX_C3D_BYTES, error=LogError) as plain:
+                return check_recording(replace(reader.read(plain), source=path))
+    known = ", ".join(suffix for reader in READERS for suffix in reader.suffixes)
+    raise LogError(f"no reader for {path.suffix[:60]!r}", source=path, remedy=f"use one of {known}")

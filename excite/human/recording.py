@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from excite.arrays import Array
-from excite.finding import Finding
+from excite.errors import LogError
+from excite.finding import Finding, list_names
+from excite.human.markers.marker_set import MarkerSet, bare_label
+from excite.human.segments import Subject
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,3 +76,144 @@ class Recording:
     def noting(self, *findings: Finding) -> Recording:
         """The recording with more findings."""
         return replace(self, findings=(*self.findings, *findings))
+
+
+# From a laboratory's axes and units to a world with z up, in metres; and what is wrong with a file named.
+
+_UP = {
+    "z": np.eye(3),
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "x": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+}
+AXES = tuple(_UP)
+"""Axes of a laboratory, one of which points up."""
+_HIGH = ("torso", "head", "pelvis")
+_UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 1e3: "metres", 1e2: "metres"}
+_SEEN_TOO_SELDOM = 0.1
+
+
+def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
+    """The recording with the set's labels only, and findings on those that are missing or unknown.
+
+    Raises:
+        LogError: no marker of the set is in the file, or markers of several people are.
+    """
+    people = sorted({label.rsplit(":", 1)[0] for label in recording.markers if ":" in label})
+    shared = [bare_label(label) for label in recording.markers if bare_label(label) in markers.sites]
+    if len(people) > 1 and len(shared) > len(set(shared)):
+        raise LogError(
+            f"holds the markers of {len(people)} people: {list_names(people)}",
+            source=recording.source,
+            remedy="export one person's markers at a time",
+        )
+    by_bare = {bare_label(label): values for label, values in recording.markers.items()}
+    known = {label: values for label, values in by_bare.items() if label in markers.sites}
+    if not known:
+        raise LogError(
+            f"has none of the markers of set {markers.name!r}",
+            source=recording.source,
+            remedy="give the right set or a mapping file with --markers",
+        )
+    findings = []
+    unknown = sorted(by_bare.keys() - known.keys())
+    if unknown:
+        text = (
+            f"{recording.source.name}: {len(unknown)} labels are not in marker set {markers.name!r}: "
+            f"{list_names(unknown)}"
+        )
+        findings.append(Finding("unknown_markers", text, {"markers": float(len(unknown))}, tuple(unknown)))
+    return replace(recording, markers=known).noting(*findings)
+
+
+def absent_markers(recording: Recording, wanted: tuple[str, ...]) -> tuple[Finding, ...]:
+    """Findings on markers that are not in a file, or hardly ever seen."""
+    found = []
+    absent = tuple(label for label in wanted if label not in recording.markers)
+    if absent:
+        text = f"{recording.source.name}: markers missing from the file: {list_names(absent, 12)}"
+        found.append(Finding("missing_markers", text, {"markers": float(len(absent))}, absent))
+    share = {
+        label: float(np.isfinite(values).all(axis=1).mean()) for label, values in recording.markers.items()
+    }
+    rare = tuple(label for label in recording.markers if share[label] < _SEEN_TOO_SELDOM)
+    if rare:
+        text = f"{recording.source.name}: markers seen in fewer than a tenth of the frames: {list_names(rare, 12)}"
+        found.append(Finding("missing_markers", text, {"markers": float(len(rare))}, rare))
+    gaps = tuple(label for label in recording.markers if _SEEN_TOO_SELDOM <= share[label] < 1.0)
+    if gaps:
+        worst = min(gaps, key=lambda label: share[label])
+        text = (
+            f"{recording.source.name}: {len(gaps)} markers have gaps, most of all {worst} "
+            f"({100 * (1 - share[worst]):.1f} % of frames)"
+        )
+        found.append(Finding("gaps", text, {"worst_share": 1.0 - share[worst]}, gaps))
+    return tuple(found)
+
+
+def in_metres(recording: Recording, subject: Subject) -> Recording:
+    """The recording in metres, judged by the body's size; a wrong unit is put right and named.
+
+    The largest distance between two markers in a frame is some 0.4 to 1.4 of the stature.
+
+    Raises:
+        LogError: no marker is ever seen, or the size fits no unit of length.
+    """
+    points = np.stack(list(recording.markers.values()), axis=1)
+    if not np.isfinite(points).all(axis=2).any():
+        raise LogError(
+            "no marker is seen in any frame",
+            source=recording.source,
+            field="markers",
+            remedy="export the markers again, with their positions",
+        )
+    extent = np.nanmedian(np.nanmax(points, axis=1) - np.nanmin(points, axis=1), axis=0).max()
+    share = float(extent) / subject.height
+    if 0.3 < share < 1.6:
+        return recording
+    for factor, unit in _UNITS.items():
+        if 0.3 < share * factor < 1.6:
+            text = (
+                f"{recording.source.name}: markers span {extent:.4g} m on a person of {subject.height:.2f} m: "
+                f"they are {unit} while the file says otherwise; converted"
+            )
+            markers = {label: values * factor for label, values in recording.markers.items()}
+            found = Finding("units", text, {"span": float(extent), "factor": factor}, ("markers",))
+            return replace(recording, markers=markers).noting(found)
+    raise LogError(
+        f"markers span {extent:.4g} m on a person of {subject.height:.2f} m",
+        source=recording.source,
+        field="units",
+        remedy="state the unit that the file is in, or the right height",
+    )
+
+
+def up_axis(recording: Recording, markers: MarkerSet) -> str:
+    """Which axis points up: ``x``, ``y`` or ``z``, from feet to trunk.
+
+    Raises:
+        LogError: the person does not stand along an axis, or upside down.
+    """
+    high = _marker_middle(recording, markers, lambda segment: segment in _HIGH)
+    low = _marker_middle(recording, markers, lambda segment: segment.endswith(("foot", "shank")))
+    direction = high - low
+    axis = int(np.argmax(np.abs(direction)))
+    if not np.isfinite(direction).all() or direction[axis] < 0.7 * float(np.linalg.norm(direction)):
+        raise LogError(
+            f"trunk lies {np.round(direction, 2).tolist()} m from the feet",
+            source=recording.source,
+            field="axes",
+            remedy="say which axis points up with --up, and check the marker set",
+        )
+    return "xyz"[axis]
+
+
+def _marker_middle(recording: Recording, markers: MarkerSet, chosen: Callable[[str], bool]) -> Array:
+    values = [v for label, v in recording.markers.items() if chosen(markers.sites[label].segment)]
+    if not values:
+        return np.full(3, np.nan)
+    return np.median([np.nanmedian(v, axis=0) for v in values], axis=0)
+
+
+def turn_z_up(recording: Recording, axis: str) -> Recording:
+    """The recording turned so that ``axis`` becomes z."""
+    return recording.turned(_UP[axis])

@@ -9,10 +9,9 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.human.body import Body
-from excite.human.inertials import ANTHROPOMETRY, BodyInertia
-from excite.human.posture.joint_angles import frame_turn
+from excite.human.body import ANTHROPOMETRY, Body, BodyInertia
 from excite.human.segments import NAMES
+from excite.human.skeleton import frame_turn
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.result import Identification
 

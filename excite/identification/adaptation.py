@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.finding import Finding, list_names
-from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
+from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.judgement.statistics import base_statistics
-from excite.identification.noise.correlated import upper_triangle
+from excite.identification.noise import upper_triangle
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
     Regression,
@@ -30,6 +29,7 @@ from excite.identification.regression import (
     prior_std,
     square_factor,
 )
+from excite.identification.statistics import base_statistics
 from excite.logs.log import Log
 from excite.rows.drive_terms import DRIVE_TERMS, EXTENSIONS
 from excite.rows.joint_rows import drive_terms, usual_terms

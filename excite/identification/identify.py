@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from excite.arrays import Array
 from excite.doctor.examine import Chart, examine
-from excite.errors import NoSolutionError, RobotError
+from excite.errors import LogError, NoSolutionError, RobotError
 from excite.finding import Finding
 from excite.identification.adaptation import (
     Adaptation,
@@ -23,31 +25,37 @@ from excite.identification.adaptation import (
     with_shown_drives,
     without_terms,
 )
-from excite.identification.attempt import attempt_estimate, equations_of, failure_finding
-from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.estimators.base import Estimator, SolveStatus
-from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
-from excite.identification.estimators.fallback import estimate_at
+from excite.identification.changed_segments import Changes, find_changes
+from excite.identification.constraints.linear import equivalent_boxes
+from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
+from excite.identification.estimators.estimator import (
+    DEFAULT_METHOD,
+    Estimate,
+    Estimator,
+    SolveStatus,
+    estimate_at,
+    find_estimator,
+    no_solution,
+)
 from excite.identification.estimators.method_settings import own_settings
-from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
-from excite.identification.estimators.setting import share_limits
-from excite.identification.estimators.settings import BoxSettings, EstimatorSettings, StatedBoundsSettings
+from excite.identification.estimators.settings import (
+    BoxSettings,
+    EstimatorSettings,
+    StatedBoundsSettings,
+    share_limits,
+)
 from excite.identification.identified_parameters import identified_parameters
-from excite.identification.judgement.changes import Changes, find_changes
-from excite.identification.judgement.doubts import find_doubts
-from excite.identification.judgement.judgement import judge, mass_report
-from excite.identification.judgement.statistics import base_statistics
-from excite.identification.judgement.warnings import find_warnings
+from excite.identification.judgement.judgement import find_doubts, find_warnings, judge, mass_report
 from excite.identification.parameter_statistics import parameter_statistics
 from excite.identification.problem import IdentificationProblem, build_problem
-from excite.identification.regression import condense_problem, iterate_weights, log_evidence
-from excite.identification.result import Identification
-from excite.identification.solution import solution_of
-from excite.logs.bare_urdf import nominal_faults
+from excite.identification.regression import Regression, condense_problem, iterate_weights, log_evidence
+from excite.identification.result import Identification, solution_of
+from excite.identification.statistics import base_statistics
 from excite.logs.files import load_log
 from excite.logs.log import Log
+from excite.logs.robot import nominal_faults
 from excite.progress import Progress, silent, step, told_to
-from excite.robot.bringing import RobotLike, as_robot
+from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.com_box import com_boxes
 from excite.rows.settings import ProblemSettings
@@ -69,14 +77,14 @@ def identify(
 ) -> Identification:
     """Identify a robot's parameters from a log and judge them on its validation trials.
 
-    Methods, by what they give (:func:`~excite.identification.estimators.summary.method_summaries` says when to take
+    Methods, by what they give (:func:`~excite.identification.estimators.estimator.method_summaries` says when to take
     which): bodies that can exist, as near to the nominal ones as the log supports, ``adaptive``; base parameters from
     the data alone ``ls``, ``wls``, ``robust``; parameters near the nominal model
     ``map``, ``qp``, ``hqp``; parameters within bounds ``cls1``, ``cls2``; parameters of bodies that can exist
     ``cls3``, ``lmi``, ``physical``.
 
     Args:
-        robot: the robot, or what :func:`~excite.robot.bringing.load_robot` takes.
+        robot: the robot, or what :func:`~excite.robot.load.load_robot` takes.
         log: a log folder, or a log in memory; trials of role ``identification`` are used, those of role
             ``validation`` judge.
         method: registry name of the estimator.
@@ -278,3 +286,59 @@ def _informed_settings(robot: Robot, settings: EstimatorSettings, changes: Chang
     least, most = share_limits(settings, "segment_spread")
     spread = {link: float(np.clip(value, least, most)) for link, value in spread.items()}
     return replace(settings, segment_spread={**spread, **settings.segment_spread})
+
+
+# An estimate or, where its solver fails, the best that is known, with the failure beside it.
+
+
+def attempt_estimate(
+    estimator: Estimator[Any], problem: IdentificationProblem, settings: EstimatorSettings, rows: Regression
+) -> tuple[Estimate, NoSolutionError | None]:
+    """Estimate; a failure comes with the best point known, the nominal model where there is no other.
+
+    Args:
+        estimator: the estimator.
+        problem: the rows.
+        settings: its settings.
+        rows: the rows condensed and weighted, for the residual of the nominal model.
+
+    Returns:
+        The estimate, and None or the error of its solver.
+    """
+    try:
+        return estimator.estimate(problem, settings), None
+    except NoSolutionError as error:
+        failure = error
+    except LinAlgError as error:
+        nominal = estimate_at(estimator.name, rows, problem.prior.copy(), SolveStatus.NOT_FINITE)
+        failure = no_solution(SolveStatus.NOT_FINITE, nominal)
+        failure.__cause__ = error
+    if isinstance(failure.best, Estimate):
+        return failure.best, failure
+    return estimate_at(estimator.name, rows, problem.prior.copy(), SolveStatus.INFEASIBLE), failure
+
+
+def failure_finding(failure: NoSolutionError) -> Finding:
+    """What a reader of the parameters has to know first."""
+    return Finding(
+        "no_solution", f"{failure.what}: these parameters are only the best that is known, do not use them"
+    )
+
+
+@contextmanager
+def equations_of(log: Log) -> Iterator[None]:
+    """Say of a log whose equations cannot be solved, not even by the nominal model's side, what is likely wrong.
+
+    Numbers of sixteen digits cannot hold channels that are further apart than any two of one robot.
+
+    Raises:
+        LogError: what is done in the block raised LinAlgError.
+    """
+    try:
+        yield
+    except LinAlgError as error:
+        raise LogError(
+            f"its equations cannot be solved ({' '.join(str(error).split())})",
+            source=log.folder,
+            remedy="a channel is in another unit or all noise: see `excite diagnose`, or plot the torques",
+        ) from error

@@ -10,9 +10,9 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.judgement.essential import essential_parameters
-from excite.identification.judgement.statistics import BaseStatistics
 from excite.identification.judgement.uncertainty import ParameterUncertainty, parameter_uncertainty
 from excite.identification.problem import IdentificationProblem
+from excite.identification.statistics import BaseStatistics
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 

@@ -11,13 +11,11 @@ import numpy as np
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.log import Trial
-from excite.logs.signals.average import average_periods
 from excite.logs.signals.base_pose import continuous_quaternions
 from excite.logs.signals.butterworth import settling_samples
 from excite.logs.signals.clock import Clock, find_clock
-from excite.logs.signals.outliers import replace_outliers
-from excite.logs.signals.resample import resample_noisy, resample_smooth
-from excite.rows.beyond import flags_at
+from excite.logs.signals.resample import average_periods, replace_outliers, resample_noisy, resample_smooth
+from excite.rows.saturation import flags_at
 from excite.rows.settings import Filters, ProblemSettings
 
 # From the last sample of a period to the first a joint moves no further than this many of its largest steps.

@@ -17,9 +17,8 @@ from excite.logs.signals.butterworth import noise_bandwidth
 from excite.progress import step
 from excite.robot.robot import Robot
 from excite.rows.base_rows import BaseRows
-from excite.rows.filtered_rows import decimation_factor
 from excite.rows.joint_rows import JointRows, drive_terms
-from excite.rows.kinematics import trial_rate
+from excite.rows.kinematics import decimation_factor, trial_rate
 from excite.rows.settings import Filters, ProblemSettings
 from excite.threads import one_blas_thread
 

@@ -11,8 +11,7 @@ from scipy.linalg import lstsq, solve_triangular
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices
-from excite.identification.noise.correlated import NoiseModel, estimate_noise, upper_triangle
-from excite.identification.noise.trial_grid import TrialGrid, trial_grids
+from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids, upper_triangle
 from excite.identification.problem import IdentificationProblem
 from excite.threads import one_blas_thread
 

@@ -9,17 +9,104 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.display import Row, Tabled, count
 from excite.finding import Finding
+from excite.identification.changed_segments import ChangedSegment, Changes
+from excite.identification.estimators.estimator import Estimate, SolveStatus
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.judgement.changes import Changes
-from excite.identification.judgement.consistency import Consistency
-from excite.identification.judgement.judgement import Judgement, TotalMassReport
+from excite.identification.judgement.judgement import ChannelFit, Consistency, Judgement, TotalMassReport
 from excite.identification.judgement.uncertainty import ParameterUncertainty
-from excite.identification.judgement.validation import ChannelFit
 from excite.identification.parameter_statistics import BaseParameter, ParameterStatistics
-from excite.identification.result_text import fit_table, mass_change
-from excite.identification.solution import Solution
-from excite.shown import Row, Tabled, count
+from excite.identification.physical.retrieval import Certificate
+
+# Lines of an identification's summary.
+
+# Links are no longer: a centre of mass that is known no better than this is anywhere in one [m].
+_WITHIN_M = 1.0
+
+
+def mass_change(item: ChangedSegment) -> str:
+    """The change of mass, or that the rows say nothing of it: an arm's masses show only in combinations."""
+    if item.std_kg > max(abs(item.mass_change_kg), 1.0):
+        return "first moments or inertia; its mass alone is not determined"
+    mass = f"{item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
+    if item.centre_m is None or item.centre_std_m is None:
+        return mass
+    # Along axes that are all parallel nothing is felt of a centre of mass.
+    shown = [std < _WITHIN_M for std in item.centre_std_m]
+    if not any(shown):
+        return f"{mass}; where is not determined"
+    centre = ", ".join(f"{x:.3f}" if s else "–" for x, s in zip(item.centre_m, shown, strict=True))
+    most = max(std for std, s in zip(item.centre_std_m, shown, strict=True) if s)
+    hidden = "" if all(shown) else " (– is not determined)"
+    return f"{mass} at ({centre}) ± {most:.2g} m from its joint{hidden}"
+
+
+def fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:
+    """Lines with how well each channel is explained, by the identified model and by the nominal one."""
+    width = max(len(name) for name in [*fits, "channel"])
+    lines = [f"{title}, RMSE (correlation):", f"  {'channel':{width}}  {'identified':>20}  {'nominal':>20}"]
+    for name, fit in fits.items():
+        identified = f"{fit.rmse:.3f} {fit.unit} ({_format_correlation(fit.cc)})"
+        nominal = f"{fit.reference_rmse:.3f} {fit.unit} ({_format_correlation(fit.reference_cc)})"
+        lines.append(f"  {name:{width}}  {identified:>20}  {nominal:>20}")
+    return lines
+
+
+def _format_correlation(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"
+
+
+# How an identification's parameters were found, and what is proven of them.
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """How the parameters were found.
+
+    Attributes:
+        method: registry name of the estimator.
+        status: advice on how the solve ended.
+        solved: whether the estimator's answer passed its recomputation; what did not is no result.
+        n_samples: instants that were used.
+        violations: largest violation of each kind of constraint, recomputed; in the estimator's units.
+        certificate: what is proven of the method's objective, None where it is convex.
+        total_mass: that was imposed on the sum of all masses [kg], None where it was free.
+    """
+
+    method: str
+    status: str
+    solved: bool
+    n_samples: int
+    violations: dict[str, float]
+    certificate: Certificate | None
+    total_mass: float | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Its blocks of the document."""
+        return {
+            "method": self.method,
+            "status": self.status,
+            "solved": self.solved,
+            "violations": self.violations,
+            "certificate": None if self.certificate is None else self.certificate.to_json(),
+            "n_samples": self.n_samples,
+        }
+
+
+def solution_of(estimate: Estimate) -> Solution:
+    """What an estimate says of itself."""
+    problem = estimate.regression.problem
+    return Solution(
+        method=estimate.method,
+        status=estimate.status.value,
+        solved=estimate.status is SolveStatus.SOLVED,
+        n_samples=len(np.unique(np.column_stack([problem.trial, problem.time]), axis=0)),
+        violations=dict(estimate.violations or {}),
+        certificate=estimate.certificate,
+        total_mass=estimate.total_mass,
+    )
+
 
 SCHEMA = "excite.identification/1"
 
@@ -56,7 +143,7 @@ class Identification(Tabled):
     tables = ("parameters", "base", "essential", "drives", "fit", "validation")
 
     def rows(self, table: str) -> Sequence[Row]:
-        """See :class:`~excite.shown.Tabled`.
+        """See :class:`~excite.display.Tabled`.
 
         Inertial parameters of all links beside the model's (about joint frames, SI), base or essential parameters,
         parameters of drives, or how well channels are predicted on trials of either kind.

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.logs.cleaning import clean_columns
 from excite.logs.header_blocks import TrialHeader
-from excite.logs.log import LogHeader, Trial
-from excite.logs.sampling import in_seconds
+from excite.logs.log import Cleaning, LogHeader, Trial
+from excite.logs.quantisation import channel_noise, coarse_step
+from excite.logs.sampling import FEWEST_ROWS, SAME_S, check_span, check_stamps, in_seconds, missing_rows
 
 BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
 IMU_AXES = tuple(f"imu.{name}" for name in ("gx", "gy", "gz", "ax", "ay", "az"))
@@ -240,3 +241,215 @@ def _unit_quaternions(quaternions: Array, file: Path) -> Array:
         )
     # Leave those alone that are unit to rounding, so that reading what was saved changes nothing.
     return np.where(np.abs(norm - 1.0)[:, None] > 1e-9, quaternions / norm[:, None], quaternions)
+
+
+# Finding and repairing what loggers do to samples: repeated, swapped and missing rows, clipping, steps.
+
+_MAX_REORDERED = 0.01
+# A quantised position that moves changes within so many rows.
+_AROUND = 8
+# Commands are clipped and stepped on purpose.
+_NOT_MEASURED = {"time", "q_cmd", "tau_cmd"}
+
+
+@dataclass(frozen=True, eq=False)
+class CleanColumns:
+    """Columns in strictly increasing time, and the report of what was done to them."""
+
+    columns: dict[str, Array]
+    report: Cleaning
+
+
+def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
+    """Put rows in order of time, drop repeated ones, and count what is missing, clipped or coarse.
+
+    A repeated time stamp keeps its first row. Rows out of order are put in order as long as they are at
+    most 1 % of all; more than that is a clock that went back, which nothing here can mend.
+
+    Args:
+        columns: finite columns ``(n,)`` by name, ``time`` [s] among them.
+        path: the file, for errors.
+
+    Returns:
+        The repaired columns and the report.
+
+    Raises:
+        LogError: time goes back too often, is not in seconds, or leaps too far, or fewer than 16 distinct samples are
+            left.
+    """
+    time = columns["time"]
+    check_stamps(time, path)
+    late = time < np.maximum.accumulate(time)
+    reordered = int(late.sum())
+    if reordered > max(1, _MAX_REORDERED * len(time)):
+        row = int(np.argmax(late))
+        raise LogError(
+            f"goes back from {time[row - 1]:.6g} s to {time[row]:.6g} s in row {row}, {reordered} rows late",
+            source=path,
+            field="time",
+            remedy="split the recording where its clock was reset",
+        )
+    order = np.argsort(time, kind="stable")
+    keep = order[np.concatenate([[True], np.diff(time[order]) > SAME_S])]
+    repeated = len(time) - len(keep)
+    if len(keep) < FEWEST_ROWS:
+        raise LogError(
+            f"has {len(keep)} distinct samples",
+            source=path,
+            field="time",
+            remedy=f"at least {FEWEST_ROWS} are needed",
+        )
+    # Rows that are all in order are not copied.
+    rows = slice(None) if not repeated and not reordered else keep
+    cleaned = {name: values[rows] for name, values in columns.items()}
+    check_span(cleaned["time"], path)
+    step = np.diff(cleaned["time"])
+    median = float(np.median(step))
+    missing = missing_rows(cleaned["time"])
+    measured = {name: values for name, values in cleaned.items() if name.split(".")[0] not in _NOT_MEASURED}
+    sizes = channel_noise(cleaned["time"], list(measured.values()))
+    noise = dict(zip(measured, sizes, strict=True))
+    quantised = {
+        name: size for name, values in measured.items() if (size := coarse_step(values, noise[name]))
+    }
+    moving = _in_motion([values for name, values in cleaned.items() if name.startswith("q.")], len(keep))
+    clipped = {
+        name: count
+        for name, values in measured.items()
+        if (count := clipped_samples(values, quantised.get(name, 0.0), noise[name], moving))
+    }
+    report = Cleaning(
+        repeated_rows=repeated,
+        reordered_rows=reordered,
+        missing_rows=int(missing.sum()),
+        longest_gap_s=float(step.max()),
+        rate_hz=1.0 / median,
+        jitter=float(np.std(step[missing == 0]) / median),
+        clipped=clipped,
+        quantised=quantised,
+    )
+    return CleanColumns(cleaned, report)
+
+
+def _in_motion(positions: list[Array], n: int) -> NDArray[np.bool_]:
+    """Rows ``(n,)`` near which any position changes; all where there are no positions."""
+    if not positions:
+        return np.ones(n, dtype=bool)
+    changes = np.zeros(n - 1, dtype=bool)
+    for values in positions:
+        changes |= np.diff(values) != 0.0
+    passed = np.concatenate([[0], np.cumsum(np.concatenate([[False], changes]))])
+    rows = np.arange(n)
+    return np.asarray(passed[np.minimum(rows + _AROUND + 1, n)] > passed[np.maximum(rows - _AROUND, 0)])
+
+
+# Samples at the end of a sensor's range.
+
+_LEAST, _SHARE = 8, 0.002
+# How much more often a clipped channel is at its extreme than at any value near it. A parabola's top level is met
+# at most 2.4 times as often as the next.
+_OFTEN = 4.0
+_NEAR_LEVELS = 3
+# Depth below the extreme at which an approach is judged, in steps or deviations of the noise, and how much deeper
+# it is judged again. A straight approach takes four times as long from there, one that turns back or comes to rest
+# twice, and 2.5 times where a step hides the top of a parabola.
+_DEEP, _DEEPER = 4.0, 4.0
+_STRAIGHT = 2.75
+# Rows that an approach takes from the first depth.
+_ROWS = 2
+# A step so coarse that approaches are judged over more than this share of the range tells nothing: far away, all are
+# alike.
+_COARSEST = 0.1
+
+
+def clipped_samples(values: Array, step: float, noise: float, moving: NDArray[np.bool_]) -> int:
+    """Samples at the largest or smallest value of a channel, where that is the end of its range.
+
+    A clipped channel is at its extreme much more often than next to it, and arrives there at speed. One that turns
+    back is there as often as its resolution makes it, and one that comes to rest arrives slowly.
+
+    Args:
+        values: ``(n,)``.
+        step: of a quantised channel, else 0, same unit.
+        noise: standard deviation of the channel's noise, same unit.
+        moving: ``(n,)`` rows in which the robot moves; at standstill any channel stays where it is.
+
+    Returns:
+        Their number; 0 where the channel is not clipped.
+    """
+    if values.max() == values.min():
+        return 0
+    depth = _DEEP * max(step, noise)
+    return sum(_at_the_top(sign * values, step, depth, moving) for sign in (1.0, -1.0))
+
+
+def _at_the_top(values: Array, step: float, depth: float, moving: NDArray[np.bool_]) -> int:
+    below = values.max() - values
+    at = (below < 0.5 * step) if step else (below == 0.0)
+    count = int(np.sum(at & moving))
+    if count < max(_LEAST, _SHARE * len(values)) or count < _OFTEN * _share_beside_extreme(
+        below[moving], step
+    ):
+        return 0
+    ways = [way for direction in (1, -1) for way in _ways_out(below[::direction], at[::direction])]
+    starts = [way[_ROWS] for way in ways if len(way) > _ROWS]
+    depth = max(depth, float(np.median(starts))) if starts else depth
+    deep, deeper = depth + 0.5 * step, _DEEPER * depth + 0.5 * step
+    if _DEEPER * _DEEP * step > _COARSEST * float(below.max()):
+        return 0
+    # A way that comes back before it is deep is part of what is at the top.
+    times = np.array([[np.argmax(way > d) for d in (deep, deeper)] for way in ways if way.max() > deeper])
+    if len(times) < 2:
+        return 0
+    short, long = times.sum(axis=0)
+    return count if long > _STRAIGHT * short + 0.5 * np.sqrt(len(times)) else 0
+
+
+def _ways_out(below: Array, at: NDArray[np.bool_]) -> list[Array]:
+    """Distances from the extreme, from the row after it on, until the channel is back or the record ends."""
+    out = np.flatnonzero(at[:-1] & ~at[1:]) + 1
+    back = np.flatnonzero(at)
+    ends = np.append(back, len(at))[np.searchsorted(back, out)]
+    return [below[first:last] for first, last in zip(out, ends, strict=True)]
+
+
+def _share_beside_extreme(below: Array, step: float) -> float:
+    """How often the channel is at a value near its extreme: the most of the next levels, or of nearly all values."""
+    if step:
+        levels = np.rint(below / step)
+        return float(max(np.sum(levels == k) for k in range(1, _NEAR_LEVELS + 1)))
+    counts = np.unique(below[below > 0.0], return_counts=True)[1]
+    return float(np.quantile(counts, 0.99)) if len(counts) else 0.0
+
+
+# Whether anything was measured of the torques that a log promises.
+
+# No sensor resolves less [N·m, N or A].
+_RESOLVED = 1e-9
+
+
+def check_measured(trials: Sequence[Trial], header: LogHeader, path: Path) -> None:
+    """Refuse a log from whose torques, or currents, nothing can be identified as all stay as they are.
+
+    Single channels that are dead are found later, and the others used.
+
+    Args:
+        trials: read and repaired; those of role ``identification`` count, where there are any.
+        header: of the log.
+        path: its ``log.yaml``, for errors.
+
+    Raises:
+        LogError: names the channels.
+    """
+    trials = [trial for trial in trials if trial.role == "identification"] or trials
+    measured = [header.joints.index(joint) for joint in header.torque_joints]
+    for attribute, prefix in (("tau", "tau"), ("current", "i")):
+        values = [getattr(trial, attribute) for trial in trials]
+        wanted = header.torque != "none" and all(value is not None for value in values)
+        if wanted and not any((np.ptp(value[:, measured], axis=0) > _RESOLVED).any() for value in values):
+            raise LogError(
+                "never changes, of no joint and in no identification trial",
+                source=path,
+                field=f"{prefix}.*",
+                remedy="log what was measured, or write torque: none and leave the columns out",
+            )

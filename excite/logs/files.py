@@ -11,16 +11,15 @@ import yaml
 
 from excite.atomic import HIDDEN, atomic_folder
 from excite.errors import LogError
-from excite.logs.columns import check_columns, read_columns, trial_columns
+from excite.logs.columns import check_columns, check_measured, read_columns, trial_columns
 from excite.logs.header import check_header, header_path, read_header
 from excite.logs.log import Log, LogHeader
-from excite.logs.measured import check_measured
-from excite.logs.readers.registry import read_trials, write_trial
+from excite.logs.readers import read_trials, write_trial
 from excite.logs.sampling import check_log_clock
+from excite.reading.documents import MAX_XML_BYTES
 from excite.reading.file import read_text
-from excite.reading.xml_document import MAX_XML_BYTES
-from excite.robot.bringing import RobotLike, as_robot
 from excite.robot.catalogue import bundled_robots
+from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING

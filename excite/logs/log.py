@@ -12,18 +12,23 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from excite.arrays import Array
-from excite.logs.header_blocks import FootHeader, Guess, HeaderBlock, ImuHeader, SensorHeader, TrialHeader
-from excite.logs.header_values import (
+from excite.display import count
+from excite.logs.header_blocks import (
     MAX_NAMES,
     MAX_TRIALS,
     Acceleration,
     Cutoff,
     Factor,
+    FootHeader,
+    Guess,
+    HeaderBlock,
+    ImuHeader,
     Name,
     Rate,
+    SensorHeader,
     Text,
+    TrialHeader,
 )
-from excite.shown import count
 
 
 class LogHeader(HeaderBlock):

@@ -12,14 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.logs.columns import numeric_column, read_columns
+from excite.logs.columns import check_measured, numeric_column, read_columns
 from excite.logs.header import check_header
 from excite.logs.header_blocks import Role
 from excite.logs.log import Log, LogHeader
-from excite.logs.measured import check_measured
-from excite.logs.readers.registry import read_trial
+from excite.logs.readers import read_trial
 from excite.logs.sampling import check_log_clock, check_stamps
-from excite.reading.yaml_document import read_yaml
+from excite.reading.documents import read_yaml
 
 _Model = TypeVar("_Model", bound=BaseModel)
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]

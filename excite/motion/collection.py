@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Literal
 
-from excite.errors import InputError, MotionError
+from excite.documents.document import read_document
+from excite.documents.plan import Plan
+from excite.errors import InputError, MotionError, UnknownNameError
 from excite.motion.files import load_motion
-from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.motion.readers.registry import is_motion
-from excite.reading.file import unreadable_file
-from excite.reading.paths import PathsLike, as_paths
-from excite.robot.bringing import RobotLike, as_robot
+from excite.reading.file import PathsLike, as_paths, unreadable_file
+from excite.robot.catalogue import data_folder
+from excite.robot.load import RobotLike, as_robot
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
@@ -106,3 +108,42 @@ def load_motions(paths: PathsLike, robot: RobotLike | None = None) -> list[Motio
         return load_motions([folder], load_robot(paths))
     loaded = as_robot(robot)
     return [load_motion(path, loaded) for path in motion_paths(as_paths(paths))]
+
+
+# The motion library: ready sets of safe motions for the bundled robots.
+
+
+def library_names() -> list[str]:
+    """Names of the robots that the library has motions for, sorted."""
+    return sorted(path.parent.name for path in data_folder("motion_library").glob("*/motions"))
+
+
+def library_folder(name: str) -> Path:
+    """Folder of a robot's set: ``motions/``, ``check.json``, ``conditioning.json``, ``motions.png``.
+
+    Raises:
+        UnknownNameError: the library has no set of that name.
+    """
+    if name not in library_names():
+        raise UnknownNameError("motion set", name, library_names())
+    return data_folder("motion_library") / name
+
+
+# What planned motions are for: to identify from, or to validate on, as the plan beside them says.
+
+Role = Literal["identification", "validation"]
+
+
+def planned_roles(paths: Iterable[Path]) -> dict[str, Role]:
+    """Roles of motions by their names, from the ``plan.json`` in or above their folders; empty where there is none."""
+    found: dict[str, Role] = {}
+    for folder in dict.fromkeys(
+        f for path in paths for f in (Path(path), *Path(path).absolute().parents[:2])
+    ):
+        file = folder / "plan.json"
+        if not file.is_file():
+            continue
+        plan = read_document(file, Plan)
+        found |= {Path(item.motion).stem: "identification" for item in plan.selected}
+        found |= {Path(item).stem: "validation" for item in plan.validation}
+    return found

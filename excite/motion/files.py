@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.csv
+import pyarrow.parquet
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from excite.arrays import Array
 from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
-from excite.errors import MotionError
-from excite.motion.columns import check_joints, check_time, numeric_columns, stack_columns
+from excite.errors import MotionError, OtherRobotError
 from excite.motion.content import (
     BASE_ACCELERATION,
     BASE_POSE,
@@ -25,14 +27,12 @@ from excite.motion.content import (
     motion_columns,
     unit_quaternions,
 )
-from excite.motion.derivatives import with_derivatives
 from excite.motion.motion import Motion, MotionMetadata
-from excite.motion.parquet import narrow_columns, write_parquet
-from excite.motion.readers.npz import METADATA
 from excite.motion.readers.registry import read_motion
+from excite.motion.readers.tables import METADATA
 from excite.motion.setpoints import sampled_curve, stated_curve
-from excite.reading.json_document import check_content
-from excite.robot.bringing import RobotLike, as_robot
+from excite.reading.documents import check_content
+from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.motion/1"
@@ -240,3 +240,206 @@ def _motion_metadata(said: MotionDocument | None, digest: str) -> MotionMetadata
         verdict=said.verdict,
         stated_hash="" if said.content_hash == digest else said.content_hash,
     )
+
+
+# Columns of a motion's file, checked before they become a motion: numbers, of one length, in order of time.
+
+
+def numeric_columns(columns: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Array]:
+    """Columns of ``excite.motion/1`` as numbers, each of one axis, of equal length and finite; raises MotionError."""
+    found: dict[str, Array] = {}
+    rows: int | None = None
+    for name, column in columns.items():
+        if name != "time" and name.partition(".")[0] not in {"q", "v", "a", "base", "contact"}:
+            continue
+        values = _read_column(column, name, path)
+        rows = len(values) if rows is None else rows
+        if len(values) != rows:
+            raise MotionError(
+                f"has {len(values)} rows, others have {rows}",
+                source=path,
+                field=name,
+                remedy="align the columns",
+            )
+        found[name] = values
+    return found
+
+
+def _read_column(column: NDArray[Any], name: str, path: Path) -> Array:
+    if np.ndim(column) != 1:
+        raise MotionError(
+            f"has the shape {np.shape(column)}", source=path, field=name, remedy="write one number a row"
+        )
+    try:
+        if np.asarray(column).dtype.kind not in "fiub":
+            raise TypeError(f"values are {str(np.asarray(column)[:1])[:40]}")
+        values = np.asarray(column, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise MotionError(
+            f"is not numeric ({error})", source=path, field=name, remedy="write numbers only"
+        ) from error
+    if not np.isfinite(values).all():
+        row = int(np.argmax(~np.isfinite(values)))
+        raise MotionError(
+            f"is {values[row]} in row {row}", source=path, field=name, remedy="remove NaN and infinity"
+        )
+    return values
+
+
+def check_joints(columns: Iterable[str], robot: Robot, path: Path, whose: str) -> None:
+    """Raise MotionError where columns are of joints that the robot lacks, ``whose`` robot the file says it is for."""
+    found = {name.partition(".")[2] for name in columns if name.startswith(("q.", "v.", "a."))}
+    unknown = sorted(found - set(robot.joint_names))
+    if unknown and whose not in ("", robot.name):
+        raise OtherRobotError(whose, robot.name, path)
+    if unknown:
+        raise MotionError(
+            f"robot {robot.name!r} has no such joint",
+            source=path,
+            field=f"q.{unknown[0]}",
+            remedy="check the robot",
+        )
+
+
+def check_time(columns: Mapping[str, Array], path: Path) -> None:
+    """Raise MotionError where the time [s] is missing, too short or does not increase."""
+    if "time" not in columns:
+        raise MotionError(
+            "column is missing", source=path, field="time", remedy="add the time of each row [s]"
+        )
+    time = columns["time"]
+    if len(time) < 3:
+        raise MotionError(
+            f"has {len(time)} samples", source=path, field="time", remedy="at least 3 are needed"
+        )
+    step = np.diff(time)
+    if (step <= 0.0).any():
+        at = float(time[int(np.argmax(step <= 0.0))])
+        raise MotionError(
+            f"does not increase after {at:.4f} s", source=path, field="time", remedy="sort the samples"
+        )
+
+
+def stack_columns(columns: Mapping[str, Array], names: Iterable[str], path: Path) -> Array:
+    """Columns side by side, ``(n, len(names))``; raises MotionError where one is missing."""
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise MotionError("column is missing", source=path, field=missing[0], remedy="add it")
+    return np.column_stack([columns[name] for name in names])
+
+
+# Velocities and accelerations of motions that state positions alone.
+
+# What a spline needs for its end conditions.
+_LEAST_SAMPLES = 4
+
+
+def with_derivatives(columns: Mapping[str, Array], joints: Sequence[str], path: Path) -> dict[str, Array]:
+    """Columns of a motion with the velocities and accelerations of its joints that were not there.
+
+    Of positions, those of the cubic spline through them whose third derivative does not jump at the second sample
+    and the last but one: a start from rest with any constant acceleration is met exactly. Of stated velocities, the
+    accelerations of the same spline through them. All joints state a quantity, or none does.
+
+    Args:
+        columns: ``(n,)`` each, ``time`` [s] and ``q.JOINT`` [rad or m] among them.
+        joints: of the robot.
+        path: the file, for errors.
+
+    Raises:
+        MotionError: some joints state velocities or accelerations and some do not, or there are too few samples.
+    """
+    found = dict(columns)
+    for below, wanted in (("q", "v"), ("v", "a")):
+        missing = [joint for joint in joints if f"{wanted}.{joint}" not in found]
+        if not missing or any(f"{below}.{joint}" not in found for joint in joints):
+            continue
+        if len(missing) < len(joints):
+            raise MotionError(
+                "column is missing",
+                source=path,
+                field=f"{wanted}.{missing[0]}",
+                remedy=f"state it for every joint, or for none and it is that of a spline through {below}",
+            )
+        if len(found["time"]) < _LEAST_SAMPLES:
+            raise MotionError(
+                f"has {len(found['time'])} samples", source=path, field="time", remedy="at least 4 are needed"
+            )
+        from scipy.interpolate import CubicSpline
+
+        spline = CubicSpline(found["time"], np.column_stack([found[f"{below}.{joint}"] for joint in joints]))
+        rates = spline(found["time"], 1)
+        found |= {f"{wanted}.{joint}": rates[:, i] for i, joint in enumerate(joints)}
+        if wanted == "v" and not any(f"a.{joint}" in found for joint in joints):
+            accelerations = spline(found["time"], 2)
+            found |= {f"a.{joint}": accelerations[:, i] for i, joint in enumerate(joints)}
+    return found
+
+
+def thinned(motion: Motion, every: int) -> Motion:
+    """Every so manieth sample of a motion and the last, accelerations those of the cubic spline through the joints'
+    positions: rounding of positions makes third derivatives wrong by its size over the step's cube.
+    """
+    from scipy.interpolate import CubicSpline
+
+    rows = np.r_[
+        np.arange(0, motion.n_samples - 1, every)[: (motion.n_samples - 1) // every], motion.n_samples - 1
+    ]
+    time, a = motion.time[rows], motion.a[rows]
+    a[:, motion.a.shape[1] - len(motion.joint_names) :] = CubicSpline(time, motion.joint_positions()[rows])(
+        time, 2
+    )
+    return replace(motion, time=time, q=motion.q[rows], v=motion.v[rows], a=a)
+
+
+# Columns of a motion in a Parquet file, in full or in as few bytes as a plan needs.
+
+_POSITIONS = ("q.", "base.p", "base.q")
+
+
+def write_parquet(columns: dict[str, NDArray[Any]], metadata: str, path: Path, *, single: bool) -> None:
+    """Write columns of one length.
+
+    Args:
+        columns: by name, times in ``time``.
+        metadata: text kept under the key ``excite``.
+        path: where to.
+        single: the columns are :func:`narrow_columns`, and are laid out so that they take little room.
+    """
+    if not single:
+        table = arrow_table(columns).replace_schema_metadata({"excite": metadata})
+        # Dictionaries of numbers that hardly ever come twice take as long to write as all else, and more room.
+        flags = [name for name, column in columns.items() if column.dtype.kind != "f"]
+        pa.parquet.write_table(table, path, compression="zstd", use_dictionary=flags, write_statistics=False)
+        return
+    table = arrow_table(columns)
+    # Bytes of equal weight side by side compress where the numbers themselves do not; a hundred short columns
+    # would spend as much on statistics as on data.
+    split = [name for name, column in columns.items() if column.dtype == np.float32]
+    with pa.parquet.ParquetWriter(
+        path,
+        table.schema,
+        compression="zstd",
+        use_dictionary=False,
+        use_byte_stream_split=split,
+        write_statistics=False,
+        store_schema=False,
+    ) as writer:
+        writer.write_table(table)
+        writer.add_key_value_metadata({"excite": metadata})
+
+
+def narrow_columns(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Columns in few bytes: positions in single precision, velocities and accelerations to 16 binary digits."""
+    return {name: _narrow_column(name, column) for name, column in columns.items()}
+
+
+def _narrow_column(name: str, column: NDArray[Any]) -> NDArray[Any]:
+    if name == "time":
+        return column
+    if column.dtype != float:
+        return column.astype(np.int8)
+    single = column.astype(np.float32)
+    if name.startswith(_POSITIONS):
+        return single
+    return ((single.view(np.uint32) + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(np.float32)

@@ -12,11 +12,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.display import count
 from excite.errors import MotionError
 from excite.motion import quintics
 from excite.motion.setpoints import Curve, is_sparse
 from excite.robot.robot import Robot
-from excite.shown import count
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,8 @@ def interpolate_motion(motion: Motion, robot: Robot, time: Array) -> Motion:
 
 
 class Instants:
-    """Configurations at single times, as :func:`interpolate_motion` gives them, for searches that ask for one at a time."""
+    """Configurations at single times, as :func:`interpolate_motion` gives them, for searches that "
+    "ask for one at a time."""
 
     def __init__(self, motion: Motion, robot: Robot):
         self._motion, self._model = motion, robot.model

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.errors import ExciteError, InputError
-from excite.lifetime import die_with_parent
+from excite.kill_with_parent import die_with_parent
 
 _MAIN = "from excite.reading.child import answer; answer()"
 

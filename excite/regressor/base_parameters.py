@@ -14,7 +14,6 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.columns import measured_columns, regressor_rows
 from excite.regressor.contact_forces import stance_flags
-from excite.regressor.factor import r_factor
 from excite.robot.robot import Robot
 
 # Coefficients this close to 0, 1 or -1 are these; what rounding leaves is far smaller.
@@ -211,3 +210,15 @@ def _clean_weights(weights: Array) -> Array:
     """Weights with the dust of rounding removed from 0, 1 and -1."""
     nearest = np.clip(np.round(weights), -1.0, 1.0)
     return np.where(np.abs(weights - nearest) < _CLEAN, nearest, weights)
+
+
+# Triangular factors of tall regressors.
+
+
+def r_factor(rows: Array) -> Array:
+    """The R of ``rows = Q R``: ``(min(m, n), n)``, upper triangular, for rows of shape ``(m, n)``.
+
+    It stands for the rows in every least-squares question, and its condition number is theirs, where that of
+    the Gram matrix ``rowsᵀ rows`` would be its square.
+    """
+    return np.asarray(np.linalg.qr(rows, mode="r"))

@@ -11,24 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from excite.documents.campaign import Campaign
 from excite.documents.check import Check
 from excite.documents.diagnosis import Diagnosis
-from excite.documents.doctor import Doctor
 from excite.documents.document import Document as Model
 from excite.documents.document import read_document
-from excite.documents.human import Human
 from excite.documents.identification import Identification
 from excite.documents.plan import Plan, Refusals
-from excite.documents.signals import Signals
+from excite.documents.results import Campaign, Doctor, Human, Signals
 from excite.errors import ExciteError, InputError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.reading.file import MAX_DESCRIPTION_BYTES, check_file
-from excite.report.data import DOCTOR_DATA, ReportData, load_report_data
-from excite.report.record import Record, read_record
-from excite.robot.bringing import load_robot
+from excite.report.comparisons import DOCTOR_DATA, Record, ReportData, load_report_data, read_record
 from excite.robot.catalogue import find_robot
+from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 
 Document = dict[str, Any]

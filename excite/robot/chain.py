@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
-from excite.robot.sliding import is_prismatic
 
 
 def is_serial(robot: Robot) -> bool:

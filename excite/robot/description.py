@@ -12,36 +12,126 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from excite.errors import RobotError
-from excite.reading.yaml_document import read_yaml
-from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock, TieBlock
-from excite.robot.mechanisms.transmissions import TransmissionBlock
-from excite.robot.per_joint import (
+from excite.reading.documents import read_yaml
+from excite.robot.mechanisms.closures import CouplingBlock, LoopBlock, TieBlock, TransmissionBlock
+from excite.robot.quantities import (
     Accelerations,
     Block,
+    Coordinate,
     DriveFrictions,
     FileName,
-    Gains,
-    Jerks,
-    Name,
-    Source,
-    Torques,
-    Velocities,
-)
-from excite.robot.quantities import (
-    Coordinate,
     FrictionCoefficient,
     Gain,
+    Gains,
     Gravity,
+    Jerks,
     JointValue,
+    Length,
     Margin,
     Mass,
+    Name,
+    Noise,
     Rate,
     Rotation3,
     Share,
+    Source,
+    TorqueNoises,
+    Torques,
     Vector3,
+    Velocities,
 )
-from excite.robot.sensor_blocks import SensorsBlock
-from excite.robot.shapes.collision_block import CollisionBlock
+
+# What ``robot.yaml`` says of a robot's sensors.
+
+
+class WrenchSensorBlock(Block):
+    """A force-torque sensor in an ankle (``foot_ft``) or a plate in the ground (``force_plate``)."""
+
+    name: Name
+    kind: Literal["foot_ft", "force_plate"]
+    link: str
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Rotation3 = (0.0, 0.0, 0.0)
+    foot: str
+    excludes: tuple[str, ...] = ()
+    noise_force: Noise
+    noise_moment: Noise
+
+
+class ImuBlock(Block):
+    """An inertial measurement unit: its link, and the noise of each axis [rad/s, m/s²]."""
+
+    link: str
+    noise_gyro: Noise
+    noise_acceleration: Noise
+
+
+class SensorsBlock(Block):
+    """What the robot measures, how often and how well (standard deviations of white noise).
+
+    A base that is free needs ``wrench`` sensors in or under its feet, or ``joint_torque``: without the former the
+    contact wrenches are unknown and are taken out of the equations.
+    """
+
+    rate_hz: Rate
+    noise_position: Noise
+    joint_torque: Literal["link_side", "motor_side"] | None = None
+    noise_torque: TorqueNoises | None = None
+    noise_base_position: Noise = 0.0
+    noise_base_orientation: Noise = 0.0
+    wrench: tuple[WrenchSensorBlock, ...] = ()
+    imu: ImuBlock | None = None
+    source: Source
+
+
+# What ``robot.yaml`` says about collision geometry.
+
+# A hull's planes and corners are compared pairwise: 2000 take seconds and 100 MB.
+MAX_HULL_CORNERS = 2000
+
+
+class CollisionShape(Block):
+    """An authored collision primitive on a link; ``size`` is metres: radius | radius, length | x, y, z."""
+
+    link: str
+    kind: Literal["sphere", "capsule", "box"]
+    size: tuple[Length, ...]
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Rotation3 = (0.0, 0.0, 0.0)
+
+
+class NearPair(Block):
+    """Two links that rest nearer to each other than the margin, and the distance that they keep in its place [m].
+
+    It is negative where their shapes overlap: hulls are larger than what turns in them.
+    """
+
+    links: tuple[str, str]
+    distance: Coordinate
+
+
+class CollisionBlock(Block):
+    """Collision geometry: convex hulls of the URDF's meshes, or authored primitives.
+
+    ``geometry`` names the elements of the URDF: ``either`` takes ``collision``, and ``visual`` of links without any.
+    ``hull_corners`` is how many corners a hull may have; more of them hug the mesh closer, which parts need that
+    pass each other within millimetres. ``ignored_pairs`` are pairs of links that may touch or that cannot reach
+    each other; ``near_pairs`` keep distances of their own in place of ``margin``. ``stand_ins`` are links whose
+    geometry is missing in whole or in part: what cannot be read of it is passed over, and their ``shapes`` stand in for
+    it. ``table_height`` is that of the ground or a table [m, in the base's frame]; null: there is none. Where a
+    fixed base does not say, it is the plane that it is mounted on.
+    """
+
+    geometry: Literal["collision", "visual", "either", "authored"]
+    hull_corners: Annotated[int, Field(ge=32, le=MAX_HULL_CORNERS)] = 96
+    shapes: tuple[CollisionShape, ...] = ()
+    stand_ins: tuple[str, ...] = ()
+    ignored_pairs: tuple[tuple[str, str], ...] = ()
+    near_pairs: tuple[NearPair, ...] = ()
+    margin: Margin
+    table_height: Coordinate | None = None
+    source: Source
+
 
 Base = Literal["fixed", "floating", "suspended", "held"]
 # Bases whose pose is part of the configuration.

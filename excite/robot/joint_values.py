@@ -11,8 +11,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.robot.description import FREE_BASES, RobotDescription
-from excite.robot.per_joint import PerJoint
-from excite.robot.quantities import MAX_TRAVEL, in_radians, looks_like_degrees
+from excite.robot.quantities import MAX_TRAVEL, PerJoint, in_radians, looks_like_degrees
 
 
 @dataclass(frozen=True, eq=False)

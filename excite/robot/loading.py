@@ -15,30 +15,23 @@ import yaml
 
 from excite.arrays import Array
 from excite.errors import RobotError
+from excite.reading.documents import MAX_XML_BYTES, read_xml
 from excite.reading.file import read_bytes
-from excite.reading.xml_document import MAX_XML_BYTES, read_xml
 from excite.robot.catalogue import example_robot_data, find_robot
-from excite.robot.description import FREE_BASES, Assumed, RobotDescription, read_description
+from excite.robot.description import FREE_BASES, Assumed, FootBlock, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
-from excite.robot.mechanisms.blocks import TieBlock
-from excite.robot.mechanisms.drives import without_motors
+from excite.robot.mechanisms.closures import TieBlock, add_motors, closures_of
+from excite.robot.mechanisms.mechanism import Mechanism
 from excite.robot.mechanisms.reading import mimic_couplings, read_mechanism
-from excite.robot.mechanisms.transmissions import add_motors, closures_of
-from excite.robot.per_joint import PerJoint
+from excite.robot.quantities import PerJoint
 from excite.robot.robot import Foot, Robot
-from excite.robot.shapes.balls import with_balls_down
-from excite.robot.shapes.ground import ground_is_assumed
-from excite.robot.urdf.limits import (
-    CONTROL,
-    SOFT,
-    assumed_limits,
-    keep_stated_limits,
-    read_joint_limits,
-)
+from excite.robot.shapes.collision import ground_is_assumed
+from excite.robot.urdf.inertia import check_weights
+from excite.robot.urdf.limits import CONTROL, SOFT, assumed_limits, keep_stated_limits, read_joint_limits
 from excite.robot.urdf.model import urdf_model
+from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import MAX_NESTING, Stated, read_urdf
-from excite.robot.weights import check_weights
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -332,3 +325,153 @@ def _rest_configuration(
             heights = [data.oMi[foot.joint].act(corner)[2] for foot in feet for corner in foot.sole]
             q[2] -= min(heights)
     return q
+
+
+# What a description says of drives, for the joints of a mechanism that have none.
+
+
+def without_motors(
+    description: RobotDescription, names: tuple[str, ...], mechanism: Mechanism, model: pin.Model
+) -> RobotDescription:
+    """The description with joints that no motor drives made so: no gains, no friction or rotor of a drive.
+
+    Limits of speed, acceleration and torque that nobody states for them are the largest of the driven joints', a
+    scale for tolerances: what moves and loads them is limited where the motors are.
+    """
+    first = model.nv - len(names)
+    passive = [names[column - first] for column in mechanism.passive]
+    driven = [name for name in names if name not in passive]
+    controller, drives, limits = description.controller, description.drives, description.limits
+    stated = {"velocity": model.velocityLimit[first:], "torque": model.effortLimit[first:]}
+    found: dict[str, Any] = {}
+    for field in ("velocity", "acceleration", "jerk", "torque"):
+        own = dict(zip(names, stated.get(field, np.zeros(len(names))), strict=True))
+        found[field] = _scale_driven(getattr(limits, field), driven, passive, own)
+    return description.model_copy(
+        update={
+            "controller": controller.model_copy(
+                update={name: _zero_passive(getattr(controller, name), passive) for name in ("kp", "kd")}
+            ),
+            "drives": drives.model_copy(
+                update={
+                    name: _zero_passive(block, passive)
+                    for name in ("viscous", "coulomb", "armature")
+                    if (block := getattr(drives, name)) is not None
+                }
+            ),
+            "limits": limits.model_copy(update=found),
+        }
+    )
+
+
+def _zero_passive(block: PerJoint, passive: list[str]) -> PerJoint:
+    return block.model_copy(update={"joints": {**block.joints, **dict.fromkeys(passive, 0.0)}})
+
+
+def _scale_driven(
+    block: PerJoint | None, driven: list[str], passive: list[str], own: dict[str, Array]
+) -> PerJoint | None:
+    """A block with numbers for passive joints that neither it nor the URDF has any for."""
+    values = {} if block is None else block.joints
+    default = None if block is None else block.default
+
+    def of(name: str) -> float:
+        return float(values.get(name, own[name] if default is None else default))
+
+    largest = max((of(name) for name in driven), default=0.0)
+    added = {name: largest for name in passive if name not in values and not (default or own[name] > 0.0)}
+    if not added or not largest > 0.0:
+        return block
+    if block is None:
+        return PerJoint(joints=added, source="the driven joints'")
+    return block.model_copy(update={"joints": {**values, **added}})
+
+
+# Balls among a link's solids: where such a foot touches the ground depends on how it is turned.
+
+# A corner lies on a ball to the digits of a description, half a tenth of a millimetre; one written by hand to ten times
+# that [m].
+_ON = 5e-4
+
+
+def with_balls_down(
+    description: RobotDescription, root: ElementTree.Element, model: pin.Model, upright: Array, path: Path
+) -> RobotDescription:
+    """The description with the corner of each foot that is a ball where that is lowest at rest.
+
+    The stated corner, which may be of another posture, says which ball of the collision geometry it is. Feet that are
+    none of those stay as they are stated. Where no posture is stated, as with a log's bare model, corners stay as well,
+    and the ball's centre stands beside them.
+
+    Args:
+        description: as it was read.
+        root: the ``robot`` element of its model.
+        model: the model.
+        upright: posture at rest ``(nq,)``.
+        path: file of the description, for errors.
+
+    Raises:
+        RobotError: a foot's link is not in the model, or an origin or a radius is no number.
+    """
+    if not description.posture.joints:
+        return _with_centres(description, root, path)
+    data = model.createData()
+    pin.forwardKinematics(model, data, upright)
+    feet = []
+    for foot in description.feet:
+        centre = _ball_centre(root, description, foot, path)
+        if centre is not None:
+            joint, placement = link_placement(model, foot.link, path, f"feet.{foot.name}.link")
+            down = (data.oMi[joint].rotation @ placement.rotation).T @ np.array([0.0, 0.0, -foot.radius])
+            foot = foot.model_copy(update={"sole": (tuple((centre + down).tolist()),)})
+        feet.append(foot)
+    return description.model_copy(update={"feet": tuple(feet)})
+
+
+def _with_centres(description: RobotDescription, root: ElementTree.Element, path: Path) -> RobotDescription:
+    """The description with the centres of balls that it does not say, where they can be told."""
+    feet = []
+    for foot in description.feet:
+        if foot.centre is None:
+            centre = _ball_centre(root, description, foot, path)
+            if centre is None and _about_origin(foot):
+                # Feet that are meshes nearly all have their frame in the middle of the ball.
+                centre = np.zeros(3)
+            if centre is not None:
+                foot = foot.model_copy(update={"centre": tuple(centre.tolist())})
+        feet.append(foot)
+    return description.model_copy(update={"feet": tuple(feet)})
+
+
+def _about_origin(foot: FootBlock) -> bool:
+    """Whether a foot's corner lies on a ball about its link's origin."""
+    return foot.radius > 0.0 and abs(float(np.linalg.norm(foot.sole[0])) - foot.radius) < _ON
+
+
+def _ball_centre(
+    root: ElementTree.Element, description: RobotDescription, foot: FootBlock, path: Path
+) -> Array | None:
+    """Centre ``(3,)`` of the ball that a foot is, in its link's frame [m]; None where no solid is that ball."""
+    if foot.radius <= 0.0:
+        return None
+    balls = [
+        (np.array(shape.xyz), shape.size[0])
+        for shape in description.collision.shapes
+        if shape.link == foot.link and shape.kind == "sphere"
+    ]
+    for link in (link for link in root.findall("link") if link.get("name") == foot.link):
+        for solid in link.findall(description.collision.geometry):
+            sphere, where = solid.find("geometry/sphere"), f"link {foot.link!r}/{solid.tag}"
+            if sphere is not None:
+                origin = solid.find("origin")
+                at = (
+                    (0.0, 0.0, 0.0)
+                    if origin is None
+                    else read_numbers(origin, "xyz", 3, path, where, default="0 0 0")
+                )
+                balls.append((np.array(at), read_numbers(sphere, "radius", 1, path, where)[0]))
+    for centre, radius in balls:
+        from_centre = float(np.linalg.norm(np.array(foot.sole[0]) - centre))
+        if max(abs(from_centre - radius), abs(foot.radius - radius)) < _ON:
+            return centre
+    return None

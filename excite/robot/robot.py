@@ -11,12 +11,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.display import count
 from excite.errors import UnknownNameError
 from excite.robot.description import FREE_BASES, RobotDescription
 from excite.robot.joint_values import Limits
-from excite.robot.mechanisms.building import limb_columns
-from excite.robot.mechanisms.mechanism import Mechanism
-from excite.shown import count
+from excite.robot.mechanisms.mechanism import Mechanism, limb_columns
 
 
 @dataclass(frozen=True, eq=False)

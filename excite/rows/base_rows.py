@@ -10,11 +10,10 @@ import numpy as np
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.log import LogHeader, Trial
+from excite.regressor.columns import base_wrench
 from excite.regressor.kernels import base_link_regressor, forward_kinematics
-from excite.regressor.wrench import base_wrench
 from excite.robot.robot import Robot
-from excite.rows.filtered_rows import TrialRows, filtered_rows
-from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
+from excite.rows.kinematics import TrialKinematics, TrialRows, filtered_rows, forces_on_grid, trial_kinematics
 from excite.rows.settings import Filters, ProblemSettings
 
 _AXES = ("fx", "fy", "fz", "tx", "ty", "tz")

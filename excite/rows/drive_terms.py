@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.regressor.motor_torques import motor_torques
+from excite.regressor.contact_forces import motor_torques
+from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
-from excite.robot.sliding import is_prismatic
 
 _STEP = 1e-5
 # What turns speeds of sliding joints into those of turning ones [m].

@@ -8,21 +8,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, widen_flags
 from excite.errors import LogError
 from excite.logs.log import LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
-from excite.logs.signals.trim import long_standstill
-from excite.regressor.contact_forces import contact_elimination
-from excite.regressor.motor_torques import motor_regressor
+from excite.logs.signals.resample import long_standstill
+from excite.regressor.contact_forces import contact_elimination, motor_regressor
 from excite.robot.joint_values import per_joint
+from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
-from excite.robot.sliding import is_prismatic
-from excite.rows.beyond import beyond_on_grid
-from excite.rows.contact_flags import away_from_changes, closed_on_grid
 from excite.rows.drive_terms import DRIVE_TERMS, JointSamples
-from excite.rows.filtered_rows import TrialRows, filtered_rows
-from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
+from excite.rows.kinematics import TrialKinematics, TrialRows, filtered_rows, forces_on_grid, trial_kinematics
+from excite.rows.saturation import beyond_on_grid
 from excite.rows.settings import Filters, ProblemSettings
 
 SHARED_GEAR_TERMS = ("joint_viscous", "joint_coulomb", "joint_armature")
@@ -249,3 +246,56 @@ def usual_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]
     if header.torque != "link_side":
         usual = (*usual, "armature")
     return (*usual, *SHARED_GEAR_TERMS) if settings.coupling or header.coupling else usual
+
+
+# Contact flags of a trial on the grid of its kinematics.
+
+CHANGE_S = 0.01
+"""Rows this long before and after a change of contacts are left out: a strike is over, and flags are right [s]."""
+
+
+def closed_on_grid(robot: Robot, trial: Trial, grid: Array) -> NDArray[np.bool_]:
+    """Which feet carry, ``(n, n_feet)``: each flag as at the last sample before.
+
+    Args:
+        robot: the robot in the log; one without feet, which hangs, has no flags.
+        trial: the trial.
+        grid: ``(n,)`` [s].
+
+    Raises:
+        LogError: a foot has no flag.
+    """
+    for foot in robot.feet:
+        if foot.name not in trial.contacts:
+            raise LogError(
+                "is missing",
+                source=trial.name,
+                field=f"contact.{foot.name}",
+                remedy="log whether the foot carries (1) or not (0), or add sensors of its contact wrench",
+            )
+    last = np.clip(np.searchsorted(trial.time, grid + 1e-9, side="right") - 1, 0, len(trial.time) - 1)
+    flags = [np.asarray(trial.contacts[foot.name], dtype=bool)[last] for foot in robot.feet]
+    return np.column_stack(flags) if flags else np.zeros((len(grid), 0), dtype=bool)
+
+
+def away_from_changes(rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_] | None) -> TrialRows:
+    """Rows less those about a change of contacts, where feet strike and flags come late.
+
+    Args:
+        rows: of one trial.
+        k: the trial's kinematics.
+        closed: which feet carry, ``(n, n_feet)``; None where contacts play no part.
+    """
+    if closed is None or not closed.shape[1]:
+        return rows
+    near = _near_change(closed, round(CHANGE_S * k.rate_hz))[np.searchsorted(k.time, rows.time)]
+    return replace(rows, use=rows.use & ~near[:, None])
+
+
+def _near_change(closed: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
+    """Samples within ``samples`` of a change of any flag, ``(n,)``."""
+    change = np.zeros(len(closed), dtype=bool)
+    differ = (closed[1:] != closed[:-1]).any(axis=1)
+    change[1:] |= differ
+    change[:-1] |= differ
+    return widen_flags(change, samples)

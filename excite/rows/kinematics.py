@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.logs.log import LogHeader, Trial
-from excite.logs.robot import base_offset
+from excite.logs.robot import base_offset, imu_placement
 from excite.logs.signals.base_pose import base_motion, continuous_quaternions
-from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.logs.signals.differentiate import central_differences, wrapped_derivatives
+from excite.logs.signals.butterworth import (
+    central_differences,
+    decimation_step,
+    kept_samples,
+    lowpass,
+    settling_samples,
+    wrapped_derivatives,
+)
 from excite.logs.signals.resample import (
     is_uniform,
+    moving_span,
     near_samples,
     resample_noisy,
     resample_smooth,
     uniform_grid,
 )
-from excite.logs.signals.trim import moving_span
 from excite.robot.robot import Robot
-from excite.rows.imu import imu_motion
 from excite.rows.settings import Filters, ProblemSettings
 
 
@@ -182,3 +188,121 @@ def root_pose(pose: Array, offset: pin.SE3) -> Array:
         return pose
     inverse = offset.inverse()
     return np.array([pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(row) * inverse) for row in pose])
+
+
+# Motion of a free base from the inertial measurement unit on it, without its pose.
+
+
+def imu_motion(
+    robot: Robot, header: LogHeader, readings: Array, orientation: Array, rate_hz: float
+) -> tuple[Array, Array]:
+    """Acceleration and angular velocity of the base, its linear velocity taken as zero.
+
+    Inverse dynamics in the base's frame knows gravity and acceleration as their difference only, which is what an
+    accelerometer reads, and does not know the base's linear velocity at all. So any orientation will do, and gravity
+    in it is added to the reading; only where a ball touches the ground depends on it.
+
+    Args:
+        robot: the robot in the log; gravity is its model's.
+        header: says where the IMU sits.
+        readings: ``(n, 6)`` filtered angular velocity [rad/s] and acceleration less gravity [m/s²], IMU's frame.
+        orientation: ``(n, 4)`` quaternions x y z w of the base, as they will stand in the configuration.
+        rate_hz: their rate.
+
+    Returns:
+        ``(n, 6)`` linear and angular acceleration in the base's frame, and ``(n, 3)`` angular velocity.
+
+    Raises:
+        LogError: the IMU's link moves against the base.
+    """
+    # scipy.spatial takes 0.2 s to load, and rows of a fixed base need none of it.
+    from scipy.spatial.transform import Rotation
+
+    placement = imu_placement(robot, header)
+    angular = readings[:, :3] @ placement.rotation.T
+    turning = central_differences(angular, rate_hz).first
+    lever = placement.translation
+    about = np.cross(turning, lever) + np.cross(angular, np.cross(angular, lever))
+    gravity = Rotation.from_quat(orientation).inv().apply(robot.model.gravity.linear)
+    linear = readings[:, 3:] @ placement.rotation.T - about + gravity
+    return np.hstack([linear, turning]), angular
+
+
+# Rows of a regression at full rate, filtered and decimated block by block.
+
+_BLOCK_BYTES = 64e6
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRows:
+    """Rows of one trial, decimated.
+
+    Attributes:
+        values: ``(m, n_channels, n_params + 1)``: regressor, then measurement.
+        time: ``(m,)`` [s].
+        use: ``(m, n_channels)`` rows worth keeping.
+        freedom: ``(m, n_channels)`` share of each row's noise that is its own, below one where what was taken out
+            of the rows ties them; None where nothing was.
+    """
+
+    values: Array
+    time: Array
+    use: NDArray[np.bool_]
+    freedom: Array | None = None
+
+
+RowSource = Callable[[slice], Array]
+"""Rows ``(m, n_channels, n_params + 1)`` of a slice of samples, at full rate."""
+
+
+def filtered_rows(
+    source: RowSource, kinematics: TrialKinematics, filters: Filters, use: NDArray[np.bool_]
+) -> TrialRows:
+    """Filter regressor columns and measurement alike, then keep every k-th sample.
+
+    As the filter is linear, ``F(Y) θ = F(τ)`` holds exactly where ``Y θ = τ`` does; filtering before the
+    regressor is computed would not keep it (Gautier 1997, parallel decimation).
+
+    Args:
+        source: rows at full rate by slice of samples.
+        kinematics: the trial's kinematics.
+        filters: cut-off, order and rate.
+        use: ``(n, n_channels)`` samples whose rows may be used.
+
+    Returns:
+        The rows that stay, in order of time.
+    """
+    rate, cutoff, n = kinematics.rate_hz, filters.cutoff_hz, len(kinematics.time)
+    settling = settling_samples(rate, cutoff)
+    step = decimation_factor(rate, filters)
+    kept = kept_samples(n, step)
+    use = _erode_rows(use, kinematics.valid, settling)
+    probe = source(slice(0, 1))
+    block = max(4 * settling, int(_BLOCK_BYTES / (8 * probe[0].size)), 1)
+    parts = []
+    for start in range(0, n, block):
+        inside = kept[(kept >= start) & (kept < start + block)]
+        if not use[inside].any():
+            parts.append(np.zeros((len(inside), *probe.shape[1:])))
+            continue
+        # Neighbouring blocks overlap by twice the filter's transient, and a short rest joins the last one.
+        low, high = max(0, start - 2 * settling), min(n, start + block + 2 * settling)
+        low = min(low, max(0, high - 4 * settling - 1))
+        parts.append(lowpass(source(slice(low, high)), rate, cutoff, filters.order)[inside - low])
+    return TrialRows(np.concatenate(parts), kinematics.time[kept], use[kept])
+
+
+def decimation_factor(rate_hz: float, filters: Filters) -> int:
+    """Every how manieth sample is kept."""
+    return decimation_step(rate_hz, filters.rate_hz)
+
+
+def _erode_rows(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:
+    """Take away what the filter's transient reaches: all of it at the ends, half of it at gaps."""
+    half = settling // 2
+    if half:
+        use = scipy.ndimage.binary_erosion(use, np.ones((2 * half + 1, 1), dtype=bool), border_value=0)
+    ends = np.flatnonzero(valid)
+    if len(ends):
+        use[: ends[0] + settling] = use[ends[-1] + 1 - settling :] = False
+    return use

@@ -8,15 +8,26 @@ from pathlib import Path
 
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
+from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.robot.shapes.stand_ins import shape_conditions
-from excite.robot.sliding import sliding_joints
-from excite.safety.checks.registry import CHECKS
+from excite.safety.checks.base import Check
+from excite.safety.checks.collision import SelfCollisionCheck
+from excite.safety.checks.ground import CentreOfMassCheck, ContactWrenchCheck, FootCheck, ZeroMomentPointCheck
+from excite.safety.checks.joints import (
+    JointAccelerationCheck,
+    JointJerkCheck,
+    JointPositionCheck,
+    JointTorqueCheck,
+    JointVelocityCheck,
+    MechanismCheck,
+    RestCheck,
+)
+from excite.safety.checks.motion import IdentityCheck, SamplingCheck
 from excite.safety.checks.robustness import judge_robustness
 from excite.safety.checks.sweep import Sweep
 from excite.safety.parameter_set import ParameterSet, stated_parameters
-from excite.safety.units import unit_of
-from excite.safety.verdict import Margins, Nearest, Verdict, Violation
+from excite.safety.verdict import Margins, Nearest, Verdict, Violation, unit_of
 
 
 def check_motion(
@@ -97,3 +108,26 @@ def check_file(robot: Robot, path: Path, *, rate_hz: float | None = None) -> Ver
         RobotError: the robot's collision geometry cannot be read.
     """
     return check_motion(robot, load_motion(path, robot).renamed(str(path)), rate_hz=rate_hz)
+
+
+# The checks that make up a verdict, by name, in the order in which they run.
+
+CHECKS: dict[str, type[Check]] = {
+    check.name: check
+    for check in (
+        SamplingCheck,
+        MechanismCheck,
+        IdentityCheck,
+        RestCheck,
+        JointPositionCheck,
+        JointVelocityCheck,
+        JointAccelerationCheck,
+        JointJerkCheck,
+        FootCheck,
+        ZeroMomentPointCheck,
+        CentreOfMassCheck,
+        ContactWrenchCheck,
+        JointTorqueCheck,
+        SelfCollisionCheck,
+    )
+}

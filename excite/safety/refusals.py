@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Any
 
+from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
-from excite.robot.sliding import sliding_joints
 from excite.safety.repairs.draft import Rejection
 from excite.safety.repairs.time_scaling import SPEED_SHARE
-from excite.safety.units import unit_of
-from excite.safety.verdict import Verdict
+from excite.safety.verdict import Verdict, unit_of
 
 # Refusals that a summary lists; the documents have all.
 _LISTED = 5

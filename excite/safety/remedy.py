@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.proposal import Proposal
+from excite.motion.generators.generator import Candidate, Proposal
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.robot.description import UncertaintyBlock

@@ -10,12 +10,13 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError
+from excite.robot.mechanisms.closures import Closure, Coupling, Loop, Rod
 from excite.robot.robot import Foot, Robot
+from excite.robot.shapes.collision import collision_model, collision_shapes, links_below
+from excite.robot.shapes.shape import Shape
 from excite.simulation.coordinates import body_name
 from excite.simulation.drives import Drives
-from excite.simulation.inertial import PrincipalInertia, principal_inertia
-from excite.simulation.mjcf_closures import add_closures
-from excite.simulation.mjcf_shapes import GROUND, mujoco_quaternion
+from excite.simulation.true_parameters import PrincipalInertia, principal_inertia
 
 if TYPE_CHECKING:
     import mujoco
@@ -226,3 +227,170 @@ def _add_sole(body: mujoco.MjsBody, foot: Foot, world: World) -> None:
             solref=list(world.solref),
             solimp=[*world.solimp, 0.5, 2.0],
         )
+
+
+# Closed loops and coupled joints of a robot in a MuJoCo model: constraints that it solves for at each step.
+
+# A mechanism gives way like its links do, that is not at all: the time constant is two steps, the least that is stable,
+# and the impedance so near to one that a four-bar's torques are those of rigid links to 1e-6.
+_STEPS, _IMPEDANCE = 2.0, 0.9999
+
+
+def add_closures(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], robot: Robot, timestep: float) -> None:
+    """Constraints for a robot's mechanism.
+
+    Args:
+        spec: the model.
+        bodies: by joint index, the world first; each body's frame is its joint's.
+        robot: the robot.
+        timestep: of the simulation [s].
+
+    Raises:
+        InputError: a coupling that MuJoCo has no constraint for.
+    """
+    for closure in () if robot.mechanism is None else robot.mechanism.closures:
+        if isinstance(closure, Coupling):
+            equality = _add_coupling(spec, robot, closure)
+        else:
+            equality = _add_loop(spec, bodies, closure)
+        equality.solref = [_STEPS * timestep, 1.0]
+        equality.solimp = [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0]
+        equality.active = True
+
+
+def _add_loop(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], closure: Closure) -> mujoco.MjsEquality:
+    import mujoco
+
+    if not isinstance(closure, Loop | Rod):
+        raise InputError("is no loop that MuJoCo has a constraint for", field=closure.name)
+    names = []
+    for number, (joint, place) in enumerate(zip(closure.joints, closure.placements, strict=True)):
+        names.append(f"{closure.name}.end.{number}")
+        bodies[joint].add_site(name=names[-1], pos=place.translation, quat=mujoco_quaternion(place.rotation))
+    if isinstance(closure, Rod):
+        tendon = spec.add_tendon(name=closure.name)
+        for name in names:
+            tendon.wrap_site(name)
+        equality = spec.add_equality(
+            name=closure.name,
+            type=mujoco.mjtEq.mjEQ_TENDON,
+            objtype=mujoco.mjtObj.mjOBJ_TENDON,
+            name1=closure.name,
+        )
+        return equality
+    kind = mujoco.mjtEq.mjEQ_WELD if closure.rigid else mujoco.mjtEq.mjEQ_CONNECT
+    equality = spec.add_equality(
+        name=closure.name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=names[0], name2=names[1]
+    )
+    if closure.rigid:
+        equality.data[10] = 1.0
+    return equality
+
+
+def _add_coupling(spec: mujoco.MjSpec, robot: Robot, closure: Coupling) -> mujoco.MjsEquality:
+    import mujoco
+
+    names = [robot.joint_names[column - robot.n_base_v] for _, column in closure.columns]
+    if all(len(factors) == 1 for factors in closure.factors):
+        tendon = spec.add_tendon(name=closure.name)
+        for name, factors in zip(names, closure.factors, strict=True):
+            tendon.wrap_joint(name, factors[0])
+        equality = spec.add_equality(
+            name=closure.name,
+            type=mujoco.mjtEq.mjEQ_TENDON,
+            objtype=mujoco.mjtObj.mjOBJ_TENDON,
+            name1=closure.name,
+        )
+        equality.data[0] = closure.offset
+        return equality
+    linear = [k for k, factors in enumerate(closure.factors) if len(factors) == 1]
+    if len(names) != 2 or not linear:
+        raise InputError(
+            "couples more than two joints by more than factors, and MuJoCo has no constraint for that",
+            field=f"couplings.{closure.name}",
+            remedy="couple joints two by two, one of them by a factor",
+        )
+    follower, master = linear[0], 1 - linear[0]
+    scale = closure.factors[follower][0]
+    equality = spec.add_equality(
+        name=closure.name,
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        objtype=mujoco.mjtObj.mjOBJ_JOINT,
+        name1=names[follower],
+        name2=names[master],
+    )
+    values = [closure.offset / scale, *(-factor / scale for factor in closure.factors[master])]
+    equality.data[: len(values)] = values
+    return equality
+
+
+# Collision shapes of a robot in a MuJoCo model that is asked which of them meet.
+
+GROUND = "ground"
+# What MuJoCo calls the body that nothing moves.
+WORLD = "world"
+
+
+def watch_shapes(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Add collision shapes, and make their pairs that must not meet, also with the ground, the only ones that do.
+
+    What rests on soles or nearer to the ground than bodies keep from each other, such as the part between an ankle's
+    two joints, is no further from it when the robot stands.
+    """
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+    shapes = collision_shapes(robot)
+    for shape in shapes:
+        carrier = body_name(robot.segments[shape.joint - 1].link) if shape.joint else WORLD
+        _add_shape(spec, spec.body(carrier), shape)
+    for pair in collision_model(robot).collisionPairs:
+        _watch_contacts(spec, shapes[pair.first].name, shapes[pair.second].name)
+    if not robot.feet:
+        return
+    soles = {foot.joint for foot in robot.feet}
+    low = links_below(robot.model, shapes, robot.rest, 0.0, robot.description.collision.margin)
+    for shape in shapes:
+        if shape.joint not in soles and shape.link not in low:
+            _watch_contacts(spec, GROUND, shape.name)
+
+
+def _watch_contacts(spec: mujoco.MjSpec, first: str, second: str) -> None:
+    """Find contacts of two shapes as soon as they overlap."""
+    spec.add_pair(geomname1=first, geomname2=second)
+
+
+def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
+    import mujoco
+
+    kinds = {
+        "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+        "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+        "box": mujoco.mjtGeom.mjGEOM_BOX,
+        "convex": mujoco.mjtGeom.mjGEOM_MESH,
+    }
+    geom = body.add_geom(
+        name=shape.name,
+        type=kinds[shape.kind],
+        pos=shape.placement.translation,
+        quat=mujoco_quaternion(shape.placement.rotation),
+        contype=0,
+        conaffinity=0,
+    )
+    if shape.vertices is not None and shape.faces is not None:
+        mesh = spec.add_mesh(name=shape.name)
+        mesh.uservert = np.ravel(shape.vertices)
+        mesh.userface = np.ravel(shape.faces)
+        geom.meshname = shape.name
+    elif shape.kind == "box":
+        geom.size = [0.5 * length for length in shape.size]
+    elif shape.kind == "sphere":
+        geom.size = [shape.size[0], 0.0, 0.0]
+    else:
+        geom.size = [shape.size[0], 0.5 * shape.size[1], 0.0]
+
+
+def mujoco_quaternion(rotation: Array) -> Array:
+    """Quaternion of a rotation ``(3, 3)`` in MuJoCo's order, ``(4,)``."""
+    x, y, z, w = pin.Quaternion(rotation).normalized().coeffs()
+    return np.array([w, x, y, z])

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.robot.robot import Robot
 from excite.simulation.drives import Drives, nominal_drives, scattered_drives
 from excite.simulation.mjcf import World
-from excite.simulation.plant import Change, Law
 from excite.simulation.recording import Recording
 from excite.simulation.true_parameters import (
     TrueParameters,
@@ -20,6 +22,117 @@ from excite.simulation.true_parameters import (
     nominal_truth,
     scattered_parameters,
 )
+
+if TYPE_CHECKING:
+    import mujoco
+
+# What injected physics acts on while a robot is simulated: joints by name, their friction, forces on them.
+
+
+class Law(Protocol):
+    """Physics that MuJoCo has no element for; has to survive pickling."""
+
+    def start(self, plant: Plant) -> Callable[[], None]:
+        """What is called before every step of a run: adds to ``plant.friction``, ``damping``, ``torque``."""
+
+
+class Change(Protocol):
+    """A change of the simulated machine itself; has to survive pickling."""
+
+    def __call__(self, spec: mujoco.MjSpec) -> None:
+        """Edit the specification before it is compiled."""
+
+
+@dataclass(eq=False)
+class Plant:
+    """A compiled model, the state of a run, and what laws add to the next step.
+
+    Attributes:
+        model: MuJoCo's model.
+        data: its state.
+        robot: the nominal robot.
+        drives: true drives.
+        session_s: when the run starts within its session [s].
+        memory: what laws keep from one run of a session to the next.
+        qpos: index of each logged coordinate in ``data.qpos``.
+        dof: index of each logged velocity in ``data.qvel``.
+        friction: ``(n_joints,)`` Coulomb friction of the next step [N·m].
+        damping: ``(n_joints,)`` viscous friction of the next step [N·m·s/rad].
+        torque: ``(nv,)`` torques of the next step beside those of actuators [N·m].
+        force: ``(n_bodies, 6)`` forces and moments on bodies at their centres of mass, world frame.
+        command: torque that the drives are told to give, where it is not what they give; else None.
+        touching: how many pairs of shapes that must not meet overlapped when the last sample was taken.
+    """
+
+    model: Any
+    data: Any
+    robot: Robot
+    drives: Drives
+    session_s: float = 0.0
+    memory: dict[Any, Any] = field(default_factory=dict)
+    qpos: NDArray[np.int64] = field(init=False)
+    dof: NDArray[np.int64] = field(init=False)
+    friction: Array = field(init=False)
+    damping: Array = field(init=False)
+    torque: Array = field(init=False)
+    force: Array = field(init=False)
+    command: Array | None = None
+    touching: int = 0
+    _steps: tuple[Callable[[], None], ...] = ()
+    _step: Callable[..., None] = field(init=False)
+
+    def __post_init__(self) -> None:
+        import mujoco
+
+        self._step = mujoco.mj_step
+        m, base = self.model, self.robot.floating
+        joints = [m.joint(name) for name in self.robot.joint_names]
+        first_q, first_v = (list(range(7)), list(range(6))) if base else ([], [])
+        self.qpos = np.array(first_q + [int(j.qposadr[0]) for j in joints], dtype=np.int64)
+        self.dof = np.array(first_v + [int(j.dofadr[0]) for j in joints], dtype=np.int64)
+        self.friction = self.drives.total_coulomb.copy()
+        self.damping = self.drives.total_viscous.copy()
+        self.torque = np.zeros(m.nv)
+        self.force = np.zeros((m.nbody, 6))
+
+    @property
+    def joint_dof(self) -> NDArray[np.int64]:
+        """Index of each actuated joint in ``data.qvel``, ``(n_joints,)``."""
+        return self.dof[self.robot.n_base_v :]
+
+    @property
+    def time(self) -> float:
+        """Time since the run began to be recorded [s]; negative while the robot settles."""
+        return float(self.data.time) - self.settle_s
+
+    settle_s: float = 0.0
+
+    def run(self, laws: tuple[Law, ...]) -> None:
+        """Begin a run under these laws."""
+        self._steps = tuple(law.start(self) for law in laws)
+
+    def advance(self) -> None:
+        """One step."""
+        if self._steps:
+            self.friction[:] = self.drives.total_coulomb
+            self.damping[:] = self.drives.total_viscous
+            self.torque[:] = 0.0
+            self.force[:] = 0.0
+            for step in self._steps:
+                step()
+            dof = self.joint_dof
+            self.model.dof_frictionloss[dof] = np.maximum(self.friction, 0.0)
+            self.model.dof_damping[dof] = np.maximum(self.damping, 0.0)
+            self.data.qfrc_applied[:] = self.torque
+            self.data.xfrc_applied[:] = self.force
+        self._step(self.model, self.data)
+
+    def load(self, joint: int) -> float:
+        """Torque that a joint's gear carried to its link in the last step [N·m]."""
+        d, i = self.data, int(self.joint_dof[joint])
+        moved = d.qfrc_actuator[i] + d.qfrc_passive[i] + d.qfrc_constraint[i] + d.qfrc_applied[i]
+        return float(moved - self.drives.armature[joint] * d.qacc[i])
+
 
 Reading = Callable[[Recording], Recording]
 

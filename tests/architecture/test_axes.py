@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from excite.campaign.candidates.registry import SEARCHES
-from excite.export.registry import EXPORTERS
-from excite.identification.estimators.registry import ESTIMATORS
-from excite.motion.generators.registry import GENERATORS
+from excite.campaign.candidates import SEARCHES
+from excite.export.exporter import EXPORTERS
+from excite.identification.estimators.estimator import ESTIMATORS
+from excite.motion.generators.mixture import GENERATORS
 from tests.architecture.source_tree import PACKAGE, ROOT
 from tests.architecture.toys import TOYS, add_toys
 

@@ -45,7 +45,7 @@ TOYS = {
 from dataclasses import replace
 
 from excite.motion.generators.generator import Generator
-from excite.motion.generators.random_joint import RandomJoint
+from excite.motion.generators.joint_motions import RandomJoint
 
 
 class Toy(Generator):
@@ -68,8 +68,8 @@ class Toy(Generator):
         """
 import numpy as np
 
-from excite.campaign.candidates.search import CandidateSearch
-from excite.motion.generators.random_joint import RandomJoint
+from excite.campaign.candidates import CandidateSearch
+from excite.motion.generators.joint_motions import RandomJoint
 
 
 class ToySearch(CandidateSearch):
@@ -122,9 +122,9 @@ class ToyRepair(Repair):
         """
 from dataclasses import replace
 
-from excite.identification.estimators.base import Estimator
-from excite.identification.estimators.least_squares.wls import WlsSettings
-from excite.identification.estimators.registry import find_estimator
+from excite.identification.estimators.estimator import Estimator
+from excite.identification.estimators.least_squares import WlsSettings
+from excite.identification.estimators.estimator import find_estimator
 
 
 class ToyEstimator(Estimator[WlsSettings]):
@@ -197,7 +197,7 @@ import json
 
 import numpy as np
 
-from excite.logs.readers.reader import TrialReader
+from excite.logs.readers import TrialReader
 
 
 class ToyReader(TrialReader):

@@ -12,8 +12,8 @@ from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
+from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
-from excite.safety.checks.torque import drive_torques
 from tests.benchmarks.table import Row
 from tests.safety.motions import moved_base, smooth
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
+from excite.identification.estimators.conic import Cls3Settings, DensityRealisable
 from excite.identification.identify import identify
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot

@@ -8,11 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.excitation.sub_regressors import segment_columns, segment_conditions
+from excite.excitation.conditioning import segment_columns, segment_conditions
 from excite.motion.motion import Motion
-from excite.regressor.base_parameters import BaseParameters
+from excite.regressor.base_parameters import BaseParameters, r_factor
 from excite.regressor.columns import measured_columns, regressor_rows
-from excite.regressor.factor import r_factor
 from excite.robot.robot import Foot, Robot
 
 _STATES = 1500

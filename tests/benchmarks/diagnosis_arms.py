@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from tests.benchmarks.table import Row
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.budget.thresholds import Thresholds
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.log import Log

@@ -17,14 +17,13 @@ import numpy as np
 from excite.arrays import Array
 from excite.blind.make import load_answers, make_cases
 from excite.blind.score import BlindScore, score_diagnoses
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import ExciteError
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
-from excite.logs.signals.butterworth import lowpass
-from excite.logs.signals.differentiate import central_differences
+from excite.logs.signals.butterworth import central_differences, lowpass
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
 from tests.benchmarks.diagnosis_arms import PAIR, folder, same

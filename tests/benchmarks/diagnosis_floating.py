@@ -8,7 +8,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.logs.files import load_log
 from tests.benchmarks.table import Row

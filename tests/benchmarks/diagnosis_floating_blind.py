@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.blind.floating.case import build_floating_case
-from excite.blind.floating.draw import floating_draft
-from excite.blind.hidden import Answer
+from excite.blind.floating import floating_draft
+from excite.blind.hidden_effects import Answer
+from excite.blind.make import build_floating_case
 from excite.blind.score import BlindScore, score_diagnoses
-from excite.diagnosis.floating.answer.gap import residual_of
+from excite.diagnosis.floating.answer import residual_of
 from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
-from excite.diagnosis.floating.equations.band import in_band
 from excite.diagnosis.floating.equations.record import prepare_record
+from excite.diagnosis.floating.equations.spectrum import in_band
 from excite.diagnosis.floating.equations.state import State
 from excite.errors import NoSolutionError
 from excite.logs.files import load_log, save_log

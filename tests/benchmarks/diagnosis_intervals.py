@@ -8,19 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
+from excite.blind.arm_case import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
 from excite.blind.case import recordings_of
 from excite.blind.draw import ROBOTS, draft_case
 from excite.blind.make import _NOISE_TAU, _prepare, _session
-from excite.diagnosis.answer.shrink import gap_of
-from excite.diagnosis.arm.judged import judged_record
+from excite.diagnosis.answer.gap import gap_of
+from excite.diagnosis.arm.diagnose import judged_record
 from excite.diagnosis.arm.record import TorqueRecord
-from excite.diagnosis.attribution.attribution import Attribution
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.attribution import Attribution
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.equations.noise_floor import (
+    kinematic_noise,
     other_postures,
+    position_noise,
     repeat_floor,
     unrepeated,
 )
@@ -28,7 +29,7 @@ from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import HELD, held_power, standing_share
-from excite.diagnosis.simulator.accepted_values import fitted_sizes
+from excite.diagnosis.simulator.model_text import fitted_sizes
 from excite.doctor.examine import examine
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics

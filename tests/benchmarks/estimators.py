@@ -9,12 +9,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from excite.identification.constraints.sphere import SphereRows
-from excite.identification.estimators.base import Estimate
-from excite.identification.estimators.conic.cls2 import Cls2Settings, PhysicallyFeasible
-from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
-from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
-from excite.identification.estimators.quadratic.hqp import HierarchicalProgram, HqpSettings
+from excite.identification.estimators.conic import (
+    Cls2Settings,
+    Cls3Settings,
+    DensityRealisable,
+    LmiSettings,
+    PhysicallyConsistent,
+    PhysicallyFeasible,
+)
+from excite.identification.estimators.estimator import Estimate
+from excite.identification.estimators.hqp import HierarchicalProgram, HqpSettings, SphereRows
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem

@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 
-from excite.excitation.optimisation.family import FourierFamily, WaypointFamily
 from excite.excitation.optimisation.limits import JointLimits
+from excite.excitation.optimisation.motions import FourierFamily, WaypointFamily
 from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.regressor.base_parameters import structural_base_parameters

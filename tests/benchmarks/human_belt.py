@@ -20,11 +20,16 @@ from excite.human.body import segment_box
 from excite.human.identified import identify_person
 from excite.human.measure import MeasureSettings, measure_person, measure_recordings, write_person
 from excite.human.segments import NAMES
-from excite.human.virtual.exercise import perform_exercise, repeat_exercise
-from excite.human.virtual.laboratory import record_performance, record_standing
-from excite.human.virtual.person import Belt, VirtualSubject, draw_subject
-from excite.human.weight.added_mass import locate_added_mass
-from excite.human.weight.weight_candidate import AddedMass
+from excite.human.virtual import (
+    Belt,
+    VirtualSubject,
+    draw_subject,
+    perform_exercise,
+    record_performance,
+    record_standing,
+    repeat_exercise,
+)
+from excite.human.weights import AddedMass, locate_added_mass
 from excite.logs.files import load_log
 from excite.robot.loading import load_robot
 from excite.robot.shapes.com_box import com_boxes

@@ -13,20 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.judgement.statistics import base_statistics
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import condense_problem, iterate_weights
+from excite.identification.statistics import base_statistics
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.mixture import make_generator
 from excite.motion.motion import Motion
 from excite.regressor.contact_forces import contact_elimination
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
-from excite.rows.contact_flags import closed_on_grid
-from excite.rows.filtered_rows import filtered_rows
-from excite.rows.joint_rows import JointRows, drive_terms
-from excite.rows.kinematics import trial_kinematics
+from excite.rows.joint_rows import JointRows, closed_on_grid, drive_terms
+from excite.rows.kinematics import filtered_rows, trial_kinematics
 from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidate
 from excite.simulation.sensing import log_header

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.blind.hidden import HiddenEffect
-from excite.diagnosis.answer.result import Diagnosis
+from excite.blind.hidden_effects import HiddenEffect
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.next_experiment.choice import FILE
 from excite.motion.files import load_motion

@@ -49,7 +49,7 @@ else:
     report = filter_candidates(robot, candidates, jobs=2, keep=Keeper(folder.path))
     Pool(report.kept, folder, ranked_segments(robot)).ranking
     accepted, repairs = len(report.kept), sum(report.stage_seconds.values())
-from excite.parallel.local import _IDLE
+from excite.parallel.engine import _IDLE
 _IDLE.end()
 used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
 print(json.dumps({

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import excite
-from excite.campaign.expected.prediction import predict_statistics
+from excite.campaign.expected import predict_statistics
 from tests.benchmarks.table import Row
 
 _FACTOR = 1.5

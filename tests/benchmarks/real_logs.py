@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.identification.identify import identify
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.identification.load.weighing import weigh_load
+from excite.identification.load import weigh_load
 from excite.logs.robot import nominal_robot
 from tests.benchmarks.table import Row
 from tests.reproduction import airbot_play_load, airbot_play_sessions, emps, lwr, solo12, tiago, tx40

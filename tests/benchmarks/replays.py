@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from itertools import cycle
 
-from excite.campaign.plan import plan
-from excite.campaign.planned import Plan
+from excite.campaign.plan import Plan, plan
 from excite.robot.loading import load_robot
 from excite.simulation.replay import Replay, replay_motion
 from tests.benchmarks.table import Row

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import excite
-from excite.campaign.choice import selection_candidates
-from excite.campaign.expected.prediction import predict_statistics
+from excite.campaign.expected import predict_statistics
+from excite.campaign.plan import selection_candidates
 from excite.excitation.conditioning import compute_conditioning
 from excite.excitation.selection import SELECTIONS, Candidates, select_motions
 from tests.benchmarks.table import Row

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from excite.blind.answers import read_entry
 from excite.blind.board import score_board
-from excite.blind.entry.answers import read_entry
-from excite.blind.hidden import Answer, HiddenEffect, JointGap
+from excite.blind.hidden_effects import Answer, HiddenEffect, JointGap
 from excite.blind.score import score_entry
 from excite.cli.main import app
 from excite.errors import InputError

@@ -9,12 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import excite.blind.arm
+import excite.blind.arm_case
 import excite.blind.make
-from excite.blind.everything.case import build_mixture
-from excite.blind.everything.draw import FEWEST, LARGEST, MOST, SMALLEST, Ingredient, Mixture, draw_mixture
-from excite.blind.everything.shares import true_shares
-from excite.blind.hidden import Answer
+from excite.blind.arms_with_everything import (
+    FEWEST,
+    LARGEST,
+    MOST,
+    SMALLEST,
+    Ingredient,
+    Mixture,
+    build_mixture,
+    draw_mixture,
+    true_shares,
+)
+from excite.blind.hidden_effects import Answer
 from excite.blind.make import load_answers, make_cases
 from excite.errors import InputError
 
@@ -22,7 +30,7 @@ from excite.errors import InputError
 @pytest.fixture
 def short_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     """Trials of three seconds: the arithmetic is that of ten."""
-    monkeypatch.setattr(excite.blind.arm, "TRIAL_S", 3.0)
+    monkeypatch.setattr(excite.blind.arm_case, "TRIAL_S", 3.0)
 
 
 def test_shares_of_torques_that_add_up_are_their_shapley_values_and_sum_to_one() -> None:
@@ -94,7 +102,7 @@ def test_same_seed_same_bytes_and_the_answers_lie_beside(
         return replace(plan, ingredients=plan.ingredients[:2])
 
     monkeypatch.setattr(excite.blind.make, "mixture", few)
-    monkeypatch.setattr(excite.blind.arm, "TRIAL_S", 1.5)
+    monkeypatch.setattr(excite.blind.arm_case, "TRIAL_S", 1.5)
     folders = [tmp_path / name for name in ("one", "two")]
     for folder in folders:
         make_cases(folder, seed=5, cases=1, robots=("jaco2",), kind="everything")

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from excite.campaign.journal import CampaignSettings
 from excite.campaign.loop import campaign
-from excite.campaign.plan import plan
-from excite.campaign.planned import Plan
+from excite.campaign.plan import Plan, plan
 from excite.campaign.result import Campaign
-from excite.campaign.settings import CampaignSettings
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 

@@ -10,16 +10,16 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from excite.campaign.applied import apply
-from excite.campaign.applied.apply import Applied, apply_effects, check_applicable
-from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.campaign import applied as apply
+from excite.campaign.applied import Applied, apply_effects, check_applicable
+from excite.diagnosis.answer.answer import Diagnosis
+from excite.diagnosis.answer.candidate import RobotChanges
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import InputError, RobotError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot, robot_for_log
-from excite.robot import bringing
+from excite.robot import load as bringing
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.diagnosis.few_trials import few_trials

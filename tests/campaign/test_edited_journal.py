@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.campaign.findings import true_masses
 from excite.campaign.journal import Journal
 from excite.campaign.loop import campaign
 from excite.campaign.plan_document import merged_plan
-from excite.campaign.result import Campaign
+from excite.campaign.result import Campaign, true_masses
 from excite.errors import ExciteError, InputError, LogError
 from excite.robot.robot import Robot
 from tests.campaign.conftest import SMALL

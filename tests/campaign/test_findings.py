@@ -9,20 +9,17 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from excite.campaign.experiment import simulate
-from excite.campaign.findings import force_comparison, save_findings
-from excite.campaign.result import Campaign
+from excite.campaign.loop import simulate
+from excite.campaign.result import Campaign, force_comparison, save_findings
 from excite.identification.identify import identify
 from excite.identification.rollout import HORIZON_S
 from excite.logs.files import load_log
 from excite.logs.log import Trial
 from excite.motion.collection import load_motions
-from excite.report.comparisons import PathComparison
-from excite.report.data import load_report_data
+from excite.report.comparisons import PathComparison, Record, load_report_data
 from excite.report.page import report
-from excite.report.record import Record
 from excite.report.sections.moving import Moving
-from excite.robot.bringing import load_robot
+from excite.robot.load import load_robot
 from tests.identification.practice_log import arm_log
 
 

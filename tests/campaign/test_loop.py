@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from excite.campaign import loop
-from excite.campaign.experiment import simulate
-from excite.campaign.loop import campaign
+from excite.campaign.journal import CampaignSettings
+from excite.campaign.loop import campaign, simulate
 from excite.campaign.plan import plan
 from excite.campaign.result import Campaign
-from excite.campaign.settings import CampaignSettings
 from excite.errors import InputError, NoSolutionError
 from excite.motion.collection import load_motions
 from excite.robot.robot import Robot

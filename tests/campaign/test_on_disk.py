@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.campaign.on_disk import OnDisk, write_value
+from excite.campaign.pool import OnDisk, write_value
 from excite.errors import InputError
 from excite.temporary_folder import TemporaryFolder
 

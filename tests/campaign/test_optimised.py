@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.campaign.candidates import optimised
-from excite.campaign.candidates.optimised import OptimisedSeries
-from excite.campaign.candidates.search import Asked
-from excite.campaign.candidates.series import SeriesSettings
+from excite.campaign import candidates as optimised
+from excite.campaign.candidates import Asked, OptimisedSeries, SeriesSettings
 from excite.campaign.plan import plan
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation
 from excite.excitation.optimisation.task import ExcitationTask
-from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
+from excite.motion.generators.generator import central_range, free_upper_body, rest_joints
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 

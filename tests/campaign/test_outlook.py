@@ -9,12 +9,9 @@ import pinocchio as pin
 import pytest
 
 import excite
-from excite.campaign.expected.forecast import Forecast
-from excite.campaign.expected.outlook import is_predictable
-from excite.campaign.expected.prediction import predict_statistics
-from excite.campaign.planned import Plan
-from excite.identification.noise.equation_noise import equation_noise
-from excite.identification.noise.trial_grid import trial_grids
+from excite.campaign.expected import Forecast, is_predictable, predict_statistics
+from excite.campaign.plan import Plan
+from excite.identification.noise import equation_noise, trial_grids
 from excite.identification.problem import build_problem
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.campaign.check import check
-from excite.campaign.on_disk import OnDisk
-from excite.campaign.plan import plan
-from excite.campaign.planned import Plan
+from excite.campaign.demo import check
+from excite.campaign.plan import Plan, plan
+from excite.campaign.pool import OnDisk
 from excite.campaign.rank import rank
 from excite.campaign.rehearsal import loaded_robot, rehearse_motions
 from excite.errors import InputError, NoSolutionError, UnknownNameError
@@ -186,7 +185,7 @@ def test_a_motion_near_falling_has_to_stand_without_the_load_too(
 
 
 def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    choice = import_module("excite.campaign.choice")
+    choice = import_module("excite.campaign.plan")
     monkeypatch.setattr(choice, "rehearse", lambda robot, motions, **_: (FALLEN,) * len(motions))
     with pytest.raises(
         NoSolutionError, match=r"all 2 safe motions of ur10 fall or slip in rehearsal, with 5%.* of base"
@@ -197,7 +196,7 @@ def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: 
 def test_a_robot_that_cannot_carry_much_is_rehearsed_with_less(
     ur10: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    choice = import_module("excite.campaign.choice")
+    choice = import_module("excite.campaign.plan")
     monkeypatch.setattr(choice, "can_fall", lambda robot: True)
     monkeypatch.setattr(
         choice, "rehearse", lambda robot, motions, load, **_: (None if load < 0.1 else FALLEN,) * len(motions)
@@ -219,7 +218,7 @@ def test_a_one_leg_stance_carries_a_load_of_which_the_model_does_not_know(
 
 def test_where_few_are_safe_more_candidates_are_drawn(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those of a plan that asks for as many at once; who says a number gets that number."""
-    judged = import_module("excite.campaign.candidates.judged")
+    judged = import_module("excite.campaign.candidates")
     planned = import_module("excite.campaign.plan")
     for module in (judged, planned):
         monkeypatch.setattr(module, "N_CANDIDATES", 1)
@@ -231,7 +230,7 @@ def test_where_few_are_safe_more_candidates_are_drawn(ur10: Robot, monkeypatch: 
 
 
 def test_more_are_drawn_where_motions_fall(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    choice = import_module("excite.campaign.choice")
+    choice = import_module("excite.campaign.plan")
     rehearsed: list[str] = []
 
     def falls(

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from excite.campaign.candidates.refusal import Refusals
-from excite.campaign.plan import plan
-from excite.campaign.planned import Plan
-from excite.cli.session.failure import of_error
+from excite.campaign.candidates import Refusals
+from excite.campaign.plan import Plan, plan
+from excite.cli.session.outcome import of_error
 from excite.errors import NothingSafeError
 from excite.robot.robot import Robot
 from excite.safety.refusals import Refused

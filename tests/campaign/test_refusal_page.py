@@ -11,8 +11,7 @@ import pinocchio as pin
 import pytest
 
 import excite
-from excite.cli.session.failure import of_error
-from excite.cli.session.refused import refusals_shown
+from excite.cli.session.outcome import of_error, refusals_shown
 from excite.documents.document import read_document
 from excite.documents.plan import Refusals
 from excite.errors import NothingSafeError

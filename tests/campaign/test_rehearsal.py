@@ -12,8 +12,8 @@ from excite.campaign.rehearsal import AT_LIMIT, MOST_SLIP_M, rehearse_alone, reh
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
+from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
-from excite.safety.checks.torque import drive_torques
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 
 import excite
 from excite.errors import MotionError
-from excite.motion.library import library_folder
+from excite.motion.collection import library_folder
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from excite.campaign.result import Campaign
-from excite.campaign.targets import Earlier, Reason, joints_to_aim_at, missed_targets
-from excite.report.conclusions.conclusion import draw_conclusion
+from excite.campaign.result import Campaign, Earlier, Reason, joints_to_aim_at, missed_targets
+from excite.report.conclusions import draw_conclusion
 from excite.report.folder import read_folder
 from excite.robot.robot import Robot
 

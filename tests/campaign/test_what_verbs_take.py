@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import excite
-from excite.campaign.settings import CampaignSettings
+from excite.campaign.journal import CampaignSettings
 from excite.errors import InputError
 
 

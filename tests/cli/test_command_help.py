@@ -10,8 +10,7 @@ import pytest
 import typer
 
 from excite.cli.main import app
-from excite.identification.estimators.registry import DEFAULT_METHOD
-from excite.identification.estimators.summary import method_summaries
+from excite.identification.estimators.estimator import DEFAULT_METHOD, method_summaries
 
 
 def help_of(name: str) -> str:
@@ -46,7 +45,7 @@ def test_other_help_loads_no_estimator() -> None:
     code = (
         "import sys\nfrom excite.cli import main\nsys.argv = ['excite', '--help']\n"
         "try:\n    main.main()\nexcept SystemExit:\n    pass\n"
-        "heavy = {'excite.identification.estimators.base', 'pinocchio', 'numpy', 'pydantic'}\n"
+        "heavy = {'excite.identification.estimators.estimator', 'pinocchio', 'numpy', 'pydantic'}\n"
         "sys.exit(sorted(heavy & {*sys.modules}) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

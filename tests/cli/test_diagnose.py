@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from excite.campaign.applied import apply
+from excite.campaign import applied as apply
 from excite.cli.diagnose import _next_command
 from excite.cli.main import app
 from excite.errors import RobotError

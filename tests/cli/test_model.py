@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import excite
 from excite.cli.main import app
 from excite.cli.model import _relative_change, _shown_changes
-from excite.export.simulators.comparison import Change
+from excite.export.simulators.subject_result import Change
 from excite.logs.files import save_log
 from tests.diagnosis.two_joints import moved, two_joint_log
 from tests.export.simulators.identified_folder import known

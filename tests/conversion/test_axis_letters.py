@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.columns.words import read_clue
+from excite.conversion.column_words import read_clue
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
 from tests.conversion import written
 from tests.conversion.written import JOINTS
 

@@ -14,7 +14,7 @@ import excite
 from excite.campaign.capture import sheet_text
 from excite.conversion.capture_sheet import Capture, Run, read_capture
 from excite.errors import InputError, LogError
-from excite.motion.roles import planned_roles
+from excite.motion.collection import planned_roles
 
 OFF = Run(name="zero_torque", kind="zero_torque", duration_s=10.0)
 

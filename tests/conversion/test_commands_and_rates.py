@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 import excite
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
 from tests.conversion.drawn import _motion
 from tests.conversion.test_recorded import rig
 from tests.conversion.written import WHOLE

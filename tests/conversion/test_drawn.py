@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guess import guess_columns
-from excite.conversion.machine import load_machine
-from excite.conversion.mapping import Map
-from excite.conversion.recording import merged_names
-from excite.conversion.sources.registry import read_source
+from excite.conversion.recording import load_machine, merged_names
+from excite.conversion.sources.source import read_source
 from excite.logs.files import load_log
 from tests.benchmarks.conversion import judge
 from tests.conversion.drawn import Drawn, draw

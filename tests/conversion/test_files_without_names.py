@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.columns.clock import rate_by_velocities
+from excite.conversion.clock import rate_by_velocities
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
 from tests.conversion.test_habits import check
 from tests.conversion.written import RATE, WHOLE
 

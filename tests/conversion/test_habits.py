@@ -13,8 +13,8 @@ from scipy.io import savemat
 
 import excite
 from excite.conversion.convert import Conversion
+from excite.conversion.explicit_mapping import Map, read_map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map, read_map
 from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS, WHOLE

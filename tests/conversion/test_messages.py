@@ -13,8 +13,8 @@ import pytest
 import yaml
 
 import excite
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
 from tests.conversion import messages, written
 from tests.conversion.written import JOINTS
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.mapping import Map
+from excite.conversion.explicit_mapping import Map
 
 LEGS = ("FR", "FL", "RR", "RL")
 MOTORS = [f"{leg}_{joint}_joint" for leg in LEGS for joint in ("hip", "thigh", "calf")]

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 import excite
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
 from excite.doctor.examine import examine
 from excite.logs.robot import nominal_robot
 from tests.conversion import written

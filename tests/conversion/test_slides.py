@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.columns.words import read_clue
-from excite.conversion.mapping import Map
+from excite.conversion.column_words import read_clue
+from excite.conversion.explicit_mapping import Map
 from excite.errors import ExciteError
 from tests.conversion import written
 from tests.conversion.test_guesses import named, table

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import excite
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
 from tests.conversion.test_habits import table
 from tests.quadruped import LEGS, write_quadruped
 

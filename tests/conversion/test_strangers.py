@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import excite
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
-from excite.conversion.sources.registry import read_source
+from excite.conversion.sources.source import read_source
 from excite.errors import LogError
 from excite.export.models.verification import pinocchio_error
 from excite.logs.robot import nominal_robot

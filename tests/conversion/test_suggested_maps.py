@@ -143,6 +143,6 @@ def test_columns_stated_of_no_joint_are_asked_about(columns, said, data, arm, tm
     names = [f"{word}{k + 1}" for word in ("q", "tau") for k in range(3)]
     table = np.column_stack([data["time"], data["q"], data["tau"]])
     np.savetxt(tmp_path / "run.csv", table, delimiter=",", header=",".join(["time", *names]), comments="")
-    stated = excite.conversion.mapping.Map.model_validate({"columns": columns})
+    stated = excite.conversion.explicit_mapping.Map.model_validate({"columns": columns})
     with pytest.raises(UnclearError, match=said):
         excite.convert([tmp_path / "run.csv"], arm, tmp_path / "log", stated)

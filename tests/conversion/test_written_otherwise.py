@@ -13,8 +13,8 @@ import pytest
 
 import excite
 from excite.conversion.convert import Conversion
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
 from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS, whole

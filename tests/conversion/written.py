@@ -12,7 +12,7 @@ import pyarrow.parquet
 
 import excite
 from excite.conversion.convert import Conversion
-from excite.conversion.mapping import Map
+from excite.conversion.explicit_mapping import Map
 
 # A recording is one trial, all of it to identify from.
 _IN_ONE = {"trials": {"validation": ["none"], "split": "none"}}

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.campaign.settings import CampaignSettings
+from excite.campaign.journal import CampaignSettings
 from excite.robot.catalogue import data_folder
 from excite.robot.loading import load_robot
 from tests.corpus.case import Case

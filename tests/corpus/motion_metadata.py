@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from excite.motion.readers.npz import METADATA
+from excite.motion.readers.tables import METADATA
 from tests.corpus.case import Case
 from tests.corpus.practice import columns
 from tests.logs.conftest import ARM

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from excite.motion.library import library_folder
+from excite.motion.collection import library_folder
 from tests.corpus.arm import MJCF
 from tests.corpus.case import Case
 from tests.corpus.practice import c3d, person, write_log

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import save_log
 from excite.logs.log import Log, LogHeader, Trial

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.answer.absorbed import estimated_gains
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.servo.gain_fit import Rows, fitted_servo, spread_of_gains
 from excite.documents.diagnosis import Diagnosis as Document

@@ -10,8 +10,7 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.bodies.base_tilt import BaseTilt
-from excite.diagnosis.effects.bodies.level_axes import level_axes
+from excite.diagnosis.effects.bodies import BaseTilt, level_axes
 from excite.logs.files import save_log
 from excite.logs.log import Log, LogHeader, Trial
 

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.attribution.hypotheses import Search as Hypotheses
-from excite.diagnosis.attribution.hypotheses import along
+from excite.diagnosis.attribution import Search as Hypotheses
+from excite.diagnosis.attribution import along
 from excite.diagnosis.budget.bodies import body, likeliest_beside
 from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design
@@ -17,7 +17,7 @@ from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.record import begun_baseline, rows_of
 from excite.diagnosis.budget.search import Search
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor

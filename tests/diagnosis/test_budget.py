@@ -13,13 +13,12 @@ import yaml
 from scipy.signal import lfilter
 
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
+from excite.diagnosis.arm.diagnose import independent_joints, other_machine, unison
+from excite.diagnosis.arm.read import explained
 from excite.diagnosis.budget.fit.joint_fit import effective_share
 from excite.diagnosis.budget.made import budget_of, stands_clear
-from excite.diagnosis.budget.reading import explained
 from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
-from excite.diagnosis.budget.same_machine import other_machine
 from excite.diagnosis.budget.shares import Shares
-from excite.diagnosis.budget.unison import independent_joints, unison
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline_fit import fit_baseline

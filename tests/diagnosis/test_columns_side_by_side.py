@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.diagnosis.budget.fit.terms import TermMaker
 from excite.diagnosis.budget.library import Library
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.dry_friction.friction_sign import SIGNS
 from excite.diagnosis.equations.own_columns import own_rows, own_signals, own_terms

@@ -14,20 +14,24 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.cycle import Cycle, acting, later, servo_cycle
-from excite.diagnosis.servo.gains import known_servo
-from excite.diagnosis.servo.levels import error_integral, trial_levels
-from excite.diagnosis.servo.noise import servo_floor
-from excite.diagnosis.servo.servo import Servo, read_signals
-from excite.diagnosis.servo.servo_drive import servo_drive
-from excite.diagnosis.servo.stated import stated_servo
-from excite.diagnosis.servo.tracking import tracking
+from excite.diagnosis.servo.closed_loop import servo_drive, tracking
+from excite.diagnosis.servo.diagnose import servo_floor
+from excite.diagnosis.servo.gains import known_servo, stated_servo
+from excite.diagnosis.servo.servo import (
+    Cycle,
+    Servo,
+    acting,
+    error_integral,
+    later,
+    read_signals,
+    servo_cycle,
+    trial_levels,
+)
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
-from excite.logs.signals.butterworth import lowpass
-from excite.logs.signals.differentiate import central_differences
+from excite.logs.signals.butterworth import central_differences, lowpass
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

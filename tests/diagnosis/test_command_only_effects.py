@@ -9,15 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution.hypotheses import Search
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.attribution import Search
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.encoders import servo_effects
+from excite.diagnosis.servo.closed_loop import clearly_lags
+from excite.diagnosis.servo.diagnose import servo_effects
 from excite.diagnosis.servo.servo import Servo, read_signals
-from excite.diagnosis.servo.transport import clearly_lags
 from excite.logs.files import load_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot

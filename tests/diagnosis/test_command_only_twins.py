@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap
-from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.attribution.attribution import Attribution, Stage
-from excite.diagnosis.servo.confirmation import confirmed, with_twin
-from excite.diagnosis.servo.strength import effect_strength, without_faint
+from excite.diagnosis.attribution import Attribution, Stage
+from excite.diagnosis.servo.diagnose import confirmed, with_twin
+from excite.diagnosis.servo.servo import effect_strength, without_faint
 
 
 def gap(before: float, after: float, floor: float) -> Gap:

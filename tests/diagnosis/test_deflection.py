@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from excite.diagnosis.effects.gears.deflection import deflect
 from excite.diagnosis.effects.gears.gear import Behind, Gear
+from excite.diagnosis.effects.gears.gear_effect import deflect
 
 
 def deflected(*values) -> np.ndarray:

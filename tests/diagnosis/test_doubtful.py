@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.doubtful import in_doubt
+from excite.diagnosis.diagnose import diagnose, in_doubt
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.doctor.channel_errors import OF_TORQUES
 from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.registry import OF_TORQUES
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log, changed

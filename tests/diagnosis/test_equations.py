@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution.evidence import effective_counts
+from excite.diagnosis.attribution import effective_counts
 from excite.diagnosis.equations.joint_torque import Equations, Solver
 from tests.diagnosis.test_deflection import deflected
 

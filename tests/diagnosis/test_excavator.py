@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.effects.bodies.reach import reach
+from excite.diagnosis.answer.answer import Diagnosis
+from excite.diagnosis.effects.bodies import reach
 from excite.logs.log import Trial
 from excite.robot.loading import load_robot
 from tests.diagnosis.swung import ROLES, diagnosed_trials, swinging

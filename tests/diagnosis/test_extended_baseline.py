@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution.extended import extended
-from excite.diagnosis.attribution.hypotheses import Search, along
+from excite.diagnosis.attribution import Search, along, extended
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline

@@ -9,22 +9,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.floating.answer.gap import gap_of, residual_of
-from excite.diagnosis.floating.answer.held_out import refit
+from excite.diagnosis.floating.answer import gap_of, left_by_parameters, refit, residual_of
+from excite.diagnosis.floating.diagnose import attribute, unknown_places
+from excite.diagnosis.floating.effects.bodies import SwingingJoint
 from excite.diagnosis.floating.effects.effect import FloatingEffect, links, segment_of
-from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
+from excite.diagnosis.floating.effects.forces import PressedContact, Surface
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
-from excite.diagnosis.floating.equations.problem import Problem, build_problem
+from excite.diagnosis.floating.equations.problem import Problem, build_problem, find_unloaded
 from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.equations.state import State
-from excite.diagnosis.floating.equations.unloaded import find_unloaded
-from excite.diagnosis.floating.search.attribution import attribute
-from excite.diagnosis.floating.search.parameter_errors import left_by_parameters
 from excite.diagnosis.floating.search.ranking import Ranked
 from excite.diagnosis.floating.search.refinement import Placed, nominal_fit, refine
 from excite.diagnosis.floating.search.together import needed
-from excite.diagnosis.floating.search.unknown_place import unknown_places
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log

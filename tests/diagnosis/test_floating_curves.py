@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.floating.answer.curves import trial_curves
+from excite.diagnosis.floating.answer import trial_curves
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.equations.problem import build_problem
 from excite.diagnosis.floating.equations.record import prepare_record

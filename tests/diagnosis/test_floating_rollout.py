@@ -12,20 +12,23 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.floating import simulator as rollout_compare
+from excite.diagnosis.floating.effects.bodies import SwingingJoint
 from excite.diagnosis.floating.effects.effect import FloatingEffect
-from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
+from excite.diagnosis.floating.effects.forces import PressedContact, Surface, UnloggedContact
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
-from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.equations.problem import Problem, build_problem
 from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.equations.state import State
 from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit, refine
-from excite.diagnosis.floating.simulator import rollout_compare
-from excite.diagnosis.floating.simulator.augmented import standing_model
-from excite.diagnosis.floating.simulator.noted import read_notes
-from excite.diagnosis.floating.simulator.rollout import Simulator
-from excite.diagnosis.floating.simulator.rollout_compare import Reloaded, simulated, unheard
+from excite.diagnosis.floating.simulator import (
+    Reloaded,
+    Simulator,
+    read_notes,
+    simulated,
+    standing_model,
+    unheard,
+)
 from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash
-from excite.diagnosis.effects.gears.joint_elasticity import JointElasticity
+from excite.diagnosis.effects.gears.gear_effect import JointElasticity
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor

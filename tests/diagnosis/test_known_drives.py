@@ -14,7 +14,7 @@ from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.robot.description import FrictionBlock
 from excite.robot.loading import load_robot
-from excite.robot.per_joint import DriveFrictions
+from excite.robot.quantities import DriveFrictions
 from tests.identification.practice_log import arm_log, changed
 
 ELBOW = 2

@@ -11,7 +11,7 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.arm_trial import Bands
-from excite.diagnosis.equations.known_motion import bands_by_noise, noise_density
+from excite.diagnosis.equations.noise_floor import bands_by_noise, noise_density
 from excite.logs.log import Log, LogHeader, Trial
 
 RATE, SECONDS = 200.0, 12.0

@@ -9,15 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution.hypotheses import Search
-from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
+from excite.diagnosis.attribution import Search
+from excite.diagnosis.effects.form import Context
+from excite.diagnosis.effects.readings import ActuatorLag
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.servo.cycle import Cycle
-from excite.diagnosis.servo.late_command import delay_for_lag
-from excite.diagnosis.servo.servo import Servo, read_signals
+from excite.diagnosis.servo.closed_loop import delay_for_lag
+from excite.diagnosis.servo.servo import Cycle, Servo, read_signals
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
 from tests.diagnosis.two_joints import moved, two_joint_log

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.bodies.likeliest_body import likeliest_body
+from excite.diagnosis.effects.bodies import likeliest_body
 from excite.identification.inertia import pseudo_inertia_matrices
 
 REACH = 0.6

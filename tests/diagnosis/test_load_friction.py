@@ -9,14 +9,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.effects.friction.load_dependent_friction import (
+from excite.diagnosis.effects.form import JointStep
+from excite.diagnosis.effects.friction import (
     CurvedLoadFriction,
     LoadDependentFriction,
     Loaded,
     MotorLoadFriction,
     motor_torque,
 )
-from excite.diagnosis.effects.note import JointStep
 from tests.diagnosis.test_budget import FRICTION, budgeted, two_joints
 from tests.diagnosis.two_joints import COULOMB, RATE_HZ, URDF, VISCOUS
 

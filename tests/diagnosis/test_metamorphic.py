@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from excite.diagnosis.arm import read
-from excite.diagnosis.attribution.attribution import Attribution
+from excite.diagnosis.attribution import Attribution
 
 
 def _term(nameless: str, evidence: float) -> Any:

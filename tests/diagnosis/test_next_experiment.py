@@ -15,11 +15,10 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.next_experiment.candidates import within_record
-from excite.diagnosis.next_experiment.paths import retraced
-from excite.diagnosis.simulator.augmented import augmented_model
+from excite.diagnosis.next_experiment.candidates import retraced, within_record
 from excite.diagnosis.simulator.augmented_plant import fitted_plant, physical_plant
-from excite.diagnosis.simulator.found import Found
+from excite.diagnosis.simulator.model_text import Found
+from excite.diagnosis.simulator.rollout_compare import augmented_model
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot

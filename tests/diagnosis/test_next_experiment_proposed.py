@@ -11,13 +11,11 @@ import pinocchio as pin
 import pytest
 
 from excite.arrays import Array
-from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.attribution.attribution import Scored
-from excite.diagnosis.attribution.hypotheses import Search
-from excite.diagnosis.attribution.scoring import Scorer
+from excite.diagnosis.answer.answer import Diagnosis
+from excite.diagnosis.attribution import Scored, Scorer, Search
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline

@@ -9,11 +9,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.answer.shrink import gap_of
+from excite.diagnosis.answer.gap import gap_of
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
-from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
+from excite.diagnosis.equations.noise_floor import (
+    kinematic_noise,
+    position_noise,
+    spectral_floor,
+    unrepeated,
+    white_floor,
+)
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import held_power

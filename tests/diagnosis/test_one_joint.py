@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution.hypotheses import Search
-from excite.diagnosis.attribution.scoring import Scorer
+from excite.diagnosis.attribution import Scorer, Search
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor

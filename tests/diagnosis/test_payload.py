@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.bodies.payload import Payload
+from excite.diagnosis.effects.bodies import Payload
 from excite.robot.loading import load_robot
 
 

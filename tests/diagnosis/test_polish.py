@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.diagnosis.budget.polish.steps import mixed
+from excite.diagnosis.budget.polish import mixed
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from excite.diagnosis.answer.budget import Budget
-from excite.diagnosis.arm import judged
+from excite.diagnosis.arm import diagnose as judged
 from excite.diagnosis.arm.read import Reading
-from excite.diagnosis.attribution.scoring import Scorer
+from excite.diagnosis.attribution import Scorer
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import load_log

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.bodies.base_tilt import tilted
+from excite.diagnosis.effects.bodies import tilted
 from excite.diagnosis.effects.bristle import Bristle, Static
-from excite.diagnosis.effects.forces.joint_spring import RubbingSpring
+from excite.diagnosis.effects.forces import RubbingSpring
 from excite.diagnosis.effects.form import Sizes
-from excite.diagnosis.equations.dry_friction.presliding import RATIO, bend, bend_further
+from excite.diagnosis.equations.dry_friction.friction_sign import RATIO, bend, bend_further
 from excite.diagnosis.simulator.rollout import Simulator
-from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Past, PositionServo, Window
+from excite.diagnosis.simulator.rollout_windows import LoggedTorque, Past, PositionServo, Window
 from excite.errors import InputError
 
 INERTIA = 0.5

@@ -9,12 +9,9 @@ import pytest
 
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.simulator.rollout_drives import LoggedTorque
-from excite.diagnosis.simulator.rollout_floor import position_noise, replicated
-from excite.diagnosis.simulator.rollout_torques import driving_torques
-from excite.diagnosis.simulator.rollout_windows import Plan, torque_plan
-from excite.logs.signals.butterworth import lowpass
-from excite.logs.signals.differentiate import central_differences
+from excite.diagnosis.simulator.rollout_compare import position_noise, replicated
+from excite.diagnosis.simulator.rollout_windows import LoggedTorque, Plan, driving_torques, torque_plan
+from excite.logs.signals.butterworth import central_differences, lowpass
 from excite.robot.loading import load_robot
 
 RATE, KP, KD, SIGMA_Q, SIGMA_TAU = 200.0, 800.0, 40.0, 2e-5, 0.4

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.logs.log import Trial
 from tests.diagnosis.swung import ROLES, diagnosed_trials, swinging
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from excite.diagnosis.attribution.simplex import nelder_mead
+from excite.diagnosis.attribution import nelder_mead
 
 
 def asked(loss, simplex, evaluations):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.effects.form import Draft, Sizes
-from excite.diagnosis.effects.gears.joint_elasticity import JointElasticity
-from excite.diagnosis.simulator.notes import write_note
+from excite.diagnosis.effects.gears.gear_effect import JointElasticity
+from excite.diagnosis.simulator.model_text import write_note
 from excite.diagnosis.simulator.rollout import Simulator
-from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Window
+from excite.diagnosis.simulator.rollout_windows import LoggedTorque, Window
 
 ROTOR, LINK, STIFFNESS = 0.2, 0.5, 100.0
 MODEL = f"""

@@ -9,11 +9,10 @@ from scipy.integrate import solve_ivp
 from scipy.special import expit
 
 from excite.diagnosis.effects.form import DEFLECTION, Draft, Sizes
-from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash
-from excite.diagnosis.effects.gears.soft_play import SoftPlay
-from excite.diagnosis.simulator.notes import write_note
+from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash, SoftPlay
+from excite.diagnosis.simulator.model_text import write_note
 from excite.diagnosis.simulator.rollout import Simulator
-from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Window
+from excite.diagnosis.simulator.rollout_windows import LoggedTorque, Window
 
 INERTIA, WEIGHT, VISCOUS = 0.5, 4.0, 0.3
 PENDULUM = """

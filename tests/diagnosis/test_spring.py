@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.forces.joint_spring import HardeningSpring, JointSpring
+from excite.diagnosis.effects.forces import HardeningSpring, JointSpring
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.arrays import Array
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.noise_floor import white_floor
 from excite.diagnosis.equations.resampling import arm_samples

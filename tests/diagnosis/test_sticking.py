@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.sticking_joints import fit_where_slipping
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.equations.standstill import fit_where_slipping
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.friction.stribeck import Stribeck
+from excite.diagnosis.effects.friction import Stribeck
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.logs.files import save_log
 from excite.logs.header_blocks import TrialHeader

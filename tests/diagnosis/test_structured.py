@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from excite.diagnosis.attribution.structured import structured_joints
+from excite.diagnosis.attribution import structured_joints
 
 JOINTS = ("a", "b", "c", "d")
 N, SPECTRAL = 2000, np.full(4, 0.01)

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from excite.diagnosis.answer.answer import NO_NAME, Diagnosis
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named
 from excite.diagnosis.answer.candidate import Candidate, Estimate, sized
 from excite.diagnosis.answer.gap import ChannelGap, Gap
-from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.answer.tables import NO_NAME
 from excite.finding import Finding
 
 

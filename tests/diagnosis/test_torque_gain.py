@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import load_log, save_log
 from tests.diagnosis.two_joints import COULOMB, VISCOUS, moved, two_joint_log

@@ -11,11 +11,15 @@ from scipy.signal import lfilter
 
 from excite.diagnosis.answer.trivial import TrivialErrors, beaten
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.trivial.alike import alike
-from excite.diagnosis.trivial.delayed_command import fit_delayed_command
-from excite.diagnosis.trivial.even_trial import EvenTrial, even_trials
-from excite.diagnosis.trivial.fir import fit_fir
-from excite.diagnosis.trivial.neighbours import of_positions, of_torques
+from excite.diagnosis.trivial import (
+    EvenTrial,
+    alike,
+    even_trials,
+    fit_delayed_command,
+    fit_fir,
+    of_positions,
+    of_torques,
+)
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot

@@ -11,12 +11,12 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import root
 
-from excite.diagnosis.floating.effects.wobbling_mass import WobblingMass
-from excite.diagnosis.floating.equations.band import in_band
+from excite.diagnosis.floating.diagnose import attribute
+from excite.diagnosis.floating.effects.bodies import WobblingMass
 from excite.diagnosis.floating.equations.problem import build_problem
 from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
+from excite.diagnosis.floating.equations.spectrum import in_band
 from excite.diagnosis.floating.equations.state import State
-from excite.diagnosis.floating.search.attribution import attribute
 from excite.logs.files import load_log
 
 # A human on plates, nominal inertials given and right; nothing hidden.

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from excite.doctor.drive_fit import WIDTH, Drive, shares_left
-from excite.doctor.reading import Reading
+from excite.doctor.channel_mapping import Reading
+from excite.doctor.model_comparison import WIDTH, Drive, shares_left
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log

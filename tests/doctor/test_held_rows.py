@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.doctor.checks.held_rows import held_rows
+from excite.doctor.checks.clock import held_rows
 from excite.doctor.examine import examine
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial

@@ -11,8 +11,7 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.doctor.doctor import doctor
-from excite.doctor.examine import examine
-from excite.doctor.registry import CHECKS
+from excite.doctor.examine import CHECKS, examine
 from excite.errors import IllLogError
 from excite.identification.identify import identify
 from excite.logs.files import load_log, save_log

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 import excite
-from excite.doctor.checks.machine import OtherMachine
+from excite.doctor.examine import OtherMachine
 from excite.finding import Finding
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial

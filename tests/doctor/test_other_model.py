@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.doctor.channel_mapping import Reading
 from excite.doctor.examine import examine
-from excite.doctor.mistakes.other_machine import left_by_any_bodies
-from excite.doctor.reading import Reading
+from excite.doctor.mistakes.torques import left_by_any_bodies
 from excite.doctor.torque_samples import torque_samples
 from excite.logs.log import Log
 from excite.robot.loading import load_robot

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import excite
+from excite.doctor.channel_mapping import Reading
 from excite.doctor.examine import examine
-from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import torque_samples
 from tests.conversion.test_guesses import named, table
 from tests.conversion.test_slides import LIFT, lift_motion, lifted

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import excite
+from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.examine import Chart, examine
-from excite.doctor.reading import Reading
 from excite.doctor.wrench_samples import wrench_samples
 from excite.logs.log import Log
 from excite.motion.collection import load_motions

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.doctor.examine import examine
-from excite.doctor.likely_bodies import LikelyBodies
+from excite.doctor.inertial_prior import LikelyBodies
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import read_tree
 from excite.robot.loading import load_robot

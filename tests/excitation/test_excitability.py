@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError
-from excite.excitation.excitability import _random_state, determined_columns, excitable_parameters
+from excite.excitation.precision import _random_state, determined_columns, excitable_parameters
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot

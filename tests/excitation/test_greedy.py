@@ -8,11 +8,23 @@ import numpy as np
 import pytest
 
 from excite.errors import UnknownNameError
-from excite.excitation.conditioning import MotionFactor, compute_conditioning, motion_factor, stack_factors
-from excite.excitation.greedy import LogDeterminant, TotalDeviation, candidate_information, greedy_choice
+from excite.excitation.conditioning import (
+    MotionFactor,
+    compute_conditioning,
+    motion_factor,
+    rank,
+    stack_factors,
+)
 from excite.excitation.precision import nominal_values, predicted_std, row_noise
-from excite.excitation.ranking import rank
-from excite.excitation.selection import SELECTIONS, Candidates, select_motions
+from excite.excitation.selection import (
+    SELECTIONS,
+    Candidates,
+    LogDeterminant,
+    TotalDeviation,
+    candidate_information,
+    greedy_choice,
+    select_motions,
+)
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines

@@ -10,17 +10,13 @@ import pytest
 from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.conditioning import motion_factor
-from excite.excitation.optimisation.amplitudes import AmplitudeSums
-from excite.excitation.optimisation.clearance import Clearance
-from excite.excitation.optimisation.criterion import CRITERIA, make_criterion
-from excite.excitation.optimisation.family import FourierFamily, MotionFamily, WaypointFamily
+from excite.excitation.optimisation.chain import AmplitudeSums, Clearance, closest_points
 from excite.excitation.optimisation.limits import JointLimits, linear_rows, peak_shares
-from excite.excitation.optimisation.objective import Objective
-from excite.excitation.optimisation.program import solve_program
+from excite.excitation.optimisation.motions import FourierFamily, MotionFamily, WaypointFamily
+from excite.excitation.optimisation.objective import CRITERIA, Objective, make_criterion
+from excite.excitation.optimisation.program import TorqueLimits, solve_program
 from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation
-from excite.excitation.optimisation.segments import closest_points
 from excite.excitation.optimisation.task import ExcitationTask
-from excite.excitation.optimisation.torques import TorqueLimits
 from excite.regressor.adjoint import regressor_gradient, torque_gradient
 from excite.regressor.kernels import base_link_regressor, inverse_dynamics, joint_torque_regressor
 from excite.robot.loading import load_robot

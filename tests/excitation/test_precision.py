@@ -11,8 +11,7 @@ from excite.errors import InputError
 from excite.excitation.conditioning import motion_factor
 from excite.excitation.precision import predicted_std, row_noise
 from excite.regressor.base_parameters import structural_base_parameters
-from excite.regressor.columns import measured_columns, regressor_rows
-from excite.regressor.wrench import base_wrench
+from excite.regressor.columns import base_wrench, measured_columns, regressor_rows
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.excitation.conditioning import compute_conditioning, motion_factor
-from excite.excitation.ranking import Ranking, rank
+from excite.excitation.conditioning import Ranking, compute_conditioning, motion_factor, rank
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines
 

@@ -7,9 +7,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from excite.excitation.conditioning import MotionFactor, compute_conditioning, motion_factor
-from excite.excitation.segment_choice import choose_by_segments, segment_information
-from excite.excitation.sub_regressors import segment_columns
+from excite.excitation.conditioning import MotionFactor, compute_conditioning, motion_factor, segment_columns
+from excite.excitation.selection import choose_by_segments, segment_information
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines

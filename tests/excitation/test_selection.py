@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError
-from excite.excitation.conditioning import motion_factor
-from excite.excitation.ranking import Ranking, rank
+from excite.excitation.conditioning import Ranking, motion_factor, rank
 from excite.excitation.selection import best_three_per_dof
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines

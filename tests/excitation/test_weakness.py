@@ -9,10 +9,9 @@ import pinocchio as pin
 import pytest
 
 from excite.excitation.conditioning import MotionFactor, compute_conditioning, motion_factor
-from excite.excitation.weakness import motion_gains, unexcited_parameters, weak_directions
-from excite.regressor.base_parameters import structural_base_parameters
+from excite.excitation.unexcited_directions import motion_gains, unexcited_parameters, weak_directions
+from excite.regressor.base_parameters import r_factor, structural_base_parameters
 from excite.regressor.columns import measured_columns, regressor_rows
-from excite.regressor.factor import r_factor
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
+from excite.identification.changed_segments import Changes
 from excite.identification.identified_parameters import IdentifiedParameters
-from excite.identification.judgement.changes import Changes
-from excite.identification.judgement.consistency import check_consistency
-from excite.identification.judgement.judgement import Judgement, TotalMassReport
+from excite.identification.judgement.judgement import Judgement, TotalMassReport, check_consistency
 from excite.identification.judgement.uncertainty import ParameterUncertainty
 from excite.identification.parameter_statistics import ParameterStatistics
-from excite.identification.result import Identification
-from excite.identification.solution import Solution
+from excite.identification.result import Identification, Solution
 from excite.robot.robot import Robot
 
 

@@ -11,11 +11,11 @@ import pytest
 
 from excite.atomic import atomic_folder
 from excite.errors import InputError, MotionError, UnknownNameError
+from excite.export.clearance import on_grid
 from excite.export.export import export_motion, export_motions
-from excite.export.grid import on_grid
-from excite.export.registry import EXPORTERS
+from excite.export.exporter import EXPORTERS
+from excite.motion.collection import library_folder
 from excite.motion.files import load_motion, save_motion
-from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, MotionError, UnsafeMotionError
-from excite.export.arms.franka_limits import LIMITS, franka_violations
+from excite.export.arms import LIMITS, franka_violations
 from excite.export.export import export_motion
+from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
-from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 from excite.errors import InputError, MotionError
 from excite.export.export import export_motion
 from excite.human.body import Body
-from excite.human.osim import osim_text
+from excite.human.models import osim_text
+from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
-from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -12,8 +12,8 @@ import pytest
 from excite.errors import InputError
 from excite.export.export import export_motion
 from excite.export.models.mjcf import exact_text
+from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
-from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -15,8 +15,8 @@ import pytest
 import excite
 from excite.errors import InputError, NoSolutionError, RobotError
 from excite.export.models import urdf as urdf_module
-from excite.export.models.bodies import InconsistentModelError, Member, parameters_of, split_segment
 from excite.export.models.mjcf import write_mjcf
+from excite.export.models.parameters import InconsistentModelError, Member, parameters_of, split_segment
 from excite.export.models.urdf import write_urdf
 from excite.export.models.write import write_models
 from excite.export.models.xml_text import XmlText

@@ -8,10 +8,10 @@ import io
 import numpy as np
 import pytest
 
-from excite.export.models.differences import find_differences
-from excite.identification.judgement.statistics import base_statistics
+from excite.export.models.parameters import find_differences
 from excite.identification.judgement.uncertainty import parameter_uncertainty
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
+from excite.identification.statistics import base_statistics
 from excite.robot.loading import load_robot
 from tests.export.identified import identification_of
 from tests.identification.synthetic import arm_rows, assemble

@@ -17,9 +17,9 @@ from excite.cli import main as command_line
 from excite.export.models.write import write_models
 from excite.logs.files import save_log
 from excite.robot.catalogue import bundled_robots
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import build_robot, load_robot, model_file
 from excite.robot.robot import Robot
-from excite.robot.scaffold.files import write_scaffold
 from excite.simulation.true_parameters import scattered_parameters
 from tests.export.identified import identification_of
 from tests.identification.practice_log import arm_log

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from excite.campaign.journal import CampaignSettings
 from excite.campaign.loop import campaign
 from excite.campaign.plan import plan
-from excite.campaign.settings import CampaignSettings
 from excite.cli.main import _run
 from excite.export.export import export_motions
-from excite.export.whose import robot_beside
+from excite.export.resolve_robot import robot_beside
 from excite.motion.files import save_motion
-from excite.robot.bringing import keep_description, load_robot
-from excite.viewer.thing import read_thing
+from excite.robot.load import keep_description, load_robot
+from excite.viewer.source import read_thing
 from tests.robot.small import ARM
 from tests.simulation.motions import standing
 

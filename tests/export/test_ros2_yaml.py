@@ -11,13 +11,13 @@ import yaml
 
 from excite.errors import InputError, MotionError
 from excite.export.export import export_motion
+from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
-from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_file
-from excite.safety.repairs.transfers import plan_transfer
+from excite.safety.repairs.retiming import plan_transfer
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.conversion.sources.ros import unitree as recorded
+from excite.conversion.sources import messages as recorded
 from excite.errors import InputError, MotionError
 from excite.export.export import export_motion
-from excite.export.humanoids.unitree_motors import KNOWN, motor_places
+from excite.export.humanoids import KNOWN, motor_places
+from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
-from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

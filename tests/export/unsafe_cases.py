@@ -9,8 +9,8 @@ from pathlib import Path
 
 from excite.errors import ExciteError
 from excite.export.export import export_motion
+from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
-from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from excite.cli.main import _run
+from excite.motion.collection import library_folder
 from excite.motion.files import load_motion, save_motion
-from excite.motion.library import library_folder
 from excite.robot.loading import load_robot
 from tests.corpus import arm, practice
 from tests.documents import small

@@ -9,9 +9,14 @@ import pytest
 
 from excite.human.measure import MeasuredPerson, measure_recordings
 from excite.human.recording import Recording
-from excite.human.virtual.exercise import Performance, perform_exercise
-from excite.human.virtual.laboratory import record_performance, record_standing
-from excite.human.virtual.person import VirtualSubject, draw_subject
+from excite.human.virtual import (
+    Performance,
+    VirtualSubject,
+    draw_subject,
+    perform_exercise,
+    record_performance,
+    record_standing,
+)
 
 
 @dataclass(frozen=True, eq=False)

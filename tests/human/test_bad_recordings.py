@@ -14,9 +14,8 @@ from typer.testing import CliRunner
 import excite
 from excite.cli.main import app
 from excite.errors import InputError, LogError
-from excite.human.measure import MeasureSettings
-from excite.human.readers import c3d_structure
-from excite.human.readers.registry import read_recording
+from excite.human.measure import MeasureSettings, read_recording
+from excite.human.readers import c3d as c3d_structure
 from excite.human.recording import Recording
 from tests.corpus.practice import c3d
 from tests.corpus.recordings import _csv, _mot, _trc

@@ -12,11 +12,9 @@ from typer.testing import CliRunner
 
 from excite.cli.main import app
 from excite.errors import LogError
-from excite.human.measure import MeasureSettings, measure_recordings
-from excite.human.readers.registry import read_recording
-from excite.human.segments import JOINT_NAMES
-from excite.human.subject import Subject
-from excite.human.virtual.files import write_mot, write_trc
+from excite.human.measure import MeasureSettings, measure_recordings, read_recording
+from excite.human.segments import JOINT_NAMES, Subject
+from excite.human.virtual import write_mot, write_trc
 from tests.human.recordings import write_c3d
 
 

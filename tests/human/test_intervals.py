@@ -8,8 +8,8 @@ import pytest
 import excite
 from excite.human.identified import identify_person
 from excite.human.measure import measure_person, write_person
-from excite.human.subject import Subject
-from excite.human.virtual.session import simulate_person
+from excite.human.segments import Subject
+from excite.human.virtual import simulate_person
 
 SUBJECT = Subject(70.0, 1.82, "male")
 

@@ -11,12 +11,10 @@ from typer.testing import CliRunner
 
 from excite.cli.main import app
 from excite.human.measure import write_person
-from excite.human.plates.ground_reaction import ReactionTable, ground_reactions
+from excite.human.models import urdf_text
+from excite.human.plates import ReactionTable, ground_reactions
 from excite.human.segments import JOINT_NAMES
-from excite.human.urdf import urdf_text
-from excite.human.virtual.exercise import perform_exercise
-from excite.human.virtual.laboratory import ground_wrench
-from excite.human.virtual.person import true_model
+from excite.human.virtual import ground_wrench, perform_exercise, true_model
 from excite.logs.files import load_log
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.loading import load_robot

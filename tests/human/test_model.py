@@ -11,14 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from excite.errors import InputError
 from excite.human.body import body_of
-from excite.human.markers.inverse_kinematics import MarkerModel
-from excite.human.markers.tree_loops import marker_equations, solve_tree
-from excite.human.osim import osim_text
-from excite.human.posture.joint_angles import base_pose, frame_turn, joint_angles, pose_of
-from excite.human.posture.skeleton import place_segments, point_jacobian
-from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS
-from excite.human.subject import Subject
-from excite.human.urdf import robot_yaml, urdf_text
+from excite.human.markers.inverse_kinematics import MarkerModel, marker_equations, solve_tree
+from excite.human.models import osim_text, robot_yaml, urdf_text
+from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS, Subject
+from excite.human.skeleton import base_pose, frame_turn, joint_angles, place_segments, point_jacobian, pose_of
 from excite.robot.loading import load_robot
 
 BODY = body_of(Subject(70.0, 1.82, "male"), table="dumas")

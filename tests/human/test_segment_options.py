@@ -11,10 +11,8 @@ from typer.testing import CliRunner
 
 from excite.cli.main import app
 from excite.errors import InputError, UnknownNameError
-from excite.human.body import body_of
-from excite.human.inertials import BodyInertia
-from excite.human.segments import NAMES
-from excite.human.subject import Subject
+from excite.human.body import BodyInertia, body_of
+from excite.human.segments import NAMES, Subject
 from tests.human.recordings import write_c3d
 
 WHO = ["--mass", "70", "--height", "1.82", "--sex", "male"]

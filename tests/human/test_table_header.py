@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.errors import LogError
-from excite.human.readers.csv import CsvReader
+from excite.human.readers.tables import CsvReader
 
 N, EVERY = 12, 5
 HEADERS = {

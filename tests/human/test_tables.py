@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.human.body import body_of
-from excite.human.inertials import ANTHROPOMETRY
-from excite.human.segments import NAMES
-from excite.human.subject import Subject
+from excite.human.body import ANTHROPOMETRY, body_of
+from excite.human.segments import NAMES, Subject
 from excite.human.tables import de_leva, dumas
 
 

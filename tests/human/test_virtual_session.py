@@ -7,8 +7,8 @@ import pytest
 
 from excite.errors import InputError, UnknownNameError
 from excite.human.measure import measure_person
-from excite.human.subject import Subject
-from excite.human.virtual.session import simulate_person
+from excite.human.segments import Subject
+from excite.human.virtual import simulate_person
 
 SUBJECT = Subject(58.0, 1.65, "female")
 

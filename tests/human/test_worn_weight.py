@@ -12,12 +12,17 @@ from typer.testing import CliRunner
 from excite.cli.main import app
 from excite.errors import InputError
 from excite.human.identified import split_trials
-from excite.human.subject import Subject
-from excite.human.virtual.exercise import perform_exercise, repeat_exercise
-from excite.human.virtual.laboratory import record_performance, record_standing
-from excite.human.virtual.person import Belt, draw_subject
-from excite.human.virtual.session import simulate_person
-from excite.human.weight.weight_candidate import AddedMass, Candidate
+from excite.human.segments import Subject
+from excite.human.virtual import (
+    Belt,
+    draw_subject,
+    perform_exercise,
+    record_performance,
+    record_standing,
+    repeat_exercise,
+    simulate_person,
+)
+from excite.human.weights import AddedMass, Candidate
 from tests.human.recordings import write_c3d
 
 

@@ -9,12 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.judgement.statistics import BaseStatistics, base_statistics
-from excite.identification.noise.trial_grid import trial_grids
+from excite.identification.noise import trial_grids
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights
-from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.logs.signals.differentiate import central_differences
+from excite.identification.statistics import BaseStatistics, base_statistics
+from excite.logs.signals.butterworth import central_differences, lowpass, settling_samples
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.robot.loading import load_robot
 from excite.rows.settings import Filters

@@ -7,7 +7,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer
+from excite.identification.estimators.projection import ProjectionAnswer
 
 # Codes of DAQP, and tolerances for rows of length one.
 _EQUALITY, _SOLVED = 5, 1

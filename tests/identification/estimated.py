@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from excite.identification.estimators.base import Estimate, Estimator
+from excite.identification.estimators.estimator import Estimate, Estimator
 from excite.identification.estimators.method_settings import methods_with
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem

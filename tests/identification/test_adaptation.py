@@ -11,9 +11,9 @@ from scipy.stats import multivariate_normal
 from excite.identification.adaptation import evident_spreads
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.identify import identify
-from excite.identification.judgement.statistics import base_statistics
 from excite.identification.problem import build_problem
 from excite.identification.regression import condense_problem, iterate_weights
+from excite.identification.statistics import base_statistics
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

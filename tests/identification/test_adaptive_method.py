@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, NoSolutionError
-from excite.identification.constraints.body import segment_scales
-from excite.identification.estimators.base import Estimate, SolveStatus
-from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
-from excite.identification.estimators.conic.conic import ConicAnswer, ConicProblem, interior_point
+from excite.identification.constraints.cones import segment_scales
+from excite.identification.estimators.conic import (
+    Adaptive,
+    AdaptiveSettings,
+    ConicAnswer,
+    ConicProblem,
+    interior_point,
+)
+from excite.identification.estimators.estimator import Estimate, SolveStatus
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std

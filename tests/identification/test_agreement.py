@@ -8,22 +8,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.constraints.ellipsoid import ellipsoid_matrix
-from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
-from excite.identification.estimators.conic.cls3 import DensityRealisable
-from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
-from excite.identification.estimators.least_squares.ls import LeastSquares, LsSettings
-from excite.identification.estimators.least_squares.map import MaximumAPosteriori
-from excite.identification.estimators.least_squares.robust import Huber
-from excite.identification.estimators.least_squares.wls import WeightedLeastSquares, WlsSettings
+from excite.identification.constraints.cones import ellipsoid_matrix
+from excite.identification.constraints.linear import equivalent_boxes
+from excite.identification.estimators.conic import (
+    DensityRealisable,
+    LmiSettings,
+    PhysicallyConsistent,
+    PhysicallyFeasible,
+)
+from excite.identification.estimators.hqp import HierarchicalProgram
+from excite.identification.estimators.least_squares import (
+    Huber,
+    LeastSquares,
+    LsSettings,
+    MaximumAPosteriori,
+    WeightedLeastSquares,
+    WlsSettings,
+)
 from excite.identification.estimators.physical import PhysicalRetrieval
-from excite.identification.estimators.quadratic.cls1 import BoundedNearBase
-from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
-from excite.identification.estimators.quadratic.qp import QuadraticProgram
-from excite.identification.judgement.statistics import base_statistics
+from excite.identification.estimators.quadratic import BoundedNearBase, QuadraticProgram
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
+from excite.identification.statistics import base_statistics
 from excite.robot.loading import load_robot
 from tests.identification.estimated import estimated
 from tests.identification.synthetic import arm_problem, wrench_problem

@@ -6,26 +6,29 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, NoSolutionError
-from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.constraints.cones import Cones, triangle_of
-from excite.identification.constraints.ellipsoid import body_ellipsoids, com_ellipsoids
-from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
-from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
-from excite.identification.estimators.conic.conic import (
+from excite.identification.constraints.cones import Cones, body_ellipsoids, com_ellipsoids, triangle_of
+from excite.identification.constraints.linear import LinearConstraints, equivalent_boxes
+from excite.identification.estimators.conic import (
+    Cls3Settings,
     ConicAnswer,
     ConicProblem,
+    DensityRealisable,
+    PhysicallyConsistent,
+    PhysicallyFeasible,
     conic_distance,
     interior_point,
     refine_answer,
 )
-from excite.identification.estimators.conic.lmi import PhysicallyConsistent
-from excite.identification.estimators.entropic.entropic_newton import newton_steps
-from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer, EntropicProblem
-from excite.identification.estimators.entropic.geometric import entropic_divergence, pullback_metric
+from excite.identification.estimators.entropic import (
+    EntropicAnswer,
+    EntropicProblem,
+    entropic_divergence,
+    newton_steps,
+    pullback_metric,
+)
+from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
-from excite.identification.judgement.consistency import check_consistency
+from excite.identification.judgement.judgement import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.robot.loading import load_robot
 from tests.identification.estimated import estimated

@@ -6,12 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.identification.constraints.inertia_cone import icosphere_corners, quadratic_rows
+from excite.identification.constraints.cones import icosphere_corners, quadratic_rows
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
-from excite.identification.estimators.quadratic.projection import distance_to_optimum
+from excite.identification.estimators.projection import distance_to_optimum
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
-from excite.identification.judgement.consistency import check_consistency
-from excite.identification.judgement.validation import correlation
+from excite.identification.judgement.judgement import check_consistency, correlation
 from tests.identification.dual_active_set import project
 
 

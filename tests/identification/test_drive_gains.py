@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.errors import ExciteError, LogError
-from excite.identification.load.drive_gains import identify_drive_gains, identify_load
+from excite.identification.load import identify_drive_gains, identify_load
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log, changed

@@ -12,27 +12,36 @@ from typer.testing import CliRunner
 
 from excite.cli.main import app
 from excite.errors import NoSolutionError
-from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.constraints.inertia_cone import icosphere_corners
-from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.conic.adaptive import Adaptive
-from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
-from excite.identification.estimators.conic.cls3 import DensityRealisable
-from excite.identification.estimators.conic.conic import interior_point
-from excite.identification.estimators.conic.lmi import PhysicallyConsistent
-from excite.identification.estimators.entropic.entropic_newton import newton_steps
-from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer
-from excite.identification.estimators.least_squares import ls, robust, wls
-from excite.identification.estimators.least_squares import map as map_module
-from excite.identification.estimators.least_squares.ls import LeastSquares
-from excite.identification.estimators.least_squares.map import MaximumAPosteriori
-from excite.identification.estimators.least_squares.robust import Huber
-from excite.identification.estimators.least_squares.wls import WeightedLeastSquares
-from excite.identification.estimators.quadratic.cls1 import BoundedNearBase
-from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer
-from excite.identification.estimators.quadratic.qp import QuadraticProgram
-from excite.identification.estimators.registry import ESTIMATORS
+from excite.identification.constraints.cones import icosphere_corners
+from excite.identification.constraints.linear import equivalent_boxes
+from excite.identification.estimators import (
+    least_squares as ls,
+)
+from excite.identification.estimators import least_squares as map_module
+from excite.identification.estimators import (
+    least_squares as robust,
+)
+from excite.identification.estimators import (
+    least_squares as wls,
+)
+from excite.identification.estimators.conic import (
+    Adaptive,
+    DensityRealisable,
+    PhysicallyConsistent,
+    PhysicallyFeasible,
+    interior_point,
+)
+from excite.identification.estimators.entropic import EntropicAnswer, newton_steps
+from excite.identification.estimators.estimator import ESTIMATORS, SolveStatus
+from excite.identification.estimators.hqp import HierarchicalProgram
+from excite.identification.estimators.least_squares import (
+    Huber,
+    LeastSquares,
+    MaximumAPosteriori,
+    WeightedLeastSquares,
+)
+from excite.identification.estimators.projection import ProjectionAnswer
+from excite.identification.estimators.quadratic import BoundedNearBase, QuadraticProgram
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.physical import feasible_set
 from excite.identification.problem import IdentificationProblem

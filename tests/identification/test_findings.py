@@ -8,19 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.campaign.findings import mass_comparison
+from excite.campaign.result import mass_comparison
+from excite.identification.changed_segments import ChangedSegment
+from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.method_settings import estimator_settings
-from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
-from excite.identification.judgement.changes import ChangedSegment
-from excite.identification.judgement.doubts import _bounds, find_doubts
-from excite.identification.judgement.judgement import TotalMassReport
-from excite.identification.judgement.statistics import base_statistics
-from excite.identification.judgement.warnings import find_warnings
+from excite.identification.judgement.judgement import TotalMassReport, _bounds, find_doubts, find_warnings
 from excite.identification.problem import build_problem
-from excite.identification.result import Identification
-from excite.identification.result_text import mass_change
+from excite.identification.result import Identification, mass_change
+from excite.identification.statistics import base_statistics
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log, changed

@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
-from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
-from excite.identification.estimators.quadratic.hierarchy_state import Level
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer
+from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.hierarchy import Level, solve_hierarchy
+from excite.identification.estimators.projection import ActiveSetProjector, ProjectionAnswer
 from excite.identification.orthogonal import row_space
 from tests.identification.dual_active_set import project
 

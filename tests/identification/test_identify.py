@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.identification.estimators.registry import ESTIMATORS
+from excite.identification.changed_segments import find_changes
+from excite.identification.estimators.estimator import ESTIMATORS
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify_problem
-from excite.identification.judgement.changes import find_changes
-from excite.identification.judgement.statistics import base_statistics
 from excite.identification.regression import condense_problem, iterate_weights
 from excite.identification.result import SCHEMA
+from excite.identification.statistics import base_statistics
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")

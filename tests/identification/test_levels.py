@@ -9,29 +9,27 @@ import pytest
 from scipy.optimize import minimize
 
 from excite.errors import NoSolutionError
-from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.constraints.linear import LinearConstraints, stack_constraints
-from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
-from excite.identification.estimators.least_squares import robust
-from excite.identification.estimators.least_squares.robust import Huber, RobustSettings
-from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
-from excite.identification.estimators.quadratic.cls1 import (
-    BoundedNearBase,
-    Cls1Settings,
-    bound_rows,
-    parameter_bounds,
-)
-from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
-from excite.identification.estimators.quadratic.hierarchy_state import HierarchyAnswer, HierarchyState, Level
-from excite.identification.estimators.quadratic.hqp import (
+from excite.identification.constraints.linear import LinearConstraints, equivalent_boxes, stack_constraints
+from excite.identification.estimators import least_squares as robust
+from excite.identification.estimators.conic import Cls3Settings, DensityRealisable
+from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.hierarchy import HierarchyAnswer, HierarchyState, Level, solve_hierarchy
+from excite.identification.estimators.hqp import (
     HierarchicalProgram,
     HqpSettings,
     _recomputed_status,
     paper_levels,
 )
-from excite.identification.estimators.scaled import scaled_parameters
-from excite.identification.physical.known_bounds import KnownBounds
+from excite.identification.estimators.least_squares import Huber, RobustSettings
+from excite.identification.estimators.projection import ActiveSetProjector
+from excite.identification.estimators.quadratic import (
+    BoundedNearBase,
+    Cls1Settings,
+    bound_rows,
+    parameter_bounds,
+)
+from excite.identification.estimators.scaled_problem import scaled_parameters
+from excite.identification.physical.bounds import KnownBounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot

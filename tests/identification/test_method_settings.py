@@ -10,20 +10,23 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.identification.estimators.conic.cls3 import Cls3Settings
-from excite.identification.estimators.conic.lmi import LmiSettings
+from excite.identification.estimators.conic import Cls3Settings, LmiSettings
+from excite.identification.estimators.estimator import (
+    DEFAULT_METHOD,
+    ESTIMATORS,
+    find_estimator,
+    method_summaries,
+)
+from excite.identification.estimators.hqp import HqpSettings
 from excite.identification.estimators.method_settings import (
     estimator_settings,
     methods_with,
     own_settings,
 )
-from excite.identification.estimators.quadratic.hqp import HqpSettings
-from excite.identification.estimators.quadratic.qp import QpSettings
-from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS, find_estimator
+from excite.identification.estimators.quadratic import QpSettings
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.estimators.summary import method_summaries
 from excite.identification.identify import identify
-from excite.identification.physical.known_bounds import KnownBounds
+from excite.identification.physical.bounds import KnownBounds
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log
 

@@ -9,17 +9,25 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.identification.constraints.bounds import within_bounds
-from excite.identification.constraints.inertia_cone import icosphere_corners
-from excite.identification.constraints.mass_range import masses_in_range
-from excite.identification.constraints.mirror import mirrored_pairs, mirrored_parameters
-from excite.identification.constraints.sphere import SphereRows
-from excite.identification.estimators.least_squares.robust import Huber, RobustSettings
-from excite.identification.estimators.least_squares.wls import WeightedLeastSquares, WlsSettings
+from excite.identification.constraints.cones import icosphere_corners
+from excite.identification.constraints.linear import within_bounds
+from excite.identification.estimators.hqp import (
+    HierarchicalProgram,
+    HqpSettings,
+    SphereRows,
+    masses_in_range,
+    mirrored_pairs,
+    mirrored_parameters,
+)
+from excite.identification.estimators.least_squares import (
+    Huber,
+    RobustSettings,
+    WeightedLeastSquares,
+    WlsSettings,
+)
 from excite.identification.estimators.method_settings import estimator_settings, methods_with
-from excite.identification.estimators.quadratic.cls1 import BoundedNearBase, Cls1Settings
-from excite.identification.estimators.quadratic.hqp import HierarchicalProgram, HqpSettings
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer
+from excite.identification.estimators.projection import ProjectionAnswer
+from excite.identification.estimators.quadratic import BoundedNearBase, Cls1Settings
 from excite.identification.inertia import inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.least_squares.robust import _deviations
-from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
-from excite.identification.estimators.quadratic.projection import (
+from excite.identification.estimators.least_squares import _deviations
+from excite.identification.estimators.projection import (
+    ActiveSetProjector,
     ProjectionAnswer,
     Projector,
     distance_to_optimum,

@@ -8,23 +8,26 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.identification.constraints.body import pseudo_inertia_cones
+from excite.identification.constraints.cones import pseudo_inertia_cones
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
-from excite.identification.estimators.base import Estimate, SolveStatus
-from excite.identification.estimators.checked import checked_estimate, finite_or_raised, no_solution
-from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
-from excite.identification.estimators.entropic.geometric import (
-    entropic_divergence,
-    pullback_metric,
-    relative_map,
+from excite.identification.estimators.conic import LmiSettings, PhysicallyConsistent
+from excite.identification.estimators.entropic import entropic_divergence, pullback_metric, relative_map
+from excite.identification.estimators.estimator import (
+    ESTIMATORS,
+    Estimate,
+    SolveStatus,
+    best_feasible,
+    best_known,
+    checked_estimate,
+    estimate_at,
+    finite_or_raised,
+    no_solution,
+    plain_models,
 )
-from excite.identification.estimators.fallback import best_feasible, best_known, estimate_at, plain_models
-from excite.identification.estimators.least_squares.ls import LsSettings
-from excite.identification.estimators.quadratic.hqp import HqpSettings
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer, distance_to_optimum
-from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.estimators.ridge import Ridge, ridge
-from excite.identification.estimators.scaled import scaled_parameters
+from excite.identification.estimators.hqp import HqpSettings
+from excite.identification.estimators.least_squares import LsSettings
+from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum
+from excite.identification.estimators.scaled_problem import Ridge, ridge, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std

@@ -9,16 +9,15 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, NoSolutionError
-from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings, feasible_set
-from excite.identification.judgement.consistency import check_consistency
-from excite.identification.physical import relaxation as relaxation_module
+from excite.identification.judgement.judgement import check_consistency
+from excite.identification.physical import retrieval as relaxation_module
 from excite.identification.physical.bounds import InertiaRules
 from excite.identification.physical.bounds_file import load_physical_bounds
 from excite.identification.physical.coordinates import physical_parameters, standard_parameters
-from excite.identification.physical.objective import base_objective, essential_objective
-from excite.identification.physical.relaxation import Relaxation
-from excite.identification.physical.retrieval import RetrievalSettings
+from excite.identification.physical.feasible_set import base_objective, essential_objective
+from excite.identification.physical.retrieval import Relaxation, RetrievalSettings
 from tests.reproduction import iiwa
 from tests.reproduction.iiwa_excitation import excitation
 

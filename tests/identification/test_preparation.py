@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, LogError
-from excite.identification.alignment import estimate_torque_delay
-from excite.identification.explanation import explain_signals
+from excite.identification.explanation import estimate_torque_delay, explain_signals
 from excite.identification.preparation import advance_torques, prepare_trial
 from excite.identification.problem import build_problem
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix
 from excite.regressor.kernels import inverse_dynamics
-from excite.report.plots.signals import plot_signals, save_signal_figure
+from excite.report.sections.identified import plot_signals, save_signal_figure
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.rows.joint_rows import SHARED_GEAR_TERMS

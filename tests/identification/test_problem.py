@@ -170,7 +170,7 @@ def test_factor_is_that_of_the_weighted_rows(panda: Robot) -> None:
 def test_long_trials_in_blocks_give_the_same_rows(panda: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     log = arm_log(panda, friction=0.5)
     whole = build_problem(panda, log)
-    monkeypatch.setattr("excite.rows.filtered_rows._BLOCK_BYTES", 8.0 * 7 * 99 * 300)
+    monkeypatch.setattr("excite.rows.kinematics._BLOCK_BYTES", 8.0 * 7 * 99 * 300)
     blocks = build_problem(panda, log)
     np.testing.assert_allclose(blocks.Y, whole.Y, atol=1e-5 * np.abs(whole.Y).max())
 

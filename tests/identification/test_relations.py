@@ -12,7 +12,7 @@ import pytest
 from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.logs.log import Log, LogHeader, Trial
-from excite.robot.bringing import load_robot
+from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 from tests.identification.synthetic import smooth
 

@@ -11,9 +11,8 @@ import pytest
 import yaml
 
 from excite.errors import LogError
-from excite.identification.judgement.ranges import NEVER_NEGATIVE
-from excite.identification.sessions.compare import identify_sessions, write_ranges
-from excite.identification.sessions.split import split_sessions
+from excite.identification.changed_segments import NEVER_NEGATIVE
+from excite.identification.sessions.compare import identify_sessions, split_sessions, write_ranges
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings

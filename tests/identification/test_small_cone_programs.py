@@ -10,19 +10,19 @@ import pytest
 from excite.errors import NoSolutionError
 from excite.identification.constraints.cones import Cones, triangle_of
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
-from excite.identification.estimators.base import Estimate, SolveStatus
-from excite.identification.estimators.conic import conic_estimate as module
-from excite.identification.estimators.conic.conic import (
+from excite.identification.estimators import conic as module
+from excite.identification.estimators.conic import (
     ConicAnswer,
     ConicProblem,
     conic_distance,
+    conic_estimate,
     conic_violations,
+    consistent_or_raised,
     interior_point,
     refine_answer,
 )
-from excite.identification.estimators.conic.conic_estimate import conic_estimate, consistent_or_raised
-from excite.identification.estimators.fallback import estimate_at
-from excite.identification.estimators.ridge import Ridge, ridge
+from excite.identification.estimators.estimator import Estimate, SolveStatus, estimate_at
+from excite.identification.estimators.scaled_problem import Ridge, ridge
 from excite.identification.estimators.settings import PullSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights

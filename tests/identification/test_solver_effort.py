@@ -6,22 +6,25 @@ import numpy as np
 import pytest
 
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.conic import conic
-from excite.identification.estimators.conic.conic import conic_distance, interior_point, refine_answer
-from excite.identification.estimators.entropic.entropic import entropic_distance
-from excite.identification.estimators.entropic.entropic_newton import newton_steps, safe_cholesky
-from excite.identification.estimators.entropic.entropic_problem import EntropicProblem
-from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
-from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
-from excite.identification.estimators.quadratic.hierarchy_state import HierarchyAnswer, Level
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer
-from excite.identification.estimators.quadratic.semi_projection import (
+from excite.identification.estimators import conic
+from excite.identification.estimators.conic import conic_distance, interior_point, refine_answer
+from excite.identification.estimators.entropic import (
+    EntropicProblem,
+    entropic_distance,
+    newton_steps,
+    safe_cholesky,
+)
+from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.hierarchy import (
+    HierarchyAnswer,
+    Level,
     SemiProjection,
     completed,
     pursue,
     semi_project,
+    solve_hierarchy,
 )
+from excite.identification.estimators.projection import ActiveSetProjector, ProjectionAnswer
 from tests.identification.dual_active_set import project
 from tests.identification.test_solvers import conic_problem, entropic_problem, semi_problem
 

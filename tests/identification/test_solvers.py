@@ -10,26 +10,27 @@ from scipy.optimize import minimize
 
 from excite.identification.constraints.cones import Cones, triangle_of
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
-from excite.identification.estimators.conic.conic import (
+from excite.identification.estimators.conic import (
     ConicAnswer,
     ConicProblem,
+    _is_ray,
     conic_distance,
     conic_violations,
     interior_point,
     refine_answer,
     stack_rows,
 )
-from excite.identification.estimators.conic.conic_estimate import _is_ray
-from excite.identification.estimators.entropic.entropic import entropic_distance
-from excite.identification.estimators.entropic.entropic_newton import newton_steps, safe_cholesky
-from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer, EntropicProblem
-from excite.identification.estimators.entropic.geometric import (
+from excite.identification.estimators.entropic import (
+    EntropicAnswer,
+    EntropicProblem,
+    entropic_distance,
     entropic_divergence,
+    newton_steps,
     pullback_metric,
     relative_map,
+    safe_cholesky,
 )
-from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
-from excite.identification.estimators.quadratic.semi_projection import (
+from excite.identification.estimators.hierarchy import (
     SemiAnswer,
     SemiProjection,
     completed,
@@ -37,6 +38,7 @@ from excite.identification.estimators.quadratic.semi_projection import (
     pursue,
     semi_project,
 )
+from excite.identification.estimators.projection import ActiveSetProjector
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.regression import prior_std
 from excite.robot.loading import load_robot

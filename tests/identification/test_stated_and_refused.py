@@ -9,36 +9,43 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.constraints.sphere import SphereRows
-from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
-from excite.identification.estimators.entropic.geometric import entropic_divergence
-from excite.identification.estimators.least_squares.ls import LeastSquares, LsSettings
-from excite.identification.estimators.least_squares.map import MapSettings, MaximumAPosteriori
-from excite.identification.estimators.least_squares.robust import Huber, RobustSettings
-from excite.identification.estimators.least_squares.wls import WeightedLeastSquares, WlsSettings
-from excite.identification.estimators.method_settings import estimator_settings, methods_with
-from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings
-from excite.identification.estimators.quadratic import qp as qp_module
-from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
-from excite.identification.estimators.quadratic.hqp import (
+from excite.identification.constraints.linear import LinearConstraints, equivalent_boxes
+from excite.identification.estimators import quadratic as qp_module
+from excite.identification.estimators.conic import LmiSettings, PhysicallyConsistent
+from excite.identification.estimators.entropic import entropic_divergence
+from excite.identification.estimators.estimator import (
+    DEFAULT_METHOD,
+    ESTIMATORS,
+    SolveStatus,
+    method_summaries,
+)
+from excite.identification.estimators.hierarchy import SemiProjection, pursue, semi_project
+from excite.identification.estimators.hqp import (
     HierarchicalProgram,
     HqpSettings,
     ScaledSphere,
+    SphereRows,
     paper_levels,
 )
-from excite.identification.estimators.quadratic.projection import ProjectionAnswer
-from excite.identification.estimators.quadratic.qp import QpSettings, QuadraticProgram
-from excite.identification.estimators.quadratic.semi_projection import SemiProjection, pursue, semi_project
-from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
-from excite.identification.estimators.scaled import scaled_parameters
+from excite.identification.estimators.least_squares import (
+    Huber,
+    LeastSquares,
+    LsSettings,
+    MapSettings,
+    MaximumAPosteriori,
+    RobustSettings,
+    WeightedLeastSquares,
+    WlsSettings,
+)
+from excite.identification.estimators.method_settings import estimator_settings, methods_with
+from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings
+from excite.identification.estimators.projection import ActiveSetProjector, ProjectionAnswer
+from excite.identification.estimators.quadratic import QpSettings, QuadraticProgram
+from excite.identification.estimators.scaled_problem import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, known_segments
-from excite.identification.estimators.summary import method_summaries
 from excite.identification.inertia import inertia_matrices
+from excite.identification.physical.bounds import KnownBounds
 from excite.identification.physical.default_bounds import default_bounds
-from excite.identification.physical.known_bounds import KnownBounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot

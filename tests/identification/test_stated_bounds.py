@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.identification.constraints.stated_bounds import speaks_of, stated_bounds
+from excite.identification.constraints.linear import speaks_of, stated_bounds
 from excite.identification.estimators.settings import BodySettings
+from excite.identification.physical.bounds import KnownBounds
 from excite.identification.physical.coordinates import NAMES, standard_parameters
 from excite.identification.physical.default_bounds import default_bounds
-from excite.identification.physical.known_bounds import KnownBounds
 from excite.identification.problem import IdentificationProblem
 from tests.reproduction import iiwa
 

@@ -9,11 +9,10 @@ import pytest
 from scipy.signal import lfilter
 
 from excite.identification.judgement.essential import essential_parameters
-from excite.identification.judgement.statistics import base_statistics
-from excite.identification.noise.correlated import NoiseModel, estimate_noise, whitened_factor
-from excite.identification.noise.trial_grid import trial_grids
+from excite.identification.noise import NoiseModel, estimate_noise, trial_grids, whitened_factor
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights
+from excite.identification.statistics import base_statistics
 from tests.identification.coverage import CASES, Case, Experiment
 
 PLAIN, FILTERED = Case(None, 100.0), Case(5.0, 100.0)

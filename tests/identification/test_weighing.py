@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, LogError
-from excite.identification.load.weighing import weigh_load
+from excite.identification.load import weigh_load
 from excite.logs.files import save_log
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings

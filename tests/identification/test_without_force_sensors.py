@@ -10,14 +10,14 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import LogError
-from excite.identification.constraints.mass import measured_total_mass
+from excite.identification.constraints.linear import measured_total_mass
 from excite.identification.problem import build_problem
 from excite.identification.regression import condense_problem, iterate_weights
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.mixture import make_generator
 from excite.robot.robot import Robot
-from excite.rows.imu import imu_motion
+from excite.rows.kinematics import imu_motion
 from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidate
 from excite.simulation.recording import Recording

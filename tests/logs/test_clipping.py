@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from excite.logs.clipping import clipped_samples
-from excite.logs.resolution import channel_noise, coarse_step
+from excite.logs.columns import clipped_samples
+from excite.logs.quantisation import channel_noise, coarse_step
 
 ALWAYS = np.ones(2750, dtype=bool)
 STEPS = (0.0, 2.0 * np.pi / 2**16, 2.0 * np.pi / 2**14, 2e-3)

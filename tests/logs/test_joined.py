@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.doctor.checks.rate import StatedRate
+from excite.doctor.checks.clock import StatedRate
 from excite.errors import InputError, LogError
 from excite.logs.files import load_log, save_log
-from excite.logs.joined import join_logs
+from excite.logs.load_with_robot import join_logs
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
 from excite.robot.robot import Robot

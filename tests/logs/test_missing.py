@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from excite.logs.missing import missing_rows
+from excite.logs.sampling import missing_rows
 
 PERIOD = 0.005
 N = 2750

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from excite.logs.lattice import rounded_step
-from excite.logs.resolution import channel_noise, coarse_step
+from excite.logs.quantisation import channel_noise, coarse_step, rounded_step
 
 RATE = 200.0
 TIME = np.arange(2000) / RATE

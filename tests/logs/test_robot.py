@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from excite.errors import RobotError
-from excite.logs.bare_urdf import bare_description, nominal_faults
 from excite.logs.files import load_log, save_log
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log
-from excite.logs.robot import nominal_robot, robot_for_log
+from excite.logs.robot import bare_description, nominal_faults, nominal_robot, robot_for_log
 from excite.robot.loading import build_robot, load_robot
 from excite.simulation.sensing import log_header
 from tests.logs.conftest import ARM

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt, sosfreqz
 
-from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.logs.signals.sections import both_ways, butterworth_sections
+from excite.logs.signals.butterworth import both_ways, butterworth_sections, lowpass, settling_samples
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 5, 6])

@@ -7,18 +7,23 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import LogError
-from excite.logs.signals.average import average_periods
 from excite.logs.signals.base_pose import base_motion
-from excite.logs.signals.butterworth import lowpass, noise_bandwidth, settling_samples
-from excite.logs.signals.differentiate import central_differences, periodic_derivatives
+from excite.logs.signals.butterworth import (
+    central_differences,
+    lowpass,
+    noise_bandwidth,
+    periodic_derivatives,
+    settling_samples,
+)
 from excite.logs.signals.resample import (
+    average_periods,
     is_uniform,
+    moving_span,
     near_samples,
     resample_noisy,
     resample_smooth,
     uniform_grid,
 )
-from excite.logs.signals.trim import moving_span
 
 RATE = 200.0
 TIME = np.arange(2000) / RATE

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, LogError, UnknownNameError
-from excite.logs.signals.butterworth import lowpass
+from excite.logs.signals.butterworth import decimation_step, kept_samples, lowpass, wrapped_derivatives
 from excite.logs.signals.clock import cubic_misfit, find_clock, regular_clock
 from excite.logs.signals.coupling import coupling_matrix, joint_positions, joint_torques
-from excite.logs.signals.decimate import decimation_step, kept_samples
-from excite.logs.signals.differentiate import wrapped_derivatives
-from excite.logs.signals.outliers import replace_outliers
+from excite.logs.signals.resample import long_standstill, replace_outliers
 from excite.logs.signals.trace import SignalStep, SignalTrace, trace_from_json
-from excite.logs.signals.trim import long_standstill
 from tests.logs.lag import estimate_lag
 
 RATE = 200.0

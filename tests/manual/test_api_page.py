@@ -12,7 +12,7 @@ from operator import attrgetter
 import pytest
 
 import excite
-from excite.namespaces import SPACES
+from excite.api import SPACES
 from tests.manual.pages import DOCS
 
 PAGE = (DOCS / "reference" / "api.md").read_text(encoding="utf-8")

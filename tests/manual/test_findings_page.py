@@ -9,9 +9,9 @@ from functools import cache
 from pathlib import Path
 
 from excite.campaign.rehearsal import AT_LIMIT, FELL, SLIPPED, TOUCHED
-from excite.doctor.mistakes.registry import OF_TORQUES, OF_WRENCHES
-from excite.doctor.registry import CHECKS
-from excite.safety.checks.registry import CHECKS as SAFETY_CHECKS
+from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
+from excite.doctor.examine import CHECKS
+from excite.safety.check import CHECKS as SAFETY_CHECKS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "reference" / "findings.md").read_text(encoding="utf-8")

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.motion.generators.bodyparts import (
+from excite.motion.generators.generator import (
     free_upper_body,
     leg_joints,
     pelvis_height,

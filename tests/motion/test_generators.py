@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 
 from excite.errors import RobotError, UnknownNameError
-from excite.motion.generators.bodyparts import central_range, leg_joints, sole_half_width, upper_body
-from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.curves import FourierCurve, SplineCurve
-from excite.motion.generators.footprints import resting_soles
-from excite.motion.generators.fourier import amplitude_scale, start_conditions
-from excite.motion.generators.mixture import plan_candidates
-from excite.motion.generators.registry import GENERATORS, make_generator
-from excite.motion.generators.rocking import rocking_period
+from excite.motion.generators.generator import (
+    Candidate,
+    central_range,
+    leg_joints,
+    sole_half_width,
+    upper_body,
+)
+from excite.motion.generators.joint_motions import amplitude_scale, start_conditions
+from excite.motion.generators.mixture import GENERATORS, make_generator, plan_candidates
+from excite.motion.generators.walking import resting_soles, rocking_period
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.robot.test_scaffold import biped, written

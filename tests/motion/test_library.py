@@ -10,9 +10,9 @@ import pytest
 
 import excite
 from excite.errors import InputError, UnknownNameError
+from excite.motion.collection import library_folder, library_names
 from excite.motion.content import content_hash, motion_columns
 from excite.motion.files import load_motion, save_motion
-from excite.motion.library import library_folder, library_names
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.loading import build_robot
 

@@ -8,12 +8,20 @@ import numpy as np
 import pytest
 
 from excite.errors import NoSolutionError, RobotError
-from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.footprints import Print, Sole, Swing, resting_soles, sole_curve, there_and_back
-from excite.motion.generators.polynomials import hermite_curve, polyline_curve
-from excite.motion.generators.registry import make_generator
-from excite.motion.generators.rocking import rocking_period
-from excite.motion.generators.walk_pattern import Timing, plan_pattern
+from excite.motion.generators.curves import hermite_curve, polyline_curve
+from excite.motion.generators.generator import Candidate
+from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.walking import (
+    Print,
+    Sole,
+    Swing,
+    Timing,
+    plan_pattern,
+    resting_soles,
+    rocking_period,
+    sole_curve,
+    there_and_back,
+)
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 

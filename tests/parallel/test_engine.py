@@ -16,10 +16,10 @@ import pytest
 
 from excite import errors
 from excite.errors import ExciteError, InputError
-from excite.parallel import local
+from excite.parallel import engine as local
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import MOST_JOBS, AtMost
-from excite.parallel.shared import Shared, SharedFile, load_shared
+from excite.parallel.worker import Shared, SharedFile, load_shared
 from tests.parallel import work
 
 

@@ -18,7 +18,7 @@ def test_the_check_says_of_drawn_motions_what_a_second_judge_does() -> None:
 
 
 def test_a_check_that_overlooks_jerk_is_found_out(monkeypatch) -> None:
-    from excite.safety.checks import registry
+    from excite.safety import check as registry
 
     monkeypatch.delitem(registry.CHECKS, "joint_jerk")
     found = list(disagreements(0, range(60), Counter()))

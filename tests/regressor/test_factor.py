@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.regressor.factor import r_factor
+from excite.regressor.base_parameters import r_factor
 
 
 def test_a_factor_stands_for_its_rows_without_squaring_their_condition() -> None:

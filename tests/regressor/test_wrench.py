@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.regressor.wrench import base_wrench
+from excite.regressor.columns import base_wrench
 from excite.robot.robot import Robot
 from tests.regressor.conftest import sample
 

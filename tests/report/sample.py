@@ -11,8 +11,14 @@ import pinocchio as pin
 from excite.logs.signals.trace import SignalStep, SignalTrace
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion, MotionMetadata
-from excite.report.comparisons import ConditioningComparison, ForceComparison, MassComparison, PathComparison
-from excite.report.data import ReportData, save_report_data
+from excite.report.comparisons import (
+    ConditioningComparison,
+    ForceComparison,
+    MassComparison,
+    PathComparison,
+    ReportData,
+    save_report_data,
+)
 from excite.robot.robot import Robot
 from tests.report.diagnosed import budgeted, trial
 

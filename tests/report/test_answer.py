@@ -13,9 +13,9 @@ import pytest
 
 from excite.errors import InputError
 from excite.json_document import write_json
-from excite.made import made_by
+from excite.provenance import made_by
 from excite.report.page import report
-from excite.report.sections.diagnosed.verdict import rollout_share
+from excite.report.sections.diagnosed import rollout_share
 from tests.documents.small import SMALL
 
 

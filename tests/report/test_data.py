@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError
-from excite.report.data import ReportData, load_report_data, save_report_data
+from excite.report.comparisons import ReportData, load_report_data, save_report_data
 from tests.report.sample import sample_data
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.budget import EffectShare, UnnamedShare
 from excite.diagnosis.answer.gap import ChannelGap
-from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.trivial import TrivialErrors, beaten
 from excite.json_document import write_json
 from excite.report.page import report

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.errors import InputError
 from excite.json_document import write_json
-from excite.report.data import ReportData, save_report_data
+from excite.report.comparisons import ReportData, save_report_data
 from excite.report.page import report
 from tests.report.diagnosed import ambiguous, trial, two_joints_diagnosed, unknown
 

@@ -13,13 +13,12 @@ import pytest
 from typer.testing import CliRunner
 
 from excite.cli.main import app
-from excite.doctor.beside_model import beside_model
+from excite.doctor.model_comparison import beside_model
 from excite.logs.files import load_log, save_log
 from excite.logs.robot import nominal_robot
 from excite.motion.collection import load_motions
 from excite.motion.files import save_motion
-from excite.report.comparisons import MassComparison
-from excite.report.data import ReportData, load_report_data, save_report_data
+from excite.report.comparisons import MassComparison, ReportData, load_report_data, save_report_data
 from excite.report.page import report
 from excite.robot.loading import load_robot
 from tests.diagnosis.two_joints import moved, two_joint_log

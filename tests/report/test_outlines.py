@@ -34,6 +34,6 @@ def test_what_has_no_area_has_no_outline(points: np.ndarray) -> None:
 
 
 def test_pictures_are_drawn_without_the_hulls_of_scipy() -> None:
-    code = "import sys, excite.report.plots.snapshots; print(*({'scipy.spatial', 'scipy.linalg'} & set(sys.modules)))"
+    code = "import sys, excite.report.sections.motions; print(*({'scipy.spatial', 'scipy.linalg'} & set(sys.modules)))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == []

@@ -12,8 +12,7 @@ import pytest
 
 from excite.errors import InputError
 from excite.report.folder import read_folder
-from excite.report.page import render_page, report
-from excite.report.sections.registry import SECTIONS
+from excite.report.page import SECTIONS, render_page, report
 from tests.report.sample import sample_folder
 from tests.report.scripts import strange_scripts, without_scripts
 

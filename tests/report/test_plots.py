@@ -13,14 +13,19 @@ from defusedxml.ElementTree import fromstring
 from PIL import Image
 
 from excite.report.comparisons import ForceComparison
-from excite.report.plots.activity import draw_activity, peak_speed_share
 from excite.report.plots.body import draw_posture, front_view, shape_points
-from excite.report.plots.conditioning import draw_conditioning
 from excite.report.plots.forces import plot_forces
-from excite.report.plots.masses import plot_masses
-from excite.report.plots.rsd import plot_rsd
 from excite.report.plots.sketch import Outlines, Words, text_length
-from excite.report.plots.snapshots import choose_motions, different_instants, draw_snapshots
+from excite.report.sections.answers import plot_rsd
+from excite.report.sections.identified import plot_masses
+from excite.report.sections.motions import (
+    choose_motions,
+    different_instants,
+    draw_activity,
+    draw_snapshots,
+    peak_speed_share,
+)
+from excite.report.sections.planned import draw_conditioning
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion

@@ -11,13 +11,17 @@ import pytest
 
 from excite.logs.columns import BASE_POSE
 from excite.motion.collection import load_motions
-from excite.report.replay.bodies import CELLS, merge_corners, visible_bodies
-from excite.report.replay.nearest import nearest_pairs
-from excite.report.replay.packed import pack_table, packed_indices, unpack_table
-from excite.report.replay.scene import joint_tree, robot_scene
-from excite.report.replay.solids import solid_triangles
-from excite.report.replay.tracks import FRAMES_HZ, Tracks, motion_tracks
-from excite.report.replay.trial import trial_frames
+from excite.report.replay.bodies import CELLS, merge_corners, solid_triangles, visible_bodies
+from excite.report.replay.scene import joint_tree, robot_scene, trial_frames
+from excite.report.replay.tracks import (
+    FRAMES_HZ,
+    Tracks,
+    motion_tracks,
+    nearest_pairs,
+    pack_table,
+    packed_indices,
+    unpack_table,
+)
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model, geometry_data

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from excite.json_document import write_json
-from excite.made import made_by
-from excite.report.data import load_report_data, save_report_data
+from excite.provenance import made_by
+from excite.report.comparisons import Record, load_report_data, save_report_data
 from excite.report.html import html_table
 from excite.report.page import report
-from excite.report.record import Record
 from excite.report.sections.moving import Moving
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log

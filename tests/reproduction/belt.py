@@ -16,12 +16,18 @@ import numpy as np
 from excite.human.body import segment_box
 from excite.human.identified import IdentifiedPerson, added_mass, identify_person
 from excite.human.measure import MeasuredPerson, measure_recordings, write_person
-from excite.human.plates.ground_reaction import ReactionTable
+from excite.human.plates import ReactionTable
 from excite.human.segments import NAMES
-from excite.human.virtual.exercise import perform_exercise, repeat_exercise
-from excite.human.virtual.laboratory import record_performance, record_standing
-from excite.human.virtual.person import Belt, VirtualSubject, draw_subject
-from excite.human.weight.worn_weight import WornWeight, identify_wearing
+from excite.human.virtual import (
+    Belt,
+    VirtualSubject,
+    draw_subject,
+    perform_exercise,
+    record_performance,
+    record_standing,
+    repeat_exercise,
+)
+from excite.human.weight import WornWeight, identify_wearing
 
 # Table III: RMSE and CC by component, identified and Dumas.
 TABLE_3: dict[str, tuple[float, float, float, float]] = {

@@ -19,9 +19,8 @@ from excite.identification.physical.bounds_file import load_physical_bounds, loa
 from excite.identification.physical.coordinates import NAMES, physical_parameters, standard_parameters
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.problem import IdentificationProblem
-from excite.regressor.base_parameters import BaseParameters, base_parameters
+from excite.regressor.base_parameters import BaseParameters, base_parameters, r_factor
 from excite.regressor.columns import PARAMETERS, measured_columns, regressor_rows
-from excite.regressor.factor import r_factor
 from excite.robot.catalogue import data_folder
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 
 from excite.arrays import Array
 from excite.motion.generators.curves import FourierCurve
-from excite.motion.generators.fourier import amplitude_scale, start_conditions
+from excite.motion.generators.joint_motions import amplitude_scale, start_conditions
 from tests.reproduction.iiwa import HARMONICS, N_JOINTS, PERIOD_S, iiwa, published_base, rows
 
 COEFFICIENTS = Path(__file__).with_name("iiwa_excitation.csv")

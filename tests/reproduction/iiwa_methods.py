@@ -9,12 +9,19 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.momentum_observer import observe_momentum
-from excite.identification.physical.certificate import Certificate
-from excite.identification.physical.objective import TorqueObjective, base_objective, essential_objective
-from excite.identification.physical.relaxation import Relaxation
-from excite.identification.physical.retrieval import RetrievalSettings, retrieve_parameters
-from excite.identification.physical.search import descend_locally
-from excite.regressor.factor import r_factor
+from excite.identification.physical.feasible_set import (
+    TorqueObjective,
+    base_objective,
+    essential_objective,
+)
+from excite.identification.physical.retrieval import (
+    Certificate,
+    Relaxation,
+    RetrievalSettings,
+    descend_locally,
+    retrieve_parameters,
+)
+from excite.regressor.base_parameters import r_factor
 from tests.reproduction.iiwa import (
     N_COLUMNS,
     N_INERTIAL,

@@ -9,9 +9,8 @@ from functools import cache
 import numpy as np
 
 from excite.arrays import Array
-from excite.logs.signals.average import average_periods
-from excite.logs.signals.butterworth import lowpass
-from excite.logs.signals.differentiate import periodic_derivatives
+from excite.logs.signals.butterworth import lowpass, periodic_derivatives
+from excite.logs.signals.resample import average_periods
 from excite.motion.motion import Motion
 from excite.simulation.drives import nominal_drives
 from excite.simulation.simulate import simulate

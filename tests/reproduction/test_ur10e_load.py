@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.identification.load.drive_gains import identify_drive_gains, identify_load
-from excite.identification.load.weighing import weigh_load
+from excite.identification.load import identify_drive_gains, identify_load, weigh_load
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from tests.reproduction.recordings import UR10E_GAINS

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from excite.identification.judgement.statistics import base_statistics
-from excite.identification.judgement.validation import ChannelFit
+from excite.identification.judgement.judgement import ChannelFit
 from excite.identification.problem import build_problem
 from excite.identification.regression import condense_problem, iterate_weights
+from excite.identification.statistics import base_statistics
 from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.identification.identify import identify
-from excite.identification.load.drive_gains import identify_drive_gains
+from excite.identification.load import identify_drive_gains
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings

@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 
 import excite.robot.shapes.mesh_files
 from excite.errors import ExciteError, RobotError
+from excite.export.models.mjcf import read_mjcf
 from excite.export.models.mjcf_compiled import compile_mjcf
-from excite.export.models.mjcf_template import read_mjcf
 from excite.robot.catalogue import example_robot_data
+from excite.robot.init_robot.description import scaffold_description
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.mjcf.conversion import convert_mjcf
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.urdf import binary_stl
-from excite.robot.scaffold.description import scaffold_description
-from excite.robot.scaffold.files import write_scaffold
 from excite.robot.shapes.mesh_files import read_meshes
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
@@ -117,7 +117,7 @@ def test_a_failed_description_leaves_an_older_one(tmp_path: Path, monkeypatch: p
     def full(*_: object) -> Path:
         raise OSError(28, "No space left on device", str(out / "robot.yaml"))
 
-    monkeypatch.setattr("excite.robot.scaffold.files.write_text", full)
+    monkeypatch.setattr("excite.robot.init_robot.files.write_text", full)
     with pytest.raises(OSError, match="No space"):
         write_scaffold(source, out, overwrite=True)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
-from excite.robot.scaffold.files import write_scaffold
 from excite.robot.shapes.collision import collision_shapes
 
 # A bar of 0.3 m along its file's z, from the origin, 0.04 m by 0.02 m across.

@@ -16,9 +16,15 @@ from excite.errors import RobotError
 from excite.robot.catalogue import data_folder, example_robot_data
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes, shape_pairs
+from excite.robot.shapes.collision import (
+    TABLE,
+    PairSearch,
+    collision_model,
+    collision_shapes,
+    review_pairs,
+    shape_pairs,
+)
 from excite.robot.shapes.com_box import com_boxes, shape_bounds
-from excite.robot.shapes.ignored_pairs import PairSearch, review_pairs
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import shape_points
 

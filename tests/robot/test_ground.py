@@ -12,11 +12,10 @@ import yaml
 
 from excite.motion.motion import Motion, MotionMetadata
 from excite.robot.catalogue import example_robot_data
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.scaffold.files import write_scaffold
-from excite.robot.shapes.collision import TABLE, collision_shapes
-from excite.robot.shapes.ground import bottom
+from excite.robot.shapes.collision import TABLE, bottom, collision_shapes
 from excite.safety.check import check_motion
 from tests.robot.test_scaffold import biped
 

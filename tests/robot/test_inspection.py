@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 from excite.cli.main import app
 from excite.robot.catalogue import bundled_robots
 from excite.robot.inspection.chart import examine_description
-from excite.robot.inspection.inertia_rules import nearest_inertia
 from excite.robot.inspection.links import hull_of, tensor
+from excite.robot.inspection.rules import nearest_inertia
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
 

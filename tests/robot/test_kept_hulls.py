@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.robot.shapes import kept_hulls
-from excite.robot.shapes.kept_hulls import kept_hull
+from excite.robot.shapes import link_shapes as kept_hulls
+from excite.robot.shapes.link_shapes import kept_hull
 from excite.robot.shapes.meshes import Hull, convex_hull
 
 POINTS = np.random.default_rng(3).normal(size=(500, 3))

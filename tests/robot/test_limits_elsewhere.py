@@ -9,8 +9,8 @@ import pytest
 
 import excite
 from excite.errors import RobotError
+from excite.robot.init_robot.model_metadata import Source
 from excite.robot.robot import Robot
-from excite.robot.scaffold.source import Source
 from tests.robot.small import ARM, ELBOW_LIMIT
 
 MARGIN = 0.03

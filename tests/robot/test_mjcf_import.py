@@ -10,9 +10,9 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, RobotError
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
-from excite.robot.scaffold.files import write_scaffold
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.urdf.reading import parse_urdf
 

@@ -14,18 +14,21 @@ import yaml
 
 import excite
 from excite.errors import RobotError
-from excite.robot.holding import holding_torques
-from excite.robot.legs.upright import too_soft_to_stand
+from excite.robot.init_robot.bare_model import bare_model
+from excite.robot.init_robot.description import scaffold_description
+from excite.robot.init_robot.files import write_scaffold
+from excite.robot.init_robot.limbs import Footing
+from excite.robot.init_robot.model_metadata import Said, Source
+from excite.robot.legs import holding_torques, too_soft_to_stand
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.scaffold.bare_model import bare_model
-from excite.robot.scaffold.description import scaffold_description
-from excite.robot.scaffold.files import write_scaffold
-from excite.robot.scaffold.footing import Footing
-from excite.robot.scaffold.said import Said
-from excite.robot.scaffold.source import Source
-from excite.robot.shapes.collision import collision_model, collision_shapes, geometry_data, pair_distance
-from excite.robot.shapes.ground import bottom
+from excite.robot.shapes.collision import (
+    bottom,
+    collision_model,
+    collision_shapes,
+    geometry_data,
+    pair_distance,
+)
 from excite.simulation.replay import replay_motion
 from tests.robot.small import ARM
 from tests.simulation.motions import standing
@@ -638,7 +641,7 @@ def test_what_is_only_drawn_is_kept_apart_too(tmp_path: Path) -> None:
 
 
 def test_an_expression_of_xacro_that_does_not_end_is_one_line(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("excite.robot.xacro_file._SECONDS", 1.5)
+    monkeypatch.setattr("excite.robot.init_robot.files._SECONDS", 1.5)
     head = '<robot name="n" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     with pytest.raises(RobotError, match=r"not expanded after 1.5 s"):
         written(f'{head}<link name="a${{9**9**9}}"/></robot>', tmp_path, "mine.urdf.xacro")

@@ -7,7 +7,7 @@ import re
 import pinocchio as pin
 import pytest
 
-from excite.robot.sliding import is_prismatic
+from excite.robot.prismatic import is_prismatic
 from tests.architecture.source_tree import PACKAGE, ROOT
 
 AXES = {

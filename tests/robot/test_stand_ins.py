@@ -13,8 +13,7 @@ import pytest
 import excite
 from excite.robot.catalogue import example_robot_data
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, collision_shapes, watched_model
-from excite.robot.shapes.ignored_pairs import PairSearch
+from excite.robot.shapes.collision import TABLE, PairSearch, collision_shapes, watched_model
 from excite.robot.shapes.stand_ins import links_without_shape
 from excite.safety.repairs.collisions import CollisionProbe
 from tests.robot.small import ARM

@@ -9,7 +9,7 @@ import yaml
 
 import excite
 from excite.errors import RobotError
-from excite.robot.scaffold.files import write_scaffold
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.shapes.collision import collision_shapes
 from tests.robot.small import ARM
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from excite.conversion.machine import load_machine
+from excite.conversion.recording import load_machine
 from excite.errors import RobotError
 from excite.robot.catalogue import example_robot_data
 from excite.robot.urdf.reading import Stated, find_mesh, parse_urdf, read_urdf

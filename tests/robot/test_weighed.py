@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from excite.errors import RobotError
-from excite.robot.bringing import load_robot
-from excite.robot.scaffold.files import write_scaffold
+from excite.robot.init_robot.files import write_scaffold
+from excite.robot.load import load_robot
 from tests.reproduction.recordings import example_robot_data
 from tests.robot.small import ARM
 from tests.robot.test_scaffold import hand_on_an_arm

@@ -11,12 +11,11 @@ from excite.errors import InputError, MotionError
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.safety.check import check_file, check_motion
+from excite.safety.check import CHECKS, check_file, check_motion
 from excite.safety.checks.base import Check
-from excite.safety.checks.registry import CHECKS
-from excite.safety.checks.sampling import SamplingCheck
+from excite.safety.checks.joints import drive_torques
+from excite.safety.checks.motion import SamplingCheck
 from excite.safety.checks.sweep import Sweep
-from excite.safety.checks.torque import drive_torques
 from excite.safety.verdict import MARGIN_FIELDS, check_document
 from tests.safety.motions import arm_motion, moved_base, moved_joint, smooth, squat, standing_motion
 

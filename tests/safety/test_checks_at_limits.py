@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from excite.robot.robot import Robot
-from excite.safety.checks.balance import CentreOfMassCheck, ContactWrenchCheck, ZeroMomentPointCheck
 from excite.safety.checks.base import CheckResult, first_violations
-from excite.safety.checks.foot import FootCheck
-from excite.safety.checks.limits import JointAccelerationCheck, JointPositionCheck, JointVelocityCheck
+from excite.safety.checks.ground import CentreOfMassCheck, ContactWrenchCheck, FootCheck, ZeroMomentPointCheck
+from excite.safety.checks.joints import (
+    JointAccelerationCheck,
+    JointPositionCheck,
+    JointTorqueCheck,
+    JointVelocityCheck,
+)
 from excite.safety.checks.sweep import Sweep
-from excite.safety.checks.torque import JointTorqueCheck
-from excite.safety.force_distribution import ContactForces
+from excite.safety.ground_forces import ContactForces
 from excite.safety.verdict import Nearest, Violation
 from tests.safety.control_points import ControlPoints
 

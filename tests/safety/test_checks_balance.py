@@ -13,10 +13,15 @@ from scipy.spatial import ConvexHull
 
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
+from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
-from excite.safety.checks.torque import drive_torques
-from excite.safety.contact_wrench import polygon_margin, zero_moment_point
-from excite.safety.force_distribution import RESIDUAL_TOLERANCE, distribute_wrench, friction_edges
+from excite.safety.ground_forces import (
+    RESIDUAL_TOLERANCE,
+    distribute_wrench,
+    friction_edges,
+    polygon_margin,
+    zero_moment_point,
+)
 from tests.safety.motions import squat
 
 

@@ -13,9 +13,7 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
 from excite.safety.checks import collision
-from excite.safety.checks.approach import approach_rates
-from excite.safety.checks.collision import find_closest
-from excite.safety.checks.distances import Distances
+from excite.safety.checks.collision import Distances, approach_rates, find_closest
 from excite.safety.checks.sweep import Sweep
 from tests.safety.motions import moved_joint, smooth, squat
 

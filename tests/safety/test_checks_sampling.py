@@ -9,7 +9,7 @@ import pytest
 
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.safety.checks.sampling import SamplingCheck
+from excite.safety.checks.motion import SamplingCheck
 from excite.safety.verdict import Violation
 
 

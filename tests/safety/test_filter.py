@@ -14,8 +14,7 @@ from excite.motion.generators.mixture import plan_candidates
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.filter import FilterReport, filter_candidate, filter_candidates
-from excite.safety.repairs.registry import REPAIRS
+from excite.safety.filter import REPAIRS, FilterReport, filter_candidate, filter_candidates
 
 
 @pytest.fixture(scope="module")

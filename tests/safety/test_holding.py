@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.motion.generators.bodyparts import leg_joints
-from excite.motion.generators.registry import make_generator
-from excite.robot.holding import _carrying_velocities, holding_torques
+from excite.motion.generators.generator import leg_joints
+from excite.motion.generators.mixture import make_generator
+from excite.robot.legs import _carrying_velocities, holding_torques
 from excite.robot.loading import build_robot
-from excite.robot.per_joint import Torques
+from excite.robot.quantities import Torques
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidate
 

@@ -9,13 +9,12 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import RobotError
-from excite.motion.generators.bodyparts import support_centre, support_corners
-from excite.motion.generators.mixture import plan_candidates, usual_mix
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.generator import support_centre, support_corners
+from excite.motion.generators.mixture import make_generator, plan_candidates, usual_mix
 from excite.robot.robot import Robot
-from excite.safety.contact_wrench import polygon_margin
 from excite.safety.filter import filter_candidate
-from excite.safety.repairs.load import corner_shares
+from excite.safety.ground_forces import polygon_margin
+from excite.safety.repairs.rows import corner_shares
 from tests.quadruped import quadruped, quadruped_description
 
 

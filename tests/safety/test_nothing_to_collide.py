@@ -8,9 +8,9 @@ import pytest
 
 from excite.campaign.plan import plan
 from excite.errors import RobotError
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.scaffold.files import write_scaffold
 
 
 def pendulum(folder: Path, *, edit: tuple[str, str] = ("", "")) -> Robot:

@@ -9,16 +9,14 @@ import pinocchio as pin
 import pytest
 from scipy.spatial import ConvexHull
 
-from excite.motion.generators.bodyparts import leg_joints
-from excite.motion.generators.candidate import SupportPhase
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.generator import SupportPhase, leg_joints
+from excite.motion.generators.mixture import make_generator
 from excite.robot.joint_values import per_joint
 from excite.robot.loading import load_robot
+from excite.safety.filter import make_repairs
 from excite.safety.repairs.draft import Draft
-from excite.safety.repairs.registry import make_repairs
-from excite.safety.repairs.rows import PathLimits
+from excite.safety.repairs.rows import PathLimits, friction_rows, support_of
 from excite.safety.repairs.shares import Shares
-from excite.safety.repairs.support import friction_rows, support_of
 
 SHARES = Shares()
 

@@ -10,22 +10,19 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.motion.generators.candidate import Draws
-from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.polynomials import hermite_curve
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.curves import SplineCurve, hermite_curve
+from excite.motion.generators.generator import Draws
+from excite.motion.generators.mixture import make_generator
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.checks import collision
-from excite.safety.checks.approach import approach_rates
-from excite.safety.checks.collision import SelfCollisionCheck, find_closest
-from excite.safety.checks.distances import Distances
+from excite.safety.checks.collision import Distances, SelfCollisionCheck, approach_rates, find_closest
 from excite.safety.checks.sweep import Sweep
+from excite.safety.filter import milder_candidates
 from excite.safety.repairs.collisions import EXTRA, CollisionProbe, TooClose
 from excite.safety.repairs.draft import Draft, Rejection
-from excite.safety.repairs.shrinking import milder_candidates
 from excite.safety.repairs.waypoints import Waypoints
 from tests.safety.motions import moved_joint, smooth, squat
 

@@ -9,21 +9,19 @@ import pinocchio as pin
 import pytest
 
 from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.mixture import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.checks.sweep import Sweep
+from excite.safety.filter import REPAIRS, make_repairs
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath
-from excite.safety.repairs.registry import REPAIRS, make_repairs
-from excite.safety.repairs.retiming import fastest_rate, smoothed_law
-from excite.safety.repairs.rows import PathLimits, Rows
+from excite.safety.repairs.retiming import fastest_rate, plan_transfer, smoothed_law
+from excite.safety.repairs.rows import PathLimits, Rows, support_of, zmp_rows
 from excite.safety.repairs.shares import Shares
-from excite.safety.repairs.support import support_of, zmp_rows
 from excite.safety.repairs.time_scaling import largest_factor
-from excite.safety.repairs.transfers import plan_transfer
 from tests.safety.soles import foot_displacements
 
 

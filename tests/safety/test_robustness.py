@@ -13,19 +13,18 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 import excite
-from excite.campaign.candidates.search import Asked
-from excite.campaign.candidates.source import candidates_of
+from excite.campaign.candidates import Asked, candidates_of
 from excite.errors import RobotError
 from excite.motion.motion import Motion
 from excite.robot.description import PayloadBlock, UncertaintyBlock
 from excite.robot.loading import load_robot, portable_description
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
+from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.robustness import worst_friction, worst_torque, worst_zmp
 from excite.safety.checks.sweep import Sweep
-from excite.safety.checks.torque import drive_torques
 from excite.safety.filter import filter_candidates
-from excite.safety.force_distribution import cone_facets, friction_edges, shares_of_wrench
+from excite.safety.ground_forces import cone_facets, friction_edges, shares_of_wrench
 from excite.safety.parameter_set import Ellipsoid, Load, ParameterSet, parameter_set, stated_parameters
 from tests.safety.motions import RATE_HZ, arm_motion, squat, standing_motion
 

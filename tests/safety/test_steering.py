@@ -7,12 +7,12 @@ import re
 import numpy as np
 import pytest
 
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.mixture import make_generator
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.scaffold.files import write_scaffold
 from excite.safety.filter import filter_candidate
-from excite.safety.repairs.steering import find_steering
+from excite.safety.repairs.balancer import find_steering
 
 ALL = {"x", "y", "height", "roll", "pitch", "yaw"}
 

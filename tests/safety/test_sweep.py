@@ -10,12 +10,12 @@ import pytest
 
 from excite.lazy_kernel import LazyKernel
 from excite.motion.motion import Motion, interpolate_motion
-from excite.robot.per_joint import PerJoint
+from excite.robot.quantities import PerJoint
 from excite.robot.robot import Robot
 from excite.safety.checks.control_points import joint_bounds
+from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
-from excite.safety.checks.torque import drive_torques
-from excite.safety.contact_wrench import polygon_margin, wrench_at_world_origin, zero_moment_point
+from excite.safety.ground_forces import polygon_margin, wrench_at_world_origin, zero_moment_point
 from tests.safety.control_points import control_points
 from tests.safety.motions import arm_motion
 

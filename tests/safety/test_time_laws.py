@@ -9,22 +9,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.generator import Candidate, SupportPhase
+from excite.motion.generators.mixture import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.checks.sampling import SamplingCheck
+from excite.safety.checks.motion import SamplingCheck
+from excite.safety.filter import Sampling
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
-from excite.safety.repairs.path import MotionPath
-from excite.safety.repairs.retiming import Retiming, fastest_rate, smoothed_law
+from excite.safety.repairs.path import MotionPath, TimeLaw
+from excite.safety.repairs.retiming import Retiming, fastest_rate, plan_transfer, smoothed_law
 from excite.safety.repairs.rows import PathLimits, Rows
-from excite.safety.repairs.sampling import Sampling
 from excite.safety.repairs.shares import Shares
-from excite.safety.repairs.time_law import TimeLaw
 from excite.safety.repairs.time_scaling import TimeScaling, largest_factor
-from excite.safety.repairs.transfers import plan_transfer
 
 # --- Time laws
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.campaign.check import check
+from excite.campaign.demo import check
 from excite.json_document import write_json
 from excite.motion.motion import Motion
 from excite.report.page import report
-from excite.robot.bringing import load_robot
+from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.units import unit_of
+from excite.safety.verdict import unit_of
 from tests.safety.motions import RATE_HZ, joint_motion, smooth
 
 LIFT = """<robot name="lifter">

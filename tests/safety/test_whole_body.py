@@ -11,18 +11,15 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from excite.motion.generators.bodyparts import pelvis_joint
-from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.polynomials import hermite_curve
-from excite.motion.generators.registry import make_generator
+from excite.motion.generators.curves import SplineCurve, hermite_curve
+from excite.motion.generators.generator import Candidate, pelvis_joint
+from excite.motion.generators.mixture import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.safety.filter import WholeBody, follow_zmp, path_grid
 from excite.safety.repairs.balancer import Balancer
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
-from excite.safety.repairs.whole_body import WholeBody, path_grid
-from excite.safety.repairs.zmp_following import follow_zmp
 from tests.robot.test_scaffold import biped, written
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.blind.arm import arm_of
-from excite.blind.commands import Servo
-from excite.blind.hidden import Answer, HiddenEffect
+from excite.blind.arm_case import Servo, arm_of
+from excite.blind.hidden_effects import Answer, HiddenEffect
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot

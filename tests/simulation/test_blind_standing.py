@@ -9,12 +9,9 @@ import pinocchio as pin
 import pytest
 
 from excite.arrays import Array
-from excite.blind.floating.draw import floating_draft
-from excite.blind.floating.magnitudes import FORMS, MAKERS
-from excite.blind.floating.record import trial_of
-from excite.blind.floating.site import Site
-from excite.blind.floating.stand import Stand, _mount_sensor, standing_robot
-from excite.blind.floating.truth import Truth, true_recording, truth_of
+from excite.blind.floating import FORMS, MAKERS, Site, floating_draft
+from excite.blind.standing_case import Stand, _mount_sensor, standing_robot, trial_of
+from excite.blind.standing_effects import Truth, true_recording, truth_of
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import LogHeader
 from excite.logs.robot import robot_in_log

@@ -14,12 +14,10 @@ import pytest
 from excite.arrays import Array
 from excite.errors import MotionError
 from excite.robot.robot import Robot
-from excite.simulation.execution import execute_motion
-from excite.simulation.machine import Machine
-from excite.simulation.plant import Plant
+from excite.simulation.execution import Machine, execute_motion
 from excite.simulation.recording import Recording
 from excite.simulation.replay import watched_run
-from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
+from excite.simulation.virtual_robot import Plant, VirtualRobot, nominal_robot
 from tests.simulation.motions import squatting, standing, waving
 
 

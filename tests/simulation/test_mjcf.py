@@ -13,9 +13,13 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
 from excite.simulation.drives import nominal_drives
-from excite.simulation.inertial import UnphysicalParametersError, box_parameters, principal_inertia
 from excite.simulation.mjcf import World, build_spec
-from excite.simulation.true_parameters import scattered_parameters
+from excite.simulation.true_parameters import (
+    UnphysicalParametersError,
+    box_parameters,
+    principal_inertia,
+    scattered_parameters,
+)
 from tests.simulation.motions import generator
 
 ROBOTS = ("g1", "panda", "ur10", "iiwa14", "talos", "human")

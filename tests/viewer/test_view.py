@@ -19,12 +19,11 @@ from excite.json_document import write_json
 from excite.logs.files import load_log
 from excite.motion.collection import load_motions
 from excite.motion.files import save_motion
-from excite.report.data import ReportData, save_report_data
-from excite.report.replay.packed import unpack_table
+from excite.report.comparisons import ReportData, save_report_data
+from excite.report.replay.tracks import unpack_table
 from excite.robot.loading import load_robot
-from excite.viewer.record import record_page
-from excite.viewer.serve import serve
-from excite.viewer.thing import read_thing
+from excite.viewer.serve import record_page, serve
+from excite.viewer.source import read_thing
 from tests.report.diagnosed import two_joints_diagnosed
 from tests.report.sample import sample_path
 from tests.report.scripts import islands, strange_scripts
@@ -142,7 +141,7 @@ def _free_port() -> int:
 def stage(motion: Path) -> Iterator:
     import viser
 
-    from excite.viewer.stage import Stage
+    from excite.viewer.serve import Stage
 
     server = viser.ViserServer(host="127.0.0.1", port=_free_port(), verbose=False)
     yield Stage(server, read_thing(motion))
@@ -183,7 +182,7 @@ def test_the_scrubber_ends_where_the_motion_does(motion: Path, tmp_path: Path) -
     """It ended with the longest of them, so that most of its way was beyond a short one."""
     import viser
 
-    from excite.viewer.stage import Stage
+    from excite.viewer.serve import Stage
 
     first, second = (load_motions("ur10")[i] for i in (0, 1))
     for one in (first, second):

@@ -41,9 +41,11 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Watch it move: scrubber, joint sliders, bodies that touch in red, a joint's residuals when it is clicked."""
-    from excite.viewer.record import record_page  # lazy: pinocchio
-    from excite.viewer.serve import serve  # lazy: pinocchio
-    from excite.viewer.thing import read_thing  # lazy: pinocchio
+    from excite.viewer.serve import (
+        record_page,  # lazy: pinocchio
+        serve,  # lazy: pinocchio
+    )
+    from excite.viewer.source import read_thing  # lazy: pinocchio
 
     shown = read_thing(thing, robot)
     if record is not None:

@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.session.campaigns import log_folder
 from excite.cli.session.options import JobsOption, JsonOption, RobotArgument, SeedOption
-from excite.cli.session.output import command_line, emit_result
-from excite.shown import count
+from excite.cli.session.output import command_line, emit_result, log_folder
+from excite.display import count
 
 NAME = "capture"
 
@@ -28,7 +27,7 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
-    from excite.export.whose import robot_beside  # lazy: pydantic
+    from excite.export.resolve_robot import robot_beside  # lazy: pydantic
 
     # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
     whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import excite
-from excite.cli.session.campaigns import campaign_of
 from excite.cli.session.options import JobsOption, JsonOption, SeedOption
-from excite.cli.session.output import command_line, emit_result
+from excite.cli.session.output import campaign_of, command_line, emit_result
 
 if TYPE_CHECKING:
     from excite.conversion.result import Conversion

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from excite.cli.session.interruption import document_printed
 from excite.json_document import to_json, with_origin, write_json
 from excite.progress import Progress as ProgressCallback
 from excite.progress import silent
-from excite.robot.scaffold.source import Source, model_source
+from excite.robot.init_robot.model_metadata import Source, model_source
 
 EXIT_NEGATIVE = 1
 """Done, and the answer is "unsafe" or "targets not met"."""
@@ -88,3 +89,48 @@ def progress_bars() -> Iterator[ProgressCallback]:
             bars.update(tasks[stage], completed=done, total=total)
 
         yield show
+
+
+# Folders of a campaign on a real robot, which waits for recordings: what is made for an iteration belongs
+# into it.
+
+
+def log_folder(plan: Path) -> Path:
+    """Where the log of a plan's motions goes: into the campaign's iteration that the plan is of, else anywhere.
+
+    Args:
+        plan: folder of the plan.
+    """
+    return plan / "log" if (plan.parent / "journal.json").is_file() else Path("log")
+
+
+def campaign_of(log: Path) -> Path | None:
+    """The campaign that waits for a log; None where none does.
+
+    Args:
+        log: folder of the log.
+    """
+    campaign = log.parent.parent
+    return campaign if log == log_folder(log.parent) and (campaign / "journal.json").is_file() else None
+
+
+# Where the robot and the log of a result lie, so that the result finds them again.
+
+
+def stated_origin(robot: str, log: Path | None, folder: Path) -> dict[str, str]:
+    """Where robot and log of a result lie, relative to its folder; of a bundled robot, or the log's own, only the log.
+
+    Args:
+        robot: as it was given, a name or a path; empty where it was not.
+        log: the first log; None where there is none.
+        folder: folder of the document.
+    """
+    files = {"robot_file": Path(robot)} if os.path.exists(robot) else {}
+    if log is not None:
+        files["log_file"] = Path(log)
+    return {name: relative_to(folder, file) for name, file in files.items()}
+
+
+def relative_to(folder: Path, file: Path) -> str:
+    """A file as a document in a folder names it."""
+    return Path(os.path.relpath(Path(file).resolve(), Path(folder).resolve())).as_posix()

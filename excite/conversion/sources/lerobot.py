@@ -13,7 +13,7 @@ from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.parquet import table_arrays
 from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError
-from excite.reading.json_document import read_json
+from excite.reading.documents import read_json
 
 # What each feature holds for a follower arm.
 _CHANNELS = {

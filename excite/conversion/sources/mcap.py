@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from excite.conversion.recording import Recording
-from excite.conversion.sources.ros.any_message import MOST_BYTES
-from excite.conversion.sources.ros.messages import is_trajectory, is_wanted
-from excite.conversion.sources.ros.topics import Topics, is_of_torques
+from excite.conversion.sources.messages import MOST_BYTES, is_trajectory, is_wanted
 from excite.conversion.sources.source import Source, damaged
+from excite.conversion.sources.topics import Topics, is_of_torques
 from excite.errors import LogError
 from excite.reading.file import first_bytes
 

@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import longest_streams, split_batches, stream_of_arrays
+from excite.conversion.shapes import longest_streams, split_batches, stream_of_arrays
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file
-from excite.reading.npz_arrays import read_npz
+from excite.reading.numpy_files import read_npz
 
 # The longest array that is a constant of the whole recording: gains of a humanoid with hands.
 MOST_CONSTANTS = 100

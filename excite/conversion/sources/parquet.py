@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from excite.arrow_columns import read_parquet
 from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes.array_streams import longest_streams, stream_of_arrays
+from excite.conversion.shapes import longest_streams, stream_of_arrays
 from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes

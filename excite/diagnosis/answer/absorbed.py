@@ -12,8 +12,8 @@ from scipy.special import ndtri
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.equations.units import unit_at
+from excite.display import span
 from excite.robot.robot import Robot
-from excite.shown import span
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
+
+from excite.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Candidate:
     """An effect at a place, fitted on the identification trials.
 
     Attributes:
-        effect: name of the effect, a word of ``excite.logs.vocabulary.EFFECTS``.
+        effect: name of the effect, a word of ``excite.logs.header.EFFECTS``.
         location: joint, link, sensor (``SENSOR.AXIS``, ``SENSOR.AXIS->AXIS``), ``base``, ``torque`` or ``wrench``.
         parameters: fitted parameters by name.
         evidence: log-likelihood ratio against the model without it, per effective sample summed, less the
@@ -120,3 +122,25 @@ def percent(share: float) -> str:
     """
     value = 100.0 * share
     return f"{value:.1f} %" if value == 0.0 or abs(value) >= 0.05 else f"{value:.1g} %"
+
+
+# What accepted effects change of a robot's description, and what no description holds.
+
+
+@dataclass(frozen=True, eq=False)
+class RobotChanges:
+    """A robot's bodies and drives as a diagnosis found them.
+
+    Attributes:
+        viscous: viscous friction by joint [N·m·s/rad].
+        coulomb: Coulomb friction by joint [N·m].
+        armature: rotor inertia by joint [kg·m²].
+        bodies: by link, ``(10,)`` inertial parameters that it has more than the model says, about the link's frame.
+        beyond: what a description has no place for, a sentence each.
+    """
+
+    viscous: Mapping[str, float] = field(default_factory=dict)
+    coulomb: Mapping[str, float] = field(default_factory=dict)
+    armature: Mapping[str, float] = field(default_factory=dict)
+    bodies: Mapping[str, Array] = field(default_factory=dict)
+    beyond: tuple[str, ...] = ()

@@ -6,6 +6,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, stdtrit
+
+from excite.arrays import Array
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.units import force_unit
+from excite.logs.signals.butterworth import noise_bandwidth
+
 
 @dataclass(frozen=True)
 class ChannelGap:
@@ -123,3 +132,207 @@ def share_closed(before: float, after: float, floor: float) -> float:
     """``1 − (after² − floor²)/(before² − floor²)``, 0 where nothing stands above the floor."""
     open_power = before**2 - floor**2
     return 0.0 if open_power <= 0.0 else 1.0 - (after**2 - floor**2) / open_power
+
+
+# One trial as it was measured, and as the model tells it before and after the accepted effects.
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """A trial of a record.
+
+    Attributes:
+        trial: its name.
+        validation: whether nothing was fitted on it.
+        channels: names of the channels.
+        units: unit of each.
+        time: ``(n,)`` [s].
+        measured: ``(n, n_channels)``, filtered as for the comparison.
+        before: of the model alone, ``(n, n_channels)``.
+        after: with the effects, ``(n, n_channels)``.
+    """
+
+    trial: str
+    validation: bool
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array
+    measured: Array
+    before: Array
+    after: Array
+
+
+# A trial as its joints moved, and as the simulators move them.
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutPath:
+    """A trial beside its roll-outs; where nothing was simulated these are the record.
+
+    Attributes:
+        trial: its name.
+        joints: of the columns.
+        time: ``(n,)`` [s].
+        recorded: positions, ``(n, n_joints)`` [rad or m].
+        before: of the nominal simulator, likewise.
+        after: of the simulator with the effects that help, likewise.
+    """
+
+    trial: str
+    joints: tuple[str, ...]
+    time: Array
+    recorded: Array
+    before: Array
+    after: Array
+
+
+# How far the gap shrinks, and how sure that is.
+
+# Degrees of freedom that blocks must leave to tell a spread, and seconds of those within a trial.
+_FREEDOM, _BLOCK_S = 2, 1.0
+_DRAWS = 1000
+
+
+def gap_of(
+    samples: ArmSamples, before: Array, after: Array, floor: Array, scale: Array, rng: np.random.Generator
+) -> Gap:
+    """Gap on the validation trials before and after, with a 90 % interval of the share closed.
+
+    Args:
+        samples: the samples.
+        before: ``(n_joints, n_rows)`` residual of the baseline [N·m].
+        after: the same with the effects.
+        floor: ``(n_joints,)`` noise floor [N·m].
+        scale: ``(n_joints,)`` standard deviation of the torques in the identification trials [N·m]; infinite for
+            channels that the whole leaves out.
+        rng: random numbers of the bootstrap.
+
+    Returns:
+        The gap; where there are no validation trials, on the identification trials.
+    """
+    old, new = (samples.squares(x)[:, samples.judging].mean(axis=1) for x in (before, after))
+    level = floor**2 / scale**2
+    first, last = (float(np.sqrt(np.mean(x / scale**2))) for x in (old, new))
+    total_floor = min(float(np.sqrt(level.mean())), first, last)
+    share = share_closed(first, last, total_floor)
+    interval = None
+    if before is not after:
+        was, now = ((samples.squares(x) / scale[:, None] ** 2).mean(axis=0) for x in (before, after))
+        interval = _interval(samples, was, now, level, share, rng)
+    lowest = np.minimum(floor, np.sqrt(np.minimum(new, old)))
+    channels = {
+        name: ChannelGap(
+            float(np.sqrt(old[j])),
+            float(np.sqrt(new[j])),
+            float(lowest[j]),
+            force_unit(samples.robot, name),
+        )
+        for j, name in enumerate(samples.joints)
+    }
+    return Gap(first, last, total_floor, share, channels, interval)
+
+
+def _interval(
+    samples: ArmSamples, was: Array, now: Array, level: Array, share: float, rng: np.random.Generator
+) -> tuple[float, float] | None:
+    """90 % interval of the share closed on motions like the record's, by block bootstrap (Künsch 1989).
+
+    Blocks are drawn from the validation trials, and whole trials from all: how much is left differs from motion to
+    motion, and two validation trials hardly tell how much. The wider of the two counts. Of so few blocks
+    percentiles are too narrow; they are taken as far out as Student's are beyond the normal distribution's
+    (Hesterberg 2015, the expanded percentile interval). The floor is measured too, on one repeated trial: it is
+    drawn as a mean of as many squares as filtered noise has there. No less than nothing can be left: of what can
+    be, the shortest interval counts.
+
+    Args:
+        samples: the samples.
+        was: ``(n_rows,)`` normalised power of the residual before.
+        now: ``(n_rows,)`` the same with the effects.
+        level: ``(n_joints,)`` normalised power of the floor.
+        share: share closed.
+        rng: random numbers.
+
+    Returns:
+        Bounds with ``share`` between them, at most 1; None where nothing stands above the floor, or one block is all.
+    """
+    use, lowest = samples.identification, float(level.mean())
+    sides = [~use, use] if not use.all() else [use]
+    room = float(was[sides[0]].mean()) - lowest
+    if room <= 0.0:
+        return None
+    whole = [_trials(samples, rows) for rows in sides]
+    parts = [_parts(samples, sides[0])]
+    drawn, freedom = [], []
+    for blocks in (whole, parts):
+        pool = [_deviations(was, now, rows, own, lowest) for rows, own in zip(sides, blocks, strict=False)]
+        size = np.sqrt([len(b) for b in blocks[0]])
+        count = sum(len(own) - 1 for own in blocks if own)
+        if count >= _FREEDOM:
+            made = rng.choice(np.concatenate(pool), (_DRAWS, len(size))) @ size / (size @ size)
+            drawn.append(made - made.mean())
+            freedom.append(count)
+    if not drawn:
+        return None
+    widest = max(drawn, key=lambda x: float(x.std()))
+    independent = _independent(samples)
+    floors = rng.chisquare(independent, (_DRAWS, len(level))) / independent @ level / len(level)
+    left = 1.0 - share + (widest - share * (floors - lowest)) / room
+    tail = float(ndtr(stdtrit(freedom[0], 0.05)))
+    low, high = _shortest(np.maximum(left, 0.0), 1.0 - 2.0 * tail)
+    return min(1.0 - high, share), max(1.0 - low, share)
+
+
+def _shortest(values: Array, held: float) -> tuple[float, float]:
+    """Bounds of the shortest interval that holds a share of the values."""
+    values = np.sort(values)
+    count = int(np.ceil(held * len(values)))
+    first = int(np.argmin(values[count - 1 :] - values[: len(values) - count + 1]))
+    return float(values[first]), float(values[first + count - 1])
+
+
+def _deviations(
+    was: Array, now: Array, rows: NDArray[np.bool_], blocks: list[NDArray[np.intp]], lowest: float
+) -> Array:
+    """What blocks leave beyond the share that all rows leave, times the root of their length, unbiased in power.
+
+    Args:
+        was: ``(n_rows,)`` normalised power before.
+        now: ``(n_rows,)`` the same with the effects.
+        rows: those of the blocks and of trials that repeat them.
+        blocks: rows of each block.
+        lowest: normalised power of the floor.
+    """
+    if len(blocks) < 2:
+        return np.zeros(0)
+    room = float(was[rows].mean()) - lowest
+    share = max(float(now[rows].mean()) - lowest, 0.0) / room if room > 0.0 else 1.0
+    size = np.array([len(b) for b in blocks])
+    beyond = np.array([now[b].mean() - share * was[b].mean() for b in blocks])
+    beyond -= np.average(beyond, weights=size)
+    return beyond * np.sqrt(size * len(blocks) / (len(blocks) - 1))
+
+
+def _trials(samples: ArmSamples, rows: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Rows of each trial among these; a motion that was run again is no other motion."""
+    chosen = np.unique(samples.trial_of_row[rows])
+    names = {samples.trials[k].name for k in chosen}
+    return [
+        np.flatnonzero(samples.trial_of_row == k) for k in chosen if samples.trials[k].repeats not in names
+    ]
+
+
+def _parts(samples: ArmSamples, rows: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Rows of blocks of each trial among these."""
+    length = max(1, round(_BLOCK_S * samples.bands.rate_hz))
+    made: list[NDArray[np.intp]] = []
+    for k in np.unique(samples.trial_of_row[rows]):
+        index = np.flatnonzero(samples.trial_of_row == k)
+        made += np.array_split(index, max(1, len(index) // length))
+    return made
+
+
+def _independent(samples: ArmSamples) -> float:
+    """Independent samples that filtered noise has in the shortest trial, by which a repeat is limited."""
+    bands = samples.bands
+    seconds = min(len(trial.rows) for trial in samples.trials) / bands.rate_hz
+    return max(1.0, noise_bandwidth(samples.rate_hz, bands.rows_hz) * samples.rate_hz * seconds)

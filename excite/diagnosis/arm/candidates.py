@@ -11,11 +11,10 @@ import numpy as np
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import Gap, share_closed
-from excite.diagnosis.attribution.attribution import Attribution, Scored
-from excite.diagnosis.attribution.judgement import Judgement
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.attribution import Attribution, Judgement, Scored
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.units import at_joint
-from excite.diagnosis.simulator.found import Found
+from excite.diagnosis.simulator.model_text import Found
 
 _LISTED = 8
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
 from excite.arrays import Array
-from excite.diagnosis.answer.arm_curves import trial_curves
-from excite.diagnosis.answer.candidate import Candidate
-from excite.diagnosis.answer.gap import Gap
-from excite.diagnosis.answer.locate import locate
-from excite.diagnosis.answer.result import Diagnosis, Rollout
-from excite.diagnosis.answer.shrink import gap_of
-from excite.diagnosis.arm.absorbed import absorbed
+from excite.diagnosis.answer.absorbed import Absorbed
+from excite.diagnosis.answer.answer import NO_NAME, Diagnosis, Rollout
+from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.answer.candidate import Candidate, Estimate, measured
+from excite.diagnosis.answer.gap import Curves, Gap, Where, gap_of
 from excite.diagnosis.arm.candidates import (
     beside_others,
     by_blocks,
@@ -23,28 +23,48 @@ from excite.diagnosis.arm.candidates import (
     spread_by_blocks,
     with_others_in_it,
 )
-from excite.diagnosis.arm.judged import Judged, judged_record
+from excite.diagnosis.arm.read import Reading
 from excite.diagnosis.arm.record import TorqueRecord
-from excite.diagnosis.arm.stranger import in_words
-from excite.diagnosis.attribution.attribution import Attribution, Scored
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.attribution import Attribution, Judgement, Scored, Scorer
+from excite.diagnosis.budget.between_trials import sizes_by_trial
+from excite.diagnosis.budget.fit.joint_fit import Model
+from excite.diagnosis.budget.library import NAMELESS
+from excite.diagnosis.budget.made import budget_of
+from excite.diagnosis.budget.record import begun_baseline, model_of_gap, rows_of
+from excite.diagnosis.budget.shares import deviation, part_time_payload, trials_that_carry
+from excite.diagnosis.budget.thresholds import THRESHOLDS
+from excite.diagnosis.effects.effect import Effect
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.joint_torque import TRIALS, Fit
+from excite.diagnosis.equations.known_drives import known_terms, less_known
 from excite.diagnosis.equations.noise_floor import (
+    bands_by_noise,
+    kinematic_noise,
     other_postures,
+    position_noise,
     repeat_floor,
+    spectral_floor,
     unrepeated,
+    white_floor,
     without_drift,
 )
-from excite.diagnosis.equations.own_columns import own_rows, own_terms
-from excite.diagnosis.equations.standing_joints import held_power
+from excite.diagnosis.equations.own_columns import COULOMB, SCALED, own_rows, own_terms
+from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.standing_joints import held_power, stands_throughout, with_held
+from excite.diagnosis.equations.units import at_joint, force_unit
 from excite.diagnosis.next_experiment.advice import advice
-from excite.diagnosis.simulator.accepted_values import found_effects
-from excite.diagnosis.simulator.found import Found
-from excite.diagnosis.simulator.robot_changes import robot_changes
+from excite.diagnosis.simulator.augmented_plant import robot_changes
+from excite.diagnosis.simulator.model_text import Found, found_effects
 from excite.diagnosis.simulator.rollout_compare import simulated
-from excite.diagnosis.trivial.neighbours import of_torques
+from excite.diagnosis.trivial import of_torques
+from excite.finding import Finding
 from excite.logs.log import Log
+from excite.logs.signals.spectrum import welch_spectrum
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import DRIVE_TERMS
 
 
 def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
@@ -166,3 +186,419 @@ def _warnings(record: TorqueRecord, found: Judged, effects: tuple[Candidate, ...
     if found.attribution.stranger is not None:
         warnings.append(in_words(found.attribution.stranger))
     return tuple(warnings)
+
+
+# Curves of an arm's torques.
+
+
+def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
+    """Curves of the first validation trial, of the first trial where there is none.
+
+    Args:
+        samples: the samples.
+        before: ``(n_joints, n_rows)`` measured minus predicted without effects [N·m].
+        after: the same with the effects.
+    """
+    chosen = next((k for k, t in enumerate(samples.trials) if not t.identification), 0)
+    trial, here = samples.trials[chosen], samples.trial_of_row == chosen
+    measured = np.asarray(samples.rows(samples.stacked("measured"))[here])
+    before, after = (samples.unweighed(values)[:, here].T for values in (before, after))
+    return Curves(
+        trial=trial.name,
+        validation=not trial.identification,
+        channels=samples.joints,
+        units=tuple(force_unit(samples.robot, name) for name in samples.joints),
+        time=trial.time[trial.rows],
+        measured=measured,
+        before=measured - before,
+        after=measured - after,
+    )
+
+
+# Where the gap lies: joint by joint, and what each joint's residual follows.
+
+_LEAST = 0.02
+
+
+def locate(context: Context, fit: Fit, shares: Mapping[str, float]) -> tuple[Where, ...]:
+    """Map of the baseline's residual, largest share first.
+
+    The dependence is the share of a joint's residual power on the identification trials that functions of
+    one thing alone explain, less what as many arbitrary columns would.
+
+    Args:
+        context: the baseline.
+        fit: its fit.
+        shares: by joint, its share of the gap, as the budget has it: one joint has but one.
+
+    Returns:
+        One line a joint.
+    """
+    samples = context.baseline.samples
+    use, rest = samples.identification, context.baseline.plain(fit.residual)
+    lines = []
+    for j, name in enumerate(context.joints):
+        dependence = {
+            what: _explained(samples.rows(columns)[use], rest[j][use])
+            for what, columns in _features(context, j).items()
+        }
+        best = max(dependence, key=lambda what: dependence[what])
+        lines.append(
+            Where(
+                channel=name,
+                share=shares[name],
+                depends_on=best if dependence[best] > _LEAST else "nothing known",
+                band_hz=_band(context, rest[j]),
+                dependence=dependence,
+            )
+        )
+    return tuple(sorted(lines, key=lambda line: -line.share))
+
+
+def _features(context: Context, j: int) -> dict[str, Array]:
+    """Functions of one thing each, ``(n_samples, k)``."""
+    q, v, a = context.q[:, j], context.v[:, j], context.a[:, j]
+    sign, load = context.sign(j), context.baseline.rigid[:, j]
+    clock = context.session / max(float(context.session.max()), 1e-9)
+    return {
+        "velocity": np.column_stack(
+            [sign, v, sign * v**2, *(sign * np.exp(-((v / w) ** 2)) for w in (0.03, 0.1))]
+        ),
+        "position": np.column_stack(
+            [np.ones_like(q), q, *(f(k * q) for k in (1, 2) for f in (np.cos, np.sin))]
+        ),
+        "load": np.column_stack([load, np.abs(load) * sign, np.abs(load), load**2 * sign]),
+        "acceleration": np.column_stack([a, np.abs(a) * sign]),
+        "time": np.column_stack([clock, clock**2, clock * sign, clock**2 * sign, clock * v]),
+    }
+
+
+def _explained(columns: Array, residual: Array) -> float:
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 1e-9 * max(float(size.max()), 1e-300)]
+    rest = residual - columns @ np.linalg.lstsq(columns, residual, rcond=1e-8)[0]
+    return max(0.0, 1.0 - float(rest @ rest) / max(float(residual @ residual), 1e-300) - 0.005)
+
+
+def _band(context: Context, residual: Array) -> tuple[float, float]:
+    """Frequencies between a tenth and nine tenths of the residual's power [Hz]."""
+    samples = context.baseline.samples
+    parts = [residual[samples.trial_of_row == k] for k in range(len(samples.trials))]
+    # One grid of frequencies for all trials, which the shortest can fill.
+    length = min(256, *(len(part) for part in parts))
+    spectra = []
+    for part in parts:
+        f, p = welch_spectrum(part, samples.bands.rate_hz, length, centred=False)
+        spectra.append(p)
+    growth = np.cumsum(np.mean(spectra, axis=0))
+    growth /= max(float(growth[-1]), 1e-300)
+    low, high = (float(f[min(int(np.searchsorted(growth, x)), len(f) - 1)]) for x in (0.1, 0.9))
+    return low, high
+
+
+# Friction, rotor inertia and constants that the baseline took from the record, with their intervals.
+
+_UNITS = {word: term.unit for term in DRIVE_TERMS.values() for word in term.effects}
+
+
+def absorbed(baseline: Baseline) -> tuple[Absorbed, ...]:
+    """Coefficients of the joints' own columns, as many a joint as ``modelled`` asks for.
+
+    Deviations are those by which the fitted trials disagree, and Student's intervals of so few of them; of one or two
+    trials those of white residuals.
+
+    Args:
+        baseline: before the first effect.
+    """
+    equations, joints = baseline.solver.equations, baseline.samples.joints
+    trials = len(np.unique(equations.trial[equations.use]))
+    within = float(stdtrit(trials - 1, 0.95) if trials >= TRIALS else ndtri(0.95))
+    found = []
+    for j, joint in enumerate(joints):
+        names = list(_names(baseline, j))
+        if not names:
+            continue
+        # As columns of a hypothesis, whose deviations are known, and not as the joint's own.
+        columns = np.zeros((len(joints), *equations.own[j].shape))
+        columns[j] = equations.own[j]
+        solver = baseline.solver.with_own(j, equations.own[j][:, :0])
+        fit = solver.fit(columns)
+        spread = solver.std_between_trials(fit)
+        for name, value, std in zip(names, fit.extra, spread, strict=True):
+            word = name.partition(" ")[0]
+            # Of a scale this is what it would be without the first effect: the constant itself is what is told.
+            if word == SCALED:
+                continue
+            size = Estimate(float(value), float(std), _UNITS[word])
+            there = (float(value - within * std), float(value + within * std))
+            found.append(
+                Absorbed(joint, name, at_joint(baseline.samples.robot, joint, {name: size})[name], there)
+            )
+    return tuple(found)
+
+
+def _names(baseline: Baseline, joint: int) -> Iterator[str]:
+    """Of a joint's own columns, in their order: of its motor, of other motors that turn with it, of its bristles."""
+    samples, terms = baseline.samples, own_terms(baseline.modelled)
+    for motor in samples.motors(joint):
+        for term in terms:
+            if motor == joint:
+                yield term.words[0]
+            elif not term.once:
+                yield f"{term.words[0]} of the motor of {samples.joints[motor]}"
+    if baseline.signs[joint].damped and COULOMB in terms:
+        yield "viscous_friction of the bristles at standstill"
+
+
+# What is found in a record of torques: the model of its gap, its budget, and the verdict that is read from
+# it.
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What was found in the rows, and the noise by which it was judged.
+
+    Attributes:
+        samples: the repaired trials at one rate.
+        baseline: before the first effect.
+        spectral: noise in the rows' band, positions' share in it, ``(n_joints,)`` [N·m].
+        noise: what noise of the positions leaves in the rows, ``(n_joints, n_rows)`` [N·m].
+        attribution: the effects, in the equations.
+        judgement: the verdict on them.
+        budget: where each joint's gap goes.
+        findings: what limits what the record can tell.
+    """
+
+    samples: ArmSamples
+    baseline: Baseline
+    spectral: Array
+    noise: Array
+    attribution: Attribution
+    judgement: Judgement
+    budget: Budget
+    findings: tuple[Finding, ...] = ()
+
+
+def judged_record(record: TorqueRecord) -> Judged:
+    """Find what a record's gap is made of."""
+    # Torques that were made of positions are as late and as noisy as these.
+    measured = record.reconstructed_noise is None
+    bands = bands_by_noise(record.log, record.log.trials) if measured else None
+    samples = arm_samples(record.robot, record.log, record.log.trials, bands)
+    if known_terms(samples, record.modelled):
+        samples = less_known(samples, record.modelled, spectral_floor(samples))
+    spectral = (record.reconstructed_noise or spectral_floor)(samples)
+    # Torques that were not measured are no better further up in the spectrum.
+    least = np.minimum(white_floor(samples), spectral) if measured else spectral
+    full = begun_baseline(samples, record.modelled, least)
+    samples = full.samples
+    baseline = fit_baseline(samples, record.modelled, least, like=full)
+    columns = [record.log.header.joints.index(name) for name in samples.joints]
+    sigma = position_noise(samples, columns, record.log.trials)
+    noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
+    spectral = np.hypot(spectral, np.sqrt(((noise * baseline.strict) ** 2).mean(axis=1)))
+    tau = samples.rows([t.measured for t in samples.trials])[samples.identification]
+    # A joint that stands throughout leaves what holds it, in units of next to no torque: no part of the whole gap.
+    scale = np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
+    together = unison(full)
+    # On one path any list of effects could stand for any other, and what has no name for any that has.
+    effects = (*record.effects, *NAMELESS) if together is None else _own_terms(record.effects)
+    if together is None and (loaded := _loaded(full, least)) is not None:
+        effects = (*effects, loaded)
+    found = model_of_gap(full, record.modelled, effects, least, sigma)
+    model, context = found.search.model, found.prediction.context
+    spectral = with_held(samples, model.residual, spectral)
+    budget = budget_of(found, spectral, scale)
+    said = (*(() if together is None else (together,)), *other_machine(model))
+    said = (*said, *sizes_by_trial(model, context, found.baseline.strict, spectral))
+    scorer = Scorer(baseline, spectral, unrepeated(samples, noise * baseline.strict), scale)
+    attribution, judgement = Reading(found, budget, scorer).verdict()
+    named = ((item.hypothesis.effect, item.location) for item in attribution.accepted)
+    said = (*said, *trials_that_carry(named))
+    return Judged(samples, baseline, spectral, noise, attribution, judgement, budget, said)
+
+
+def _loaded(full: Baseline, floor: Array) -> Effect | None:
+    """The body that some trials have and others do not, told beside all that the model begins with."""
+    return part_time_payload(Context(full), rows_of(full, full.modelled, floor), full.strict)
+
+
+def _own_terms(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Effects that are terms of a joint's drive, told by its own motion."""
+    return tuple(effect for effect in effects if effect.term is not None)
+
+
+# Whether the trials to learn from and those to judge by are of one machine: sizes refitted on the latter.
+
+# Blocks of the trials that judge by which they tell how sure they are.
+_BLOCKS = 3
+# Share of a size from which a difference is another machine, not what a model leaves: a load turned by half a turn
+# and a band tightened by half lie above it.
+_LARGE = 0.3
+
+
+def other_machine(model: Model) -> tuple[Finding, ...]:
+    """Terms whose sizes in the trials that judge are others than in those that were learnt from.
+
+    All else in the model is kept as it was learnt. A difference counts where blocks on both sides agree that it is
+    there, it is a good part of the size itself, and without it as much more is left of the joints that feel the term as
+    an effect has to be missed by: a friction of next to nothing may differ by all of itself.
+
+    Args:
+        model: the model of the gap.
+    """
+    design = model.design
+    if design.judged is design.fitted or len(design.judged.count) < _BLOCKS or not model.chosen:
+        return ()
+    refits = _refits(model)
+    if refits is None:
+        return ()
+    there, spread = refits
+    first = model.layout.begin[0]
+    here = model.x[first:]
+    both = np.hypot(deviation(model.left_out[:, first:]), spread)
+    made = []
+    for k, begin in zip(model.chosen, model.layout.begin, strict=True):
+        term = design.terms[k]
+        if term.known:
+            continue
+        where = slice(begin - first, begin - first + term.size)
+        change = there[where] - here[where]
+        clear = np.abs(change) > THRESHOLDS.differs * both[where]
+        large = np.linalg.norm(change) > _LARGE * np.linalg.norm(here[where])
+        if not (clear.any() and large) or _missed(model, k, change) < THRESHOLDS.trifle:
+            continue
+        old, new = term.beta(here[where]), term.beta(there[where])
+        names = [p.name for p in term.effect.linear]
+        shown = [i for i in term.kept if abs(float(new[i] - old[i])) > 0.0][:4]
+        said = ", ".join(f"{names[i]} {old[i]:.3g} against {new[i]:.3g}" for i in shown)
+        made.append(
+            Finding(
+                kind="other_machine",
+                text=(
+                    "the trials to learn from and those to judge by are not of one machine: "
+                    f"{term.name.replace('_', ' ')} at {term.location} has {said}"
+                ),
+                figures={
+                    f"{names[i]}.{side}": float(v[i])
+                    for i in shown
+                    for side, v in (("learnt", old), ("judged", new))
+                },
+                places=(term.location,),
+                severity="limits",
+                remedy="judge each set of trials by its own identification, or give them sessions of their own",
+            )
+        )
+    return tuple(made)
+
+
+def _missed(model: Model, k: int, change: Array) -> float:
+    """Power that a change of a term's size makes in the trials that judge, as a share of what is left there."""
+    grams, at = model.design.judged, model.design.place[k]
+    left = (model.power(grams) * grams.count[:, None]).sum(axis=0)
+    made = sum(
+        float(model.weight[j] * (change @ grams.total[j][np.ix_(c, c)] @ change)) for j, c in at.items()
+    )
+    return made / max(sum(float(model.weight[j] * left[j]) for j in at), 1e-300)
+
+
+def _refits(model: Model) -> tuple[Array, Array] | None:
+    """Sizes of all terms on the trials that judge, and their deviations by blocks; None where these tell too little."""
+    first, grams = model.layout.begin[0], model.design.judged
+    size = model.layout.size - first
+    n = len(grams.count)
+    normal, right = np.zeros((n, size, size)), np.zeros((n, size))
+    for g, c, p, w in zip(grams.of, model.layout.columns, model.layout.numbers, model.weight, strict=True):
+        ours = p >= first
+        numbers = p[ours] - first
+        columns, rest = c[ours], c[~ours]
+        normal[:, numbers[:, None], numbers] += w * g[:, columns[:, None], columns]
+        right[:, numbers] += w * (g[:, columns, -1] - g[:, columns[:, None], rest] @ model.x[p[~ours]])
+    total, sums = normal.sum(axis=0), right.sum(axis=0)
+    # What these trials hardly show stays as it was learnt.
+    keep = 1e-3 * model.normal[first:, first:].diagonal()
+    prior = np.diag(keep)
+    learnt = keep * model.x[first:]
+    there = np.linalg.solve(total + prior, sums + learnt)
+    without = np.linalg.solve(total - normal + prior, (sums - right + learnt)[..., None])[..., 0]
+    return there, deviation(without)
+
+
+# Whether a motion moves the joints one by one, or all on one line: which place a gap has is then not told.
+
+
+def independent_joints(q: Array) -> float:
+    """How many joints move independently in positions ``(n, n_joints)``: the exponential of an entropy.
+
+    Of the shares that the principal directions of the joints' motion have, each joint's by its own deviation (Roy,
+    Vetterli 2007, effective rank).
+    """
+    moved = q - q.mean(axis=0)
+    size = moved.std(axis=0)
+    moved = moved[:, size > 1e-6] / size[size > 1e-6]
+    if not moved.shape[1]:
+        return 0.0
+    share = np.linalg.svd(moved.T @ moved, compute_uv=False)
+    share = share[share > 0.0] / share.sum()
+    return float(np.exp(-(share * np.log(share)).sum()))
+
+
+def unison(baseline: Baseline) -> Finding | None:
+    """The finding that joints move in unison, with what is determined all the same; None where they do not.
+
+    Args:
+        baseline: what is modelled, fitted.
+    """
+    samples = baseline.samples
+    q = samples.stacked("q")[:, list(samples.index)]
+    count = independent_joints(q)
+    if len(samples.joints) < 3 or count >= THRESHOLDS.unison * len(samples.joints):
+        return None
+    scales = torque_scales(baseline)
+    said = ", ".join(f"{name} {value:.3g}" for name, value in scales.items())
+    return Finding(
+        kind="unison",
+        text=(
+            f"the joints move in unison: {count:.1f} of {len(samples.joints)} directions are independent, so what "
+            "acts at one joint looks like what acts at another, or like a body; what is determined is each joint's "
+            f"torque over the model's along that one path ({said})"
+        ),
+        figures={"independent": count, **{f"torque_scale.{name}": value for name, value in scales.items()}},
+        places=samples.joints,
+        severity="limits",
+        remedy="record motions that move the joints one after the other, or at different rates",
+    )
+
+
+def torque_scales(baseline: Baseline) -> dict[str, float]:
+    """Measured torque per torque of the nominal rigid bodies, by joint, beside friction and a constant."""
+    samples, scales = baseline.samples, {}
+    use = samples.identification
+    tau = samples.rows([t.tau for t in samples.trials])[use]
+    nominal = tau - (baseline.solver.equations.y / baseline.root_weight).T[use]
+    sign = samples.rows(np.column_stack([np.tanh(t) for t in _speeds(baseline)]))[use]
+    speed = samples.rows(np.column_stack(_speeds(baseline)))[use]
+    for j, name in enumerate(samples.joints):
+        columns = np.column_stack([nominal[:, j], np.ones(len(tau)), sign[:, j], speed[:, j]])
+        if nominal[:, j].std() > THRESHOLDS.load * tau[:, j].std():
+            scales[name] = float(np.linalg.lstsq(columns, tau[:, j], rcond=1e-10)[0][0])
+    return scales
+
+
+def _speeds(baseline: Baseline) -> list[Array]:
+    """Velocity of each joint over the width of its friction's change of sign."""
+    v = baseline.samples.stacked("v")
+    return [v[:, i] / sign.width for i, sign in zip(baseline.samples.index, baseline.signs, strict=True)]
+
+
+# Physics that no name of a diagnosis stands for, in words: what an unknown gap is like all the same.
+
+
+def in_words(item: Scored) -> str:
+    """What it says of the robot, for people."""
+    h = item.hypothesis
+    context = Context(h.baseline)
+    values = h.effect.estimates(context, item.location, h.theta, h.told)
+    values = at_joint(h.baseline.samples.robot, item.location, values)
+    told = ", ".join(f"{name} {measured(value)}" for name, value in values.items())
+    return f"the gap at {item.location} is that of a stop, or of a body that the joint runs into ({told}); {NO_NAME}"

@@ -12,7 +12,7 @@ from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.library import loaded
 from excite.diagnosis.budget.shares import deviation
 from excite.diagnosis.budget.thresholds import THRESHOLDS
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, own_rows
 from excite.diagnosis.equations.units import force_unit
 from excite.finding import Finding

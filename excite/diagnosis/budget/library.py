@@ -10,9 +10,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.thresholds import THRESHOLDS
-from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
-from excite.diagnosis.effects.forces.end_stop import EndStop
+from excite.diagnosis.effects.forces import EndStop
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, OwnTerm, own_rows
 from excite.diagnosis.equations.samples import ArmSamples

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import bodies_again, bodies_at
-from excite.diagnosis.budget.evidence import LARGE
+from excite.diagnosis.budget.evidence import LARGE, merit
 from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
-from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library, with_begun
-from excite.diagnosis.budget.likely import likely_beside
-from excite.diagnosis.budget.merge import merge
-from excite.diagnosis.budget.polish.errors_in_variables import without_noise
-from excite.diagnosis.budget.polish.polisher import Polisher
-from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
+from excite.diagnosis.budget.polish import Polisher, without_noise
 from excite.diagnosis.budget.refine import refined_terms
-from excite.diagnosis.budget.search import Search
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.budget.screening import one_each, screened
+from excite.diagnosis.budget.search import Prediction, Search, predicted, signs_beside
 from excite.diagnosis.effects.effect import Effect
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.dry_friction.sticking_joints import fit_where_slipping
 from excite.diagnosis.equations.own_columns import COULOMB, own_rows, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.standstill import fit_where_slipping
 from excite.progress import step
 
 # Passes after which the last terms stand: two whose places differ by rounding could go on.
@@ -159,3 +158,49 @@ def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
     return Rows(
         e.shared * again[:, :, None], tuple(own), e.y * again, block, judged, samples.trial_of_row, floor
     )
+
+
+# What is likely by itself: effects that would explain most if nothing else were there.
+
+# Effects that are listed.
+_LISTED = 8
+
+
+def likely_beside(search: Search) -> tuple[Term, ...]:
+    """Terms with a name that would gain most beside a search's model, best first."""
+    ranking = one_each(search.design, screened(search.model, search.allowed(search.model)))
+    terms = (search.design.terms[item.index] for item in ranking)
+    return tuple(islice((term for term in terms if not term.effect.nameless), _LISTED))
+
+
+# Several terms of one joint replaced by one that says as much: rough ones may patch up each other's form.
+
+
+def merge(search: Search) -> None:
+    """One term for all that a joint has, where it says as much: several rough ones may patch up its form."""
+    for joint in sorted({o for k in search.model.chosen if (o := search.design.terms[k].own) is not None}):
+        group = [
+            k
+            for k in search.model.chosen
+            if search.design.terms[k].own == joint and not search.design.terms[k].started
+        ]
+        if len(group) < 2:
+            continue
+        without = fit(search.design, [k for k in search.model.chosen if k not in group], search.model.weight)
+        now = _worth(search, without, search.model, group)
+        alone = [
+            k
+            for k in search.allowed(without)
+            if search.design.terms[k].own == joint and search.design.terms[k].theta
+        ]
+        tried = [item for k in alone if (item := search.try_beside(without, k)) is not None]
+        best = max(tried, key=lambda t: t.merit.score, default=None)
+        if best is not None and best.merit.passes and best.merit.score >= now:
+            search.model = best.model
+
+
+def _worth(search: Search, without: Model, with_them: Model, group: Sequence[int]) -> float:
+    """Nats of several terms together less their prices."""
+    made = [merit(without, with_them, search.design.terms[k], search.candidates) for k in group]
+    prices = sum(float(m.nats.sum()) - m.score for m in made)
+    return float(made[0].nats.sum()) - prices

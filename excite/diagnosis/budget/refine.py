@@ -13,12 +13,11 @@ from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
-from excite.diagnosis.budget.prediction import predicted
-from excite.diagnosis.budget.rivals.trifles import terms_of
+from excite.diagnosis.budget.rivals import terms_of
 from excite.diagnosis.budget.screening import one_each, screened
-from excite.diagnosis.budget.search import Search
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.budget.search import Search, predicted
 from excite.diagnosis.effects.effect import Effect, Theta
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.progress import step
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.budget.evidence import Merit
-from excite.diagnosis.budget.fit.design import Design
-from excite.diagnosis.budget.fit.groups import Candidates
+from excite.diagnosis.budget.fit.design import Candidates, Design
 from excite.diagnosis.budget.fit.joint_fit import Model
 
 # What is left of a column beside a model's own, as a share of its power, below which it is none.

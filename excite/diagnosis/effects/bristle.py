@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.equations.dry_friction.presliding import RATIO, bend, bend_further
+from excite.diagnosis.equations.dry_friction.friction_sign import RATIO, bend, bend_further
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.form import Form, Sizes, Told
-from excite.diagnosis.effects.note import Beyond, Note, Noted
+from excite.diagnosis.effects.form import Beyond, Context, Form, Note, Noted, Sizes, Told
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import OwnTerm

@@ -2,15 +2,158 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.note import Beyond, Noted
+from excite.diagnosis.effects.bristle import Bristle, Static
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.dry_friction.friction_sign import sign_of_motion
+from excite.regressor.kernels import inverse_dynamics
 
 if TYPE_CHECKING:
     import mujoco
+
+# What a MuJoCo model cannot say of an effect and leaves to whoever runs it: typed, and as text within the
+# model.
+
+
+class Beyond(StrEnum):
+    """Why a MuJoCo model cannot have an effect, or a part of it, by itself."""
+
+    FRICTION = "a joint has one level of dry friction, whatever its speed, load, time and deflection"
+    SPRING = "a joint's spring is odd in its deflection and not periodic"
+    CHANNEL = "a motor has one filter and no delay"
+    READING = "the servo and the log read a joint's position alike"
+    START = "where a gear stands when a roll-out begins is part of the state"
+    SOME_TRIALS = "it is there in some trials alone"
+    NO_FORM = "no form is given"
+
+
+def _no_runs() -> Array:
+    return np.zeros(0)
+
+
+@dataclass(eq=False, slots=True)
+class JointStep:
+    """A joint at the start of a step, in every run of a simulation; all arrays are ``(n_runs,)``.
+
+    Attributes:
+        carried: torque that its gear carries, asked for where it is needed [N·m].
+        bends: whether all its dry friction builds up over a deflection.
+        q: position [rad].
+        v: velocity [rad/s].
+        trial_s: time since the trial's start [s].
+        session_s: time since the session's start [s].
+        growth: how far friction that drifts had come when the roll-out began, where that is known.
+    """
+
+    carried: Callable[[], Array]
+    bends: bool = False
+    q: Array = field(default_factory=_no_runs)
+    v: Array = field(default_factory=_no_runs)
+    trial_s: Array = field(default_factory=_no_runs)
+    session_s: Array = field(default_factory=_no_runs)
+    growth: Array | None = None
+
+
+class Note(ABC):
+    """What a runner does for an effect; a frozen dataclass of numbers, those that may be missing None by default.
+
+    Attributes:
+        beyond: why the model cannot say it.
+        every_step: whether the runner has to see to it at every step.
+        rubs: whether it changes the joint's dry or viscous friction.
+        takes_all: whether its bristles hold all of the joint's dry friction.
+    """
+
+    beyond: ClassVar[Beyond]
+    every_step: ClassVar[bool] = True
+    takes_all: ClassVar[bool] = False
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it changes the joint's dry or viscous friction."""
+        return False
+
+    @property
+    def late_by(self) -> float:
+        """Time by which the torque channel is late [s]."""
+        return 0.0
+
+    @property
+    def filter_before(self) -> float:
+        """Time constant of a filter before the motors [s]."""
+        return 0.0
+
+    @property
+    def log_offset(self) -> float:
+        """By how much the log's position exceeds the one that a servo reads [rad]."""
+        return 0.0
+
+    @property
+    def static(self) -> Static | None:
+        """Static friction, which further bends whatever bristles the joint's friction has."""
+        return None
+
+    def bristle(self) -> Bristle | None:
+        """Bristles of its own."""
+        return None
+
+    def held(self, level: Array) -> Array:
+        """Dry friction that its own bristles hold, of a joint with a ``level`` of it, both ``(n_runs,)`` [N·m]."""
+        return np.zeros_like(level)
+
+    def deflection(self, torque: float) -> float | None:
+        """Where the joint's gear rests under a torque [N·m] that it opposes [rad]; None where it does not give way."""
+        return None
+
+    def friction(self, level: Array, at: JointStep) -> tuple[Array, Array | float]:
+        """A joint's level of dry friction with it [N·m], and viscous friction that it adds [N·m·s/rad], by run."""
+        return level, 0.0
+
+    def torque(self, at: JointStep) -> Array | float:
+        """Torque on the joint, ``(n_runs,)`` [N·m]."""
+        return 0.0
+
+    @classmethod
+    def numbers(cls) -> tuple[str, ...]:
+        """Names of its numbers, in order."""
+        # They are its dataclass' fields, which its abstract class has none of.
+        known: Any = cls
+        return tuple(f.name for f in fields(known))
+
+    @classmethod
+    def of(cls, values: Mapping[str, float]) -> Self:
+        """The note with those of the values that are its own."""
+        return cls(**{name: values[name] for name in cls.numbers() if name in values})
+
+    def text(self) -> str:
+        """Its numbers by name; those that it does not have are left out."""
+        values = ((name, getattr(self, name)) for name in self.numbers())
+        return " ".join(f"{name}={value:.9g}" for name, value in values if value is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class Noted:
+    """A note at a place.
+
+    Attributes:
+        word: what it is called in the model: the effect's name.
+        place: joint, or the channels of ``torque``.
+        note: the note.
+    """
+
+    word: str
+    place: str
+    note: Note
+
 
 # What follows a joint's name in that of the joint between its motor and its link.
 DEFLECTION = ".deflection"
@@ -105,3 +248,101 @@ class Told:
 
     growth: list[Array] | None = None
     deflection: list[Array] | None = None
+
+
+# What an effect is given to work with: the fitted baseline and full-rate signals at its parameters.
+
+# Steps of first and second differences [rad], [rad/s].
+_STEP, _FAR = 1e-5, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """The baseline and full-rate signals at its parameters.
+
+    Attributes:
+        baseline: the fitted baseline.
+    """
+
+    baseline: Baseline
+    _signs: dict[int, Array] = field(default_factory=dict)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints with rows."""
+        return self.baseline.samples.joints
+
+    def row(self, joint: str) -> int:
+        """Index of a joint's row."""
+        return self.joints.index(joint)
+
+    @cached_property
+    def q(self) -> Array:
+        """``(n_samples, n_joints)`` [rad]."""
+        return self.baseline.samples.stacked("q")[:, list(self.baseline.samples.index)]
+
+    @cached_property
+    def v(self) -> Array:
+        """``(n_samples, n_joints)`` [rad/s]."""
+        return self.baseline.samples.stacked("v")[:, list(self.baseline.samples.index)]
+
+    @cached_property
+    def a(self) -> Array:
+        """``(n_samples, n_joints)`` [rad/s²]."""
+        return self.baseline.samples.stacked("a")[:, list(self.baseline.samples.index)]
+
+    @cached_property
+    def session(self) -> Array:
+        """``(n_samples,)`` time since the session's start [s]."""
+        return self.baseline.samples.stacked("session_s")
+
+    def sign(self, j: int) -> Array:
+        """What a joint's dry friction follows, ``(n_samples,)``."""
+        if j not in self._signs:
+            base = self.baseline
+            self._signs[j] = sign_of_motion(base.samples, j, base.signs[j])
+        return self._signs[j]
+
+    def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
+        """Torques of the rigid bodies at the fitted parameters, ``(n_samples, n_joints)`` [N·m]."""
+        model = self.baseline.samples.robot.model if model is None else model
+        return inverse_dynamics(model, q, v, a, self.baseline.phi)[:, list(self.baseline.samples.index)]
+
+    def gradient(self, j: int, what: str) -> Array:
+        """Change of the torques per unit of a joint's ``q``, ``v`` or ``a``: ``(n_samples, n_joints)``."""
+        kept = self.baseline.derived.values
+        if (j, what) not in kept:
+            samples = self.baseline.samples
+            motion = {name: samples.stacked(name) for name in ("q", "v", "a")}
+            step = 1.0 if what == "a" else _STEP
+            moved = dict(motion)
+            moved[what] = motion[what].copy()
+            moved[what][:, samples.index[j]] += step
+            still = self.baseline.rigid - self.baseline.added
+            change = self.torques(moved["q"], moved["v"], moved["a"]) - still
+            # A torque in one piece: most take one of them, or all one after the other.
+            kept[j, what] = np.asfortranarray(change / step)
+        return kept[j, what]
+
+    def curvature(self, j: int, what: str) -> Array:
+        """Second derivative of the torques with a joint's motion: ``qq``, ``qv``, ``vv`` or ``qa``, as the gradient."""
+        kept = self.baseline.derived.values
+        if (j, what) not in kept:
+            samples = self.baseline.samples
+            q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
+            unit = np.zeros(q.shape[1])
+            unit[samples.index[j]] = 1.0
+
+            def at(turn: float, speed: float = 0.0, more: float = 0.0) -> Array:
+                return self.torques(q + turn * unit, v + speed * unit, a + more * unit)
+
+            # Torques are of second degree in the speeds and of first in the accelerations: steps there may be large.
+            h = _FAR
+            ahead, behind = at(h), at(-h)
+            faster, slower = (at(h, 1.0), at(-h, 1.0)), (at(h, -1.0), at(-h, -1.0))
+            still = self.baseline.rigid - self.baseline.added
+            kept[j, "qq"] = (ahead - 2.0 * still + behind) / h**2
+            kept[j, "qv"] = (faster[0] - faster[1] - slower[0] + slower[1]) / (4.0 * h)
+            kept[j, "vv"] = 0.5 * (sum(faster) + sum(slower)) - ahead - behind
+            kept[j, "qa"] = (at(h, more=1.0) - ahead - at(-h, more=1.0) + behind) / (2.0 * h)
+        return kept[j, what]

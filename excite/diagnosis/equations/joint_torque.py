@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.equations.sandwich import std_of_trials
 
 # Columns smaller than this share of the largest one of their hypothesis are rounding errors.
 _NOTHING = 1e-7
@@ -248,3 +248,27 @@ class Solver:
 
 def _project(q: Array, values: Array) -> Array:
     return values - q @ (q.T @ values) if q.shape[1] else values
+
+
+# Standard deviations by which trials disagree: the sandwich of their gradients (Liang, Zeger 1986).
+
+
+def std_of_trials(
+    rows: Sequence[Array], rest: Sequence[Array], trial: NDArray[np.int64], prior: Array
+) -> Array:
+    """Standard deviations of the coefficients of a weighted least-squares fit, ``(n,)``, in its rows' units.
+
+    Args:
+        rows: by channel, ``(n_rows, n)`` in units of its noise.
+        rest: by channel, ``(n_rows,)`` what the fit leaves, in the same units.
+        trial: ``(n_rows,)`` index of the trial.
+        prior: ``(n,)`` precision that each coefficient has a priori.
+    """
+    trials = np.unique(trial)
+    normal, gradients = np.diag(prior), np.zeros((len(trials), len(prior)))
+    for a, left in zip(rows, rest, strict=True):
+        normal += a.T @ a
+        gradients += [left[trial == k] @ a[trial == k] for k in trials]
+    # Columns that a short record cannot tell apart, or does not show, have no deviation of their own.
+    moved = np.linalg.pinv(normal, rcond=1e-10, hermitian=True) @ gradients.T
+    return np.sqrt((moved**2).sum(axis=1) * len(trials) / (len(trials) - 1))

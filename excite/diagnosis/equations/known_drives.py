@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.equations.dry_friction.sticking_joints import fit_where_slipping
 from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, OwnTerm
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.standstill import fit_where_slipping
 from excite.robot.joint_values import per_joint
 
 

@@ -13,13 +13,11 @@ from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standstill import rows_of_motion, standstill_speed
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
-from excite.logs.signals.butterworth import lowpass
+from excite.logs.signals.butterworth import central_differences, lowpass
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
-from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.resample import near_samples
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
-from excite.rows.beyond import beyond_on_grid, bridge_torques
 from excite.rows.kinematics import (
     forces_on_grid,
     in_configurations,
@@ -28,6 +26,7 @@ from excite.rows.kinematics import (
     trial_grid,
     trial_rate,
 )
+from excite.rows.saturation import beyond_on_grid, bridge_torques
 
 
 def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | None = None) -> ArmSamples:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from excite.diagnosis.answer.candidate import Estimate
-from excite.robot import sliding
+from excite.robot import prismatic as sliding
 from excite.robot.robot import Robot
 
 _OF_SLIDES = {

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.attribution.attribution import Scored
+from excite.diagnosis.attribution import Scored
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.next_experiment.candidates import Offer, beyond, joined_motions, near

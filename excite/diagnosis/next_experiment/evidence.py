@@ -10,10 +10,9 @@ from itertools import permutations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.attribution.attribution import Scored
-from excite.diagnosis.attribution.hypotheses import Columns, Hypothesis, at_rows
+from excite.diagnosis.attribution import Columns, Hypothesis, Scored, at_rows
 from excite.diagnosis.budget.thresholds import THRESHOLDS
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread, standstill_weights

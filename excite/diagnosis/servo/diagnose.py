@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,28 +11,41 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.absorbed import Absorbed, estimated_gains
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Rollout
+from excite.diagnosis.answer.candidate import Candidate, Estimate
+from excite.diagnosis.answer.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.answer.trivial import beaten
 from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
 from excite.diagnosis.arm.record import TorqueRecord
-from excite.diagnosis.effects.readings.torque_gain import TorqueGain
+from excite.diagnosis.attribution import STRUCTURED
+from excite.diagnosis.effects.effect import Effect, Shape, Theta
+from excite.diagnosis.effects.form import Context, Form, Sizes
+from excite.diagnosis.effects.readings import EncoderOffset, TimeDelay, TorqueGain
 from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.servo.closed_loop import ClosedLoop
-from excite.diagnosis.servo.confirmation import above_noise, confirmed, position_gap, with_twin
-from excite.diagnosis.servo.cycle import acting, servo_cycle
-from excite.diagnosis.servo.encoders import servo_effects
 from excite.diagnosis.servo.gains import known_servo
-from excite.diagnosis.servo.levels import error_integral, trial_levels
-from excite.diagnosis.servo.noise import servo_floor
-from excite.diagnosis.servo.servo import Servo, Signals, read_signals
-from excite.diagnosis.servo.strength import EXACT
-from excite.diagnosis.trivial.neighbours import of_positions
+from excite.diagnosis.servo.servo import (
+    BAND_HZ,
+    EXACT,
+    Servo,
+    Signals,
+    Witness,
+    acting,
+    error_integral,
+    read_signals,
+    servo_cycle,
+    trial_levels,
+)
+from excite.diagnosis.trivial import of_positions
 from excite.errors import LogError, RobotError
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
+from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
 from excite.rows.kinematics import trial_rate
 
@@ -237,3 +251,221 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
             gap=gap if unexplained else position_gap(unaided, closed.deviation, closed.floor),
         )
     return replace(result, warnings=tuple(warnings))
+
+
+# Whether closed-loop roll-outs confirm what the servo's torques speak for, and what stays open without
+# torque.
+
+# Effects that leave more of every joint's roll-out error are not confirmed, nor are those that make it worse.
+_CONFIRMS = 0.95
+
+
+def confirmed(gap: Gap, said: Witness | None = None) -> bool:
+    """Whether roll-outs are clearly nearer to the record, or at least do not speak against the effects.
+
+    Nearer is on some joint, and no further in all. What the encoders' noise has of the error, no simulator takes
+    away.
+
+    Args:
+        gap: of roll-outs with the effects that help.
+        said: by all effects' change of the roll-outs.
+    """
+    if said is not None and not said.speaks_against:
+        return True
+
+    def left(value: float, floor: float) -> float:
+        return float(np.sqrt(max(value**2 - floor**2, 0.0)))
+
+    channels = gap.per_channel.values()
+    return gap.after <= gap.before and any(
+        left(c.after, c.noise_floor) < _CONFIRMS * left(c.before, c.noise_floor) for c in channels
+    )
+
+
+def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
+    """The gap in positions, from closed-loop roll-outs.
+
+    Args:
+        rollout: the comparison.
+        deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
+        floor: ``(n_joints,)`` noise of the filtered positions [rad].
+    """
+    names = list(rollout.before)
+    before, after = (np.array([x[n] for n in names]) for x in (rollout.before, rollout.after))
+    floor = np.minimum(floor, np.minimum(before, after))
+    first, last, least = (float(np.sqrt(np.mean((x / deviation) ** 2))) for x in (before, after, floor))
+    channels = {
+        n: ChannelGap(float(b), float(a), float(f), "rad")
+        for n, b, a, f in zip(names, before, after, floor, strict=True)
+    }
+    return Gap(first, last, least, share_closed(first, last, least), channels)
+
+
+def above_noise(joints: Sequence[str], gap: Gap) -> tuple[str, ...]:
+    """Those of some joints whose roll-outs are off by more than the noise of the positions that they are held against.
+
+    What torques leave there else, a servo that stiff, or encoders that coarse, hide in the positions; the torques are
+    made of the same positions.
+
+    Args:
+        joints: with a rest of their torques that is no noise.
+        gap: of roll-outs.
+    """
+    return tuple(
+        j
+        for j in joints
+        if j in gap.per_channel
+        and gap.per_channel[j].after ** 2 > STRUCTURED * gap.per_channel[j].noise_floor ** 2
+    )
+
+
+def with_twin(
+    result: Diagnosis, estimated: bool, *, lags: bool = False, delay: Estimate | None = None
+) -> Diagnosis:
+    """Ambiguous where another name means the same without torque.
+
+    Args:
+        result: the diagnosis.
+        estimated: whether gains were estimated: inertia and braking that a joint lacks, or has too
+            much, are a wrong gain then.
+        lags: whether a lag is clearly no delay.
+        delay: what a delay in the place of a lag would be.
+    """
+    first = result.effects[0]
+    effect = EFFECTS[first.effect]
+    names = () if lags else effect.twins_without_torque
+    twins = [replace(first, effect=name) for name in (*names, *(effect.twins_of_a_gain if estimated else ()))]
+    if not twins:
+        return result
+    if delay is not None:
+        twins = [replace(t, parameters={"delay": delay}) if t.effect == TimeDelay.name else t for t in twins]
+    rest = tuple(c for c in result.candidates if (c.effect, c.location) != (first.effect, first.location))
+    tied: tuple[Candidate, ...] = (first, *twins)
+    said = " and ".join(c.effect.replace("_", " ") for c in tied)
+    return replace(
+        result,
+        verdict="ambiguous",
+        candidates=(*tied, *rest),
+        n_tied=len(tied),
+        next_experiment=NextExperiment(
+            f"{said} look alike without torque; what tells them apart: a torque or current reading",
+            tuple(f"{c.effect}@{c.location}" for c in tied),
+        ),
+    )
+
+
+# Encoder offsets where the servo's own reading counts: of the encoder that it follows, or of the log alone.
+
+_SMALL = 2e-3
+
+
+class LoggedOffset(EncoderOffset):
+    """Logged position = true position + offset o, and the servo knows the true one.
+
+    The torque that it is taken to ask for then lacks ``kp o``, which soon is more than all that the joint carries,
+    and where gravity is fed forward at the measured position, that is taken at the wrong one.
+
+    Args:
+        kp: by joint [N·m/rad].
+        feedforward: of the servo.
+    """
+
+    def __init__(self, kp: Mapping[str, float], feedforward: str):
+        self._kp = dict(kp)
+        self._weighs = feedforward == "gravity"
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j, columns = context.row(location), super().shape(context, location, theta).columns
+        columns = {k: column.copy() for k, column in columns.items()}
+        columns[j] -= self._kp[location]
+        if self._weighs:
+            for k, change in enumerate(self._gravity(context, j, math.log(theta[0])).T):
+                columns[k][:, 0] += change
+        return Shape(columns)
+
+    def _gravity(self, context: Context, j: int, secant: float) -> Array:
+        """Change of the nominal weight from the true to the logged position, per offset, ``(n_samples, n_joints)``."""
+        samples = context.baseline.samples
+        step = secant if abs(secant) > _SMALL else _SMALL
+        here = samples.stacked("q")
+        there = here.copy()
+        there[:, samples.index[j]] -= step
+        still = np.zeros((len(here), samples.robot.model.nv))
+        old, new = (inverse_dynamics(samples.robot.model, q, still, still) for q in (here, there))
+        return np.asarray((old - new)[:, list(samples.index)] / step)
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        found = super().estimates(context, location, theta, fit)
+        return found | {"in_log_only": found["offset"]}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return replace(super().in_mujoco(item), notes=(self.noted(item),))
+
+
+class FollowedOffset(EncoderOffset):
+    """An offset that the servo follows; one of the log alone is another form of it."""
+
+    def __init__(self, kp: Mapping[str, float], feedforward: str):
+        self._logged = LoggedOffset(kp, feedforward)
+
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return (self._logged,)
+
+
+def servo_effects(servo: Servo, joints: tuple[str, ...]) -> tuple[Effect, ...]:
+    """The library of effects as a servo's log shows them.
+
+    Args:
+        servo: the servo.
+        joints: of the log, in the servo's order.
+    """
+    kp = dict(zip(joints, servo.kp.tolist(), strict=True))
+    followed = FollowedOffset(kp, servo.feedforward)
+    return tuple((EFFECTS | {followed.name: followed}).values())
+
+
+# Noise of torques that a servo must have asked for: its encoders' noise, and what the servo makes of it.
+
+# Where the spectral floor is measured, in multiples of the rows' band.
+_ABOVE = (1.5, 3.0)
+
+
+def servo_floor(samples: ArmSamples, servo: Servo, order: list[int]) -> Array:
+    """Noise in the rows' band, ``(n_joints,)`` [N·m], of torques rebuilt from positions.
+
+    Above the band the noise is measured; below it is what the servo makes of encoders whose noise is white: it
+    grows with the frequency as ``|kp + i 2πf kd|``, by several times within a decade where kd/kp is long. A floor
+    that took it for flat would hide all that is weak. An integral part makes a random walk of it, of which each trial's
+    mean is taken off: ``ki² S T/12`` is left of it after a time T, S the density of the encoders' noise.
+
+    Args:
+        samples: trials with torques rebuilt with this servo.
+        servo: the servo.
+        order: of the samples' joints in the log.
+
+    Returns:
+        The floor.
+    """
+    rate, rows_hz = samples.rate_hz, samples.bands.rows_hz
+    f = np.linspace(0.0, 0.5 * rate, 2000)[1:]
+    kp, kd = servo.kp[order], servo.kd[order]
+    grown = kp**2 + (2.0 * np.pi * f[:, None] * kd) ** 2
+    grown *= _passed(f, BAND_HZ, rate)[:, None]
+    high = min(_ABOVE[1] * rows_hz, 0.45 * rate)
+    low = min(_ABOVE[0] * rows_hz, 0.7 * high)
+    above = np.median(grown[(f > low) & (f < high)], axis=0)
+    passed = _passed(f, rows_hz, rate)[:, None]
+    share = np.minimum((grown * passed).sum(axis=0) / (above * passed.sum()), 1.0)
+    if servo.ki is not None:
+        seconds = np.mean([t.time[-1] - t.time[0] for t in samples.trials])
+        share += servo.ki[order] ** 2 * seconds / 12.0 / (above * passed.sum() * (f[1] - f[0]))
+    return np.asarray(spectral_floor(samples) * np.sqrt(share))
+
+
+def _passed(f: Array, cutoff_hz: float, rate_hz: float) -> Array:
+    """Share of the power at ``f`` [Hz] that a fourth-order Butterworth filter run both ways lets through."""
+    if cutoff_hz >= 0.5 * rate_hz:
+        return np.ones_like(f)
+    warped = np.tan(np.pi * np.minimum(f, 0.4999 * rate_hz) / rate_hz) / np.tan(np.pi * cutoff_hz / rate_hz)
+    return 1.0 / (1.0 + warped**8) ** 2

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.effects.bodies.level_axes import level_axes
+from excite.diagnosis.effects.bodies import level_axes
 from excite.diagnosis.servo.servo import Servo, Signals
 from excite.logs.log import Log
 from excite.logs.signals.butterworth import lowpass

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.form import DEFLECTION
-from excite.diagnosis.effects.note import JointStep
-from excite.diagnosis.simulator.model_text import load_model
-from excite.diagnosis.simulator.notes import read_notes
-from excite.diagnosis.simulator.rollout_drives import Drive, LoggedTorque, PositionServo, Window
-from excite.diagnosis.simulator.rollout_friction import JointFriction
-from excite.diagnosis.simulator.rollout_lag import MotorLag
-from excite.diagnosis.simulator.rollout_state import Acting, Run, motion
-from excite.divergence import has_diverged, without_log_file
+from excite.diagnosis.effects.bristle import Bristle
+from excite.diagnosis.effects.form import DEFLECTION, JointStep, Note
+from excite.diagnosis.simulator.model_text import load_model, read_notes
+from excite.diagnosis.simulator.rollout_windows import Drive, LoggedTorque, Past, PositionServo, Window
+from excite.mujoco_warnings import has_diverged, without_log_file
+
+if TYPE_CHECKING:
+    import mujoco
 
 
 class Simulator:
@@ -246,3 +246,220 @@ class Simulator:
             now = [run.carried() for run in self.runs[: len(self._load)]]
             self._borne = self._load if self.runs[0].data.time == 0.0 else np.array(now)[:, self._dof]
         return np.asarray(self._borne[:, j])
+
+
+# Friction of simulated joints at every step, as notes and bristles have it.
+
+
+@dataclass(eq=False)
+class _Part:
+    """A note of a joint's friction.
+
+    Attributes:
+        joint: index of the joint.
+        note: the note.
+        bristle: bristles of its own; None where it has none, or where they hold all of the joint's dry friction.
+    """
+
+    joint: int
+    note: Note
+    bristle: Bristle | None = None
+
+
+class Rubbing(NamedTuple):
+    """Friction of a joint over a step, in every run: all but the joint ``(n_runs,)``.
+
+    Attributes:
+        joint: index of the joint.
+        level: dry friction that no bristles hold [N·m].
+        damping: viscous friction and damping of bristles, beside the joint's constant damping [N·m·s/rad].
+        force: torque of bristles [N·m].
+    """
+
+    joint: int
+    level: Array
+    damping: Array
+    force: Array
+
+
+class JointFriction:
+    """Friction levels of all joints at every step, and the bristles of those that have some.
+
+    Attributes:
+        bristles: by joint, those of all joints.
+    """
+
+    def __init__(self, notes: Sequence[tuple[int, Note]], steps: Sequence[JointStep]):
+        """Pick what is friction from a model's notes.
+
+        Args:
+            notes: all notes, each with the index of its joint.
+            steps: the joints; which of them bend is noted there.
+        """
+        self._steps = steps
+        every = [_Part(j, note) for j, note in notes if note.rubs]
+        # Bristles that hold all of a joint's dry friction.
+        self._whole: dict[int, Bristle] = {}
+        for part in every:
+            bristle = part.note.bristle()
+            if bristle is not None and part.note.takes_all:
+                self._whole[part.joint] = bristle
+            else:
+                part.bristle = bristle
+        for part in every:
+            if part.bristle is None and part.note.static is not None and part.joint in self._whole:
+                self._whole[part.joint].static = part.note.static
+        for j in self._whole:
+            steps[j].bends = True
+        own = ((part.joint, part.bristle) for part in every if part.bristle is not None)
+        self.bristles = (*self._whole.items(), *own)
+        self._by_joint: dict[int, list[_Part]] = {}
+        for part in every:
+            self._by_joint.setdefault(part.joint, []).append(part)
+
+    def start(self, windows: Sequence[Window]) -> None:
+        """Begin a window in every run, bristles bent as the record before it did."""
+        for j, bristle in self.bristles:
+            bristle.start([_before(window.past, j) for window in windows])
+
+    def acting(self, level: Array, v: Array, step: float) -> Iterator[Rubbing]:
+        """What rubs at each joint that a note is about, over the coming step.
+
+        Args:
+            level: constant levels of dry friction, ``(n_joints,)`` [N·m].
+            v: speeds of the joints, ``(n_runs, n_joints)`` [rad/s].
+            step: length of the step [s].
+        """
+        for j, parts in self._by_joint.items():
+            here, viscous = np.full(len(v), level[j]), np.zeros(len(v))
+            held: list[tuple[Bristle, Array]] = []
+            for part in parts:
+                if part.bristle is not None:
+                    held.append((part.bristle, part.note.held(here)))
+                here, more = part.note.friction(here, self._steps[j])
+                viscous = viscous + more
+            here = np.maximum(here, 0.0)
+            force = damping = np.zeros(len(v))
+            whole = self._whole.get(j)
+            if whole is not None:
+                force, damping = whole.force(here, v[:, j], step)
+                here = np.zeros(len(v))
+            for bristle, size in held:
+                f, d = bristle.force(np.maximum(size, 0.0), v[:, j], step)
+                force, damping = force + f, damping + d
+            yield Rubbing(j, here, viscous + damping, force)
+
+    def move(self, v: Array, step: float) -> None:
+        """Bend all bristles by the step that was made at speeds of all joints, ``(n_runs, n_joints)`` [rad/s]."""
+        for j, bristle in self.bristles:
+            bristle.move(v[:, j], step)
+
+
+def _before(past: Past | None, j: int) -> tuple[Array, float]:
+    """Speeds of a joint in the record before a window, and the period of these [s]."""
+    if past is None:
+        return np.zeros(0), 0.0
+    return np.ascontiguousarray(past.v[:, j]), float(past.time[1] - past.time[0])
+
+
+# The lag of simulated motors: a filter before them, and one that the model has in them.
+
+
+@dataclass(frozen=True)
+class MotorLag:
+    """First-order filters of what motors are told.
+
+    Attributes:
+        before: time constant of the filter before the motors [s]; 0 without one.
+        within: of the one that the model has [s]; None without one.
+    """
+
+    before: float
+    within: float | None
+
+    def share(self, step: float) -> float:
+        """Share of what it is told that the filter before the motors follows in a step [s]."""
+        return _share(step, self.before)
+
+    def begun(self, window: Window, drive: Drive, delay: float) -> tuple[Array, Array]:
+        """What the filters have come to at a window's start, before the motors and in them, ``(n_joints,)`` [N·m].
+
+        Args:
+            window: with the record before it; without that the motors have been told the same for long.
+            drive: what tells them.
+            delay: by which that is read later [s].
+        """
+        past = window.past
+        if past is None or self.within is None:
+            now = drive.answer(drive.offers(window.time[:1] + delay)[0], window.q, window.v)
+            return now, now
+        period = float(past.time[1] - past.time[0])
+        first, second = _share(period, self.before), _share(period, self.within)
+        one = two = drive.answer(drive.offers(past.time[:1] + delay)[0], past.q[0], past.v[0])
+        # Half a period on: the command of an interval, not of its start.
+        times = past.time[:-1] + 0.5 * period + delay
+        for torque in drive.answer(drive.offers(times), past.q[:-1], past.v[:-1]):
+            one = one + first * (torque - one)
+            two = two + second * (one - two)
+        return one, two
+
+
+def _share(period: float, time_constant: float) -> float:
+    """Share of a step that a first-order filter follows within a period."""
+    return float(-np.expm1(-period / time_constant)) if time_constant > 0.0 else 1.0
+
+
+# MuJoCo's state of a run, and what acts in a step of several of them.
+
+
+class Run:
+    """State of a run of a model, and MuJoCo's own arrays in it, which to ask for takes as long as a step.
+
+    Attributes:
+        data: the state.
+        qpos: ``(nq,)`` positions in it.
+        qvel: ``(nv,)`` velocities.
+        ctrl: ``(nu,)`` what the motors are told.
+        applied: ``(nv,)`` torques that are applied [N·m].
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        """Make the state of a run of a model."""
+        import mujoco
+
+        self.data = mujoco.MjData(model)
+        self.qpos, self.qvel, self.ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
+        self.applied = self.data.qfrc_applied
+        self._forces = (self.data.qfrc_actuator, self.data.qfrc_passive, self.data.qfrc_constraint)
+        self._armature, self._acceleration = model.dof_armature, self.data.qacc
+
+    def carried(self) -> Array:
+        """Torques that the gears carry, ``(nv,)``: what the last step's motors gave less friction and rotors [N·m]."""
+        motor, passive, constraint = self._forces
+        return motor + passive + constraint + self.applied - self._armature * self._acceleration
+
+
+def motion(runs: Sequence[Run], positions: Array, velocities: Array) -> tuple[Array, Array]:
+    """Positions [rad] and velocities [rad/s] of joints in all runs, ``(n_runs, n_joints)`` each.
+
+    Args:
+        runs: the runs.
+        positions: ``(n_joints,)`` places of the joints' positions in the state.
+        velocities: of their velocities.
+    """
+    q, v = np.array([run.qpos for run in runs]), np.array([run.qvel for run in runs])
+    return q[:, positions], v[:, velocities]
+
+
+class Acting(NamedTuple):
+    """What acts in a step of several runs, each ``(n_runs, nv)``.
+
+    Attributes:
+        friction: levels of dry friction [N·m].
+        damping: [N·m·s/rad].
+        applied: torques beside the motors' [N·m].
+    """
+
+    friction: Array
+    damping: Array
+    applied: Array

@@ -2,29 +2,57 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.atomic import write_text
-from excite.diagnosis.answer.result import Rollout
-from excite.diagnosis.attribution.attribution import Attribution
+from excite.diagnosis.answer.answer import Rollout
+from excite.diagnosis.answer.gap import RolloutPath
+from excite.diagnosis.attribution import Attribution
+from excite.diagnosis.effects.form import Draft, Form, Noted
+from excite.diagnosis.effects.friction import PRESLIDING, BuildUp
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.own_columns import COULOMB
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.simulator.accepted_values import found_effects, told_states
-from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
-from excite.diagnosis.simulator.found import Found
-from excite.diagnosis.simulator.model_text import LOUDER, MODEL, AugmentedModel, ignored, without
+from excite.diagnosis.simulator.augmented_plant import Plant, physical_plant, plant_with, unphysical
+from excite.diagnosis.simulator.model_text import (
+    LOUDER,
+    MODEL,
+    AugmentedModel,
+    Found,
+    found_effects,
+    ignored,
+    told_states,
+    without,
+    write_note,
+)
 from excite.diagnosis.simulator.rollout import Simulator
-from excite.diagnosis.simulator.rollout_floor import replicated
-from excite.diagnosis.simulator.rollout_path import rollout_path
-from excite.diagnosis.simulator.rollout_windows import HORIZON_S, Piece, Plan, pieces, torque_plan
+from excite.diagnosis.simulator.rollout_windows import (
+    HORIZON_S,
+    LoggedTorque,
+    Piece,
+    Plan,
+    pieces,
+    spans,
+    torque_plan,
+)
 from excite.errors import InputError
+from excite.logs.signals.butterworth import lowpass, noise_bandwidth
+from excite.logs.signals.spectrum import welch_spectrum
 from excite.progress import step
+from excite.robot.robot import Robot
+from excite.simulation.drives import Drives
+from excite.simulation.mjcf import World, build_spec
+
+if TYPE_CHECKING:
+    import mujoco
 
 # Simulated time on identification trials, where it is decided whether the effects help at all [s].
 _CHECKED_S = 8.0
@@ -232,3 +260,189 @@ def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) 
 def _rms(error: Array, joints: Sequence[str]) -> dict[str, float]:
     values = np.sqrt((error**2).mean(axis=(0, 1)))
     return {name: float(v) for name, v in zip(joints, values, strict=True)}
+
+
+# The nominal simulator with the accepted effects in it: a MuJoCo model, and notes on what XML cannot say.
+
+_TIMESTEP = 1e-3
+_NO_LIMIT = 1e6
+
+
+def baseline_model(baseline: Baseline) -> AugmentedModel:
+    """The simulator without effects: the fitted or trusted baseline."""
+    return augmented_model(baseline, ())
+
+
+def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedModel:
+    """The simulator with effects.
+
+    Args:
+        baseline: the baseline as fitted together with them.
+        effects: the effects.
+
+    Returns:
+        The model.
+
+    Raises:
+        InputError: the robot has joints that cannot be simulated, or MuJoCo refuses the bodies.
+    """
+    robot = baseline.samples.robot
+    joints = baseline.samples.joints
+    forms = [item.form(joints) for item in effects]
+    wanted = plant_with(baseline, ((item.location, form) for item, form in zip(effects, forms, strict=True)))
+    plant = physical_plant(baseline, wanted, _turned(np.array(robot.model.gravity.linear), forms))
+    warnings = [said for item in effects if (said := item.formless) is not None]
+    warnings += unphysical(plant.mismatch, "residual")
+    draft = Draft(joints, _spec(robot, baseline.samples.index, plant))
+    draft.spec.option.gravity = _turned(np.array(draft.spec.option.gravity), forms)
+    for noted in _presliding(baseline):
+        write_note(draft.spec, noted)
+    for form in forms:
+        if form.elements is not None:
+            form.elements(draft)
+        for noted in form.notes:
+            write_note(draft.spec, noted)
+    for form in forms:
+        if form.finish is not None:
+            form.finish(draft)
+    try:
+        draft.spec.compile()
+    except ValueError as error:
+        said = " ".join(str(error).split())
+        raise InputError(
+            f"MuJoCo refuses the fitted model ({said})", remedy="judge by the torques"
+        ) from error
+    return AugmentedModel(draft.spec.to_xml(), tuple(warnings))
+
+
+def _turned(gravity: Array, forms: Sequence[Form]) -> Array:
+    """Gravity ``(3,)`` as effects turn it [m/s²]."""
+    for form in forms:
+        gravity = gravity if form.gravity is None else form.gravity(gravity)
+    return gravity
+
+
+def _presliding(baseline: Baseline) -> list[Noted]:
+    """What is noted of the baseline's own friction: where it builds up over a deflection."""
+    if not COULOMB.asked(baseline.modelled):
+        return []
+    noted = []
+    for j, (joint, sign) in enumerate(zip(baseline.samples.joints, baseline.signs, strict=True)):
+        if sign.bent:
+            damped = (baseline.bristle_damping(j), sign.damped_below) if sign.damped else (None, None)
+            noted.append(Noted(PRESLIDING, joint, BuildUp(sign.breakaway, *damped)))
+    return noted
+
+
+def _spec(robot: Robot, index: Sequence[int], plant: Plant) -> mujoco.MjSpec:
+    """Bodies, friction and rotor inertia, a motor for each joint."""
+    n = robot.n_joints
+
+    def all_joints(values: Array) -> Array:
+        out = np.zeros(n)
+        out[list(index)] = values
+        return out
+
+    drives = Drives(
+        kp=np.ones(n),
+        kd=np.zeros(n),
+        torque_limit=np.full(n, _NO_LIMIT),
+        viscous=all_joints(plant.viscous),
+        coulomb=all_joints(plant.coulomb),
+        bearing_viscous=np.zeros(n),
+        bearing_coulomb=np.zeros(n),
+        armature=all_joints(plant.armature),
+        rate_hz=1.0 / _TIMESTEP,
+    )
+    spec = build_spec(robot, plant.phi, drives, World(timestep=_TIMESTEP))
+    bias = all_joints(plant.bias)
+    for number, name in enumerate(robot.joint_names):
+        motor = spec.actuator(name)
+        motor.forcelimited = False
+        motor.gainprm[0] = 1.0
+        motor.biasprm[:3] = [-bias[number], 0.0, 0.0]
+        # Positions are the record's: a range would push where the model's is narrower.
+        spec.joint(name).limited = False
+    return spec
+
+
+# What roll-outs of the same simulator differ by: replicas whose start and whose torques are as noisy as the
+# log's.
+
+# Noise of filtered positions is seen between these shares of the filter's cut-off, above the motion.
+_BETWEEN = (0.5, 0.75)
+_SEGMENT_S = 1.28
+
+
+def position_noise(samples: ArmSamples) -> Array:
+    """Standard deviation of the white noise of the positions, ``(n_joints,)`` [rad], as if flat below their band.
+
+    Third differences keep the motion from leaking into the spectrum.
+    """
+    rate = samples.rate_hz
+    low, high = (share * min(samples.bands.kinematics_hz, 0.5 * rate) for share in _BETWEEN)
+    length = min(round(_SEGMENT_S * rate), *(len(t.time) // 2 for t in samples.trials))
+    found = []
+    for trial in samples.trials:
+        frequency, power = welch_spectrum(
+            np.diff(trial.q[:, list(samples.index)], 3, axis=0), rate, length, median=True
+        )
+        band = (frequency > low) & (frequency < high)
+        differenced = (2.0 * np.sin(np.pi * frequency[band] / rate)) ** 6
+        found.append(np.median(power[band] / differenced[:, None], axis=0))
+    return np.asarray(np.sqrt(0.5 * rate * np.median(found, axis=0)))
+
+
+def replicated(samples: ArmSamples, plan: Plan, rng: np.random.Generator) -> tuple[ArmSamples, Plan]:
+    """The record and its roll-outs' drives with as much noise again as they have.
+
+    Args:
+        samples: the record.
+        plan: drives; those that are not the log's torques stay as they are.
+        rng: source of the noise.
+
+    Returns:
+        Record and plan of the replicas.
+    """
+    sigma, index = position_noise(samples), list(samples.index)
+    rate, band = samples.rate_hz, samples.bands.kinematics_hz
+    if plan.noise is not None:
+        sigma = plan.noise / np.sqrt(noise_bandwidth(rate, band))
+    trials, drives = [], dict(plan.drives)
+    for trial in samples.trials:
+        drawn = sigma * rng.standard_normal((len(trial.time), len(index)))
+        q = trial.q.copy()
+        q[:, index] += drawn if plan.noise is None else lowpass(drawn, rate, band)
+        trials.append(replace(trial, q=q))
+        drive = plan.drives[trial.name]
+        if plan.torques is not None and isinstance(drive, LoggedTorque):
+            noise = plan.torques.noise(trial, drawn, samples.rate_hz, rng)
+            drives[trial.name] = replace(drive, tau=drive.tau + noise)
+    return replace(samples, trials=tuple(trials)), replace(plan, drives=drives)
+
+
+# Roll-outs put back where they lie in a trial, for a picture in motion.
+
+
+def rollout_path(samples: ArmSamples, plan: Plan, before: Array, after: Array) -> RolloutPath:
+    """The trial of which most was simulated.
+
+    Args:
+        samples: the samples.
+        plan: of the roll-outs.
+        before: errors of the nominal simulator, ``(n_windows, n_kept, n_joints)`` [rad].
+        after: of the augmented one, likewise.
+    """
+    placed = spans(samples, plan)
+    name = Counter(trial for trial, _, _ in placed).most_common(1)[0][0]
+    trial = next(item for item in samples.trials if item.name == name)
+    recorded = trial.q[:, list(samples.index)]
+    paths = [recorded.copy(), recorded.copy()]
+    for (where, start, _), *both in zip(placed, before, after, strict=True):
+        if where != name:
+            continue
+        first = int(abs(trial.time - start).argmin())
+        for path, error in zip(paths, both, strict=True):
+            # Of two windows that meet, the last sample is the first one's, which strayed for longest.
+            path[first + 1 : first + len(error)] += error[1:]
+    return RolloutPath(name, samples.joints, trial.time, recorded, *paths)

@@ -7,20 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from excite.display import percent
+from excite.doctor.channel_errors import LEAST_GAIN, OF_TORQUES, OF_WRENCHES, Misreading, misreadings
+from excite.doctor.channel_mapping import Reading
 from excite.doctor.check import Check, Outcome
-from excite.doctor.misreadings import LEAST_GAIN, Misreading, misreadings
-from excite.doctor.mistakes.carried_load import carried_load
-from excite.doctor.mistakes.clock import Clock
-from excite.doctor.mistakes.other_machine import OtherMachine, other_machine
-from excite.doctor.mistakes.registry import OF_TORQUES, OF_WRENCHES
-from excite.doctor.reading import Reading
+from excite.doctor.checks.torques import of_unknown_unit
+from excite.doctor.mistakes.joints import Clock
+from excite.doctor.mistakes.torques import OtherMachine, carried_load, other_machine
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
-from excite.doctor.unknown_unit import of_unknown_unit
 from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import Finding, list_names
 from excite.logs.log import Log
 from excite.robot.robot import Robot
-from excite.shown import percent
 
 
 class Channels(Check):

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.reading import Reading
 
 
 class Samples(Protocol):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
-from excite.excitation.optimisation.family import FourierFamily
+from excite.excitation.optimisation.motions import FourierFamily
 from excite.excitation.optimisation.objective import Layout, Sampling
 
 

@@ -18,7 +18,7 @@ from excite.motion.generators.generator import child_seed
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, at_once, check_jobs
-from excite.parallel.shared import Shared
+from excite.parallel.worker import Shared
 from excite.progress import Progress, silent
 from excite.safety.check import check_motion
 from excite.safety.verdict import Verdict

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
-from excite.excitation.optimisation.criterion import CRITERIA
-from excite.excitation.optimisation.family import MotionFamily
 from excite.excitation.optimisation.limits import JointLimits
-from excite.excitation.optimisation.objective import Layout
-from excite.motion.generators.bodyparts import free_upper_body, rest_joints
+from excite.excitation.optimisation.motions import MotionFamily
+from excite.excitation.optimisation.objective import CRITERIA, Layout
+from excite.motion.generators.generator import free_upper_body, rest_joints
 from excite.robot.robot import Robot
 
 
@@ -24,7 +23,7 @@ class ExcitationTask:
     Attributes:
         robot: the robot.
         family: of motions to search in.
-        criterion: name in :data:`~excite.excitation.optimisation.criterion.CRITERIA`.
+        criterion: name in :data:`~excite.excitation.optimisation.objective.CRITERIA`.
         limits: of all joints; the robot's own if None.
         start: ``(n_joints,)`` where the motion starts and ends [rad or m]; None: it is chosen for an arm, and at
             rest for a robot with feet.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -14,22 +14,32 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import InputError, NoSolutionError, RobotError
-from excite.export.models.bodies import Member, centred_body, changed_segments, parameters_of, split_segment
 from excite.export.models.mujoco_places import robot_names
-from excite.export.models.parameters import Found
-from excite.export.models.urdf_dynamics import complete_limits, set_dynamics
-from excite.export.models.verification import held_joints, mujoco_error, pinocchio_error, urdf_in_mujoco
-from excite.export.models.written import WrittenModel
+from excite.export.models.parameters import (
+    Found,
+    Member,
+    centred_body,
+    changed_segments,
+    parameters_of,
+    split_segment,
+)
+from excite.export.models.verification import (
+    WrittenModel,
+    held_joints,
+    mujoco_error,
+    pinocchio_error,
+    urdf_in_mujoco,
+)
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.inertia import pseudo_inertia_matrices
+from excite.reading.documents import MAX_XML_BYTES, elements_of, parse_xml
 from excite.reading.file import read_bytes
-from excite.reading.xml_document import MAX_XML_BYTES, elements_of, parse_xml
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
-from excite.robot.urdf.free_root import WORLD, declare_world
 from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.tree import MOVING, WORLD, declare_world
 
 TOLERANCE = 1e-9
 """How far, relative to the largest torque, a written model's inverse dynamics may be off."""
@@ -250,3 +260,65 @@ def _mesh_note(text: XmlText, file: Path, path: Path) -> list[str]:
     if relative and Path(path).resolve().parent != file.resolve().parent:
         return [f"mesh paths are relative: put it beside {file.name} to see them"]
     return []
+
+
+# What a written URDF says of its joints' drives: friction, and the limits that readers insist on.
+
+
+def set_dynamics(text: XmlText, found: Mapping[str, float]) -> list[str]:
+    """Put friction into ``<dynamics>``; what no passive joint has is left as it was.
+
+    Args:
+        text: of a URDF, edited in place.
+        found: friction by name, such as ``viscous.JOINT``; other parameters are passed over.
+
+    Returns:
+        What was not written, a sentence each.
+    """
+    joints = {str(joint.attributes.get("name")): joint for joint in text.root.named("joint")}
+    notes = []
+    for name, joint in joints.items():
+        values = {}
+        for term, attribute in (("viscous", "damping"), ("coulomb", "friction")):
+            value = found.get(f"{term}.{name}")
+            if value is not None and value < 0.0:
+                notes.append(
+                    f"{name}: {term} friction was identified as {value:.3g}, below zero; not written"
+                )
+            elif value is not None:
+                values[attribute] = number_text(value)
+        if not values:
+            continue
+        if joint.named("dynamics"):
+            text.set(joint.named("dynamics")[0], **values)
+        else:
+            inside = " ".join(f'{key}="{value}"' for key, value in values.items())
+            text.insert_first(joint, f"<dynamics {inside}/>")
+    return notes
+
+
+def complete_limits(text: XmlText, robot: Robot) -> list[str]:
+    """Write efforts and velocities where the model has limits without: the robot's, 0 of joints that are held.
+
+    Args:
+        text: the URDF, edited here.
+        robot: the robot.
+
+    Returns:
+        A sentence with the joints concerned; none where all limits are complete.
+    """
+    known = {"effort": robot.limits.torque, "velocity": robot.limits.velocity}
+    found = []
+    for joint in text.root.named("joint"):
+        name = str(joint.attributes.get("name"))
+        for limit in joint.named("limit") if joint.attributes.get("type") in MOVING else ():
+            missing = [word for word in known if word not in limit.attributes]
+            if missing:
+                free = name in robot.joint_names
+                place = robot.joint_names.index(name) if free else 0
+                values = {word: number_text(float(known[word][place]) if free else 0.0) for word in missing}
+                text.set(limit, **values)
+                found.append(name)
+    return (
+        [f"limits of {', '.join(found)} lacked an effort or a velocity: the description's"] if found else []
+    )

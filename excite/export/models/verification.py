@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.divergence import without_log_file
 from excite.errors import InputError
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
-from excite.reading.xml_document import elements_of
+from excite.mujoco_warnings import without_log_file
+from excite.reading.documents import elements_of
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Robot
-from excite.robot.urdf.free_root import drop_free_root, hold_planar_root
 from excite.robot.urdf.model import urdf_model
+from excite.robot.urdf.tree import drop_free_root, hold_planar_root
 
 if TYPE_CHECKING:
     import mujoco
@@ -217,3 +217,36 @@ def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
             source="written model",
             remedy="give every moving link mass",
         ) from error
+
+
+# What is known of a model file that was written.
+
+
+@dataclass(frozen=True)
+class WrittenModel:
+    """A model file with identified inertials, and the proof that simulators read it so.
+
+    Attributes:
+        path: the file.
+        changed: links (or bodies) whose inertial was changed.
+        notes: what a user of the file should know, one sentence each.
+        pinocchio_error: largest difference between inverse dynamics of the file read by pinocchio and the
+            identified parameters' regression, relative to the largest torque; None where not checked.
+        mujoco_error: the same for the file read by MuJoCo.
+    """
+
+    path: Path
+    changed: tuple[str, ...]
+    notes: tuple[str, ...]
+    pinocchio_error: float | None
+    mujoco_error: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """The file's entry in a JSON document."""
+        return {
+            "file": self.path.name,
+            "changed": list(self.changed),
+            "notes": list(self.notes),
+            "pinocchio_error": self.pinocchio_error,
+            "mujoco_error": self.mujoco_error,
+        }

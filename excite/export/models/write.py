@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from excite.atomic import atomic_path
+from excite.display import count
 from excite.errors import InputError
-from excite.export.models.bodies import InconsistentModelError
-from excite.export.models.differences import find_differences
 from excite.export.models.mjcf import write_mjcf
+from excite.export.models.parameters import InconsistentModelError, find_differences
 from excite.export.models.urdf import write_urdf
-from excite.export.models.written import WrittenModel
+from excite.export.models.verification import WrittenModel
 from excite.identification.result import Identification
-from excite.robot.bringing import RobotLike, as_robot
-from excite.shown import count
+from excite.robot.load import RobotLike, as_robot
 
 
 @dataclass(frozen=True)

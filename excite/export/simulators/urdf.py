@@ -11,11 +11,15 @@ import numpy as np
 from excite.arrays import Array
 from excite.export.models.urdf import edited_urdf
 from excite.export.models.verification import States, pinocchio_torques
-from excite.export.simulators.friction import with_friction
-from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
-from excite.export.simulators.relative import move_attribute
-from excite.export.simulators.subject import Subject
-from excite.reading.xml_document import elements_of
+from excite.export.simulators.model_format import (
+    LoadedModel,
+    ModelFormat,
+    Rendered,
+    Subject,
+    move_attribute,
+    with_friction,
+)
+from excite.reading.documents import elements_of
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.human.subject import Sex
+from excite.human.segments import Sex
 
 SOURCE = "de Leva 1996, J. Biomech. 29(9):1223-1230, table 4"
 

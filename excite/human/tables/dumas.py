@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.human.subject import Sex
+from excite.human.segments import Sex
 
 SOURCE = "Dumas et al. 2007, J. Biomech. 40(3):543-553, table 2, with corrigendum 40(7):1651-1652"
 

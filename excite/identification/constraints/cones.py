@@ -9,6 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.errors import InputError
+from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
+from excite.identification.problem import IdentificationProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,3 +135,313 @@ class Cones:
         derivative[length <= head] = np.eye(4)
         derivative[length <= -head] = 0.0
         return derivative
+
+
+# Bodies that can exist, as matrices that are positive semidefinite and linear in the ten parameters.
+
+# Answers lie this far inside the cone (of a matrix whose entries are about 1), so that a solver's or rounding's
+# last digits leave them inside.
+_INSIDE = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterCones:
+    """``matrix · θ + bound`` in cones, as :class:`~excite.identification.constraints.cones.Cones` on parameters.
+
+    Attributes:
+        order: of the matrices, 0 for second-order cones.
+        matrix: ``(n_blocks, size, n_params)``.
+        bound: ``(n_blocks, size)``.
+        labels: ``kind:link`` of each block.
+    """
+
+    order: int
+    matrix: Array
+    bound: Array
+    labels: tuple[str, ...]
+
+
+def moving_segments(problem: IdentificationProblem) -> tuple[int, ...]:
+    """Segments whose parameters are free."""
+    return tuple(k for k in range(problem.n_inertial // 10) if k not in problem.unmeasured)
+
+
+def segment_scales(problem: IdentificationProblem) -> Array:
+    """``D = diag(1/(r√m), 1/(r√m), 1/(r√m), 1/√m)`` of each segment as ``(n_segments, 4)``.
+
+    ``D J D`` of a hand is then as large as that of a trunk.
+    """
+    nominal = pseudo_inertia_matrices(problem.prior[: problem.n_inertial])
+    mass = np.maximum(nominal[:, 3, 3], 1e-3)
+    radius = np.sqrt(np.maximum(np.trace(nominal[:, :3, :3], axis1=1, axis2=2) / mass, 1e-4))
+    return np.asarray(
+        np.column_stack([1.0 / radius, 1.0 / radius, 1.0 / radius, np.ones(len(mass))])
+        / np.sqrt(mass)[:, None]
+    )
+
+
+def pseudo_inertia_cones(problem: IdentificationProblem, floor: float) -> ParameterCones:
+    """Every pseudo-inertia positive definite (Wensing, Kim and Slotine 2018): a density that is not negative.
+
+    Args:
+        problem: the problem.
+        floor: the least eigenvalue stays above this share of the nominal one, both of ``D J D``.
+    """
+    unit = np.concatenate([pseudo_inertia_matrices(row) for row in np.eye(10)])
+    nominal = pseudo_inertia_matrices(problem.prior[: problem.n_inertial])
+    return _body_cones_of(problem, unit, nominal, segment_scales(problem), floor, "pseudo_inertia")
+
+
+def feasibility_cones(problem: IdentificationProblem, floor: float) -> ParameterCones:
+    """Mass positive and inertia about the centre of mass positive definite (eq. 3, Golluccio et al. 2020).
+
+    ``[[L, S(h)ᵀ], [S(h), m·1]] ≻ 0`` says both by its Schur complement (Sousa and Cortesão 2014); the triangle
+    inequality is not implied.
+    """
+    unit = np.concatenate([spatial_inertia_matrices(row) for row in np.eye(10)])
+    nominal = spatial_inertia_matrices(problem.prior[: problem.n_inertial])
+    scales = segment_scales(problem)[:, [0, 0, 0, 3, 3, 3]]
+    return _body_cones_of(problem, unit, nominal, scales, floor, "feasible_inertia")
+
+
+def spatial_inertia_matrices(parameters: Array) -> Array:
+    """``[[L, S(h)ᵀ], [S(h), m·1]]`` of each segment, ``(n_segments, 6, 6)``; ``S`` is the cross product's matrix."""
+    ten = np.asarray(parameters, dtype=float).reshape(-1, 10)
+    full = np.zeros((len(ten), 6, 6))
+    full[:, :3, :3] = inertia_matrices(parameters)
+    skew = np.zeros((len(ten), 3, 3))
+    x, y, z = ten[:, 1:4].T
+    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -z, y, -x
+    skew -= skew.transpose(0, 2, 1)
+    full[:, 3:, :3], full[:, :3, 3:] = skew, skew.transpose(0, 2, 1)
+    full[:, 3:, 3:] = ten[:, 0, None, None] * np.eye(3)
+    return full
+
+
+def _body_cones_of(
+    problem: IdentificationProblem, unit: Array, nominal: Array, scales: Array, floor: float, kind: str
+) -> ParameterCones:
+    order = unit.shape[1]
+    shape = triangle_of(order)
+    segments = moving_segments(problem)
+    matrix = np.zeros((len(segments), shape.size, problem.n_params))
+    bound = np.zeros((len(segments), shape.size))
+    for place, k in enumerate(segments):
+        scale = np.outer(scales[k], scales[k])
+        matrix[place, :, 10 * k : 10 * k + 10] = shape.vectors(unit * scale).T
+        least = floor * max(float(np.linalg.eigvalsh(nominal[k] * scale)[0]), 1e-6) + _INSIDE
+        bound[place] = shape.vectors(-least * np.eye(order))
+    labels = tuple(f"{kind}:{problem.robot.segments[k].link}" for k in segments)
+    return ParameterCones(order, matrix, bound, labels)
+
+
+# Where a segment's centre of mass and its mass lie: ellipsoids (eq. 6, Golluccio et al. 2020; Wensing 2018).
+#
+# An ellipsoid is a matrix ``Q`` ``(4, 4)`` with ``[x; 1]ᵀ Q [x; 1] ≥ 0`` for its points ``x`` [m], in the
+# joint frame of its segment.
+
+# The nominal body stays inside with this margin: a share of the semi-axes, and of the mass.
+_MARGIN = 0.1
+
+
+def ellipsoid_matrix(center: Array, half: Array) -> Array:
+    """``Q`` ``(n, 4, 4)`` of ellipsoids along the frame's axes from centres and semi-axes, both ``(n, 3)`` [m]."""
+    inverse = 1.0 / np.asarray(half) ** 2
+    q = np.zeros((len(inverse), 4, 4))
+    q[:, [0, 1, 2], [0, 1, 2]] = -inverse
+    q[:, :3, 3] = q[:, 3, :3] = inverse * center
+    q[:, 3, 3] = 1.0 - (inverse * np.asarray(center) ** 2).sum(axis=1)
+    return q
+
+
+def com_ellipsoids(nominal: Array, boxes: Array) -> Array:
+    """Ellipsoids inscribed in the boxes of the centres of mass, grown until the nominal ones are inside.
+
+    Args:
+        nominal: ``(10·n_segments,)`` parameters of the model.
+        boxes: lower and upper corners, ``(n_segments, 2, 3)`` [m].
+
+    Returns:
+        ``(n_segments, 4, 4)``.
+    """
+    ten = nominal.reshape(-1, 10)
+    mass = ten[:, :1]
+    center, half = boxes.mean(axis=1), 0.5 * (boxes[:, 1] - boxes[:, 0])
+    com = np.where(mass > 0.0, ten[:, 1:4] / np.where(mass > 0.0, mass, 1.0), center)
+    reach = np.linalg.norm((com - center) / half, axis=1) * (1.0 + _MARGIN)
+    return ellipsoid_matrix(center, half * np.maximum(reach, 1.0)[:, None])
+
+
+def body_ellipsoids(nominal: Array, boxes: Array) -> Array:
+    """Least ellipsoids around the boxes, grown until the nominal bodies' mass fits into them.
+
+    Args:
+        nominal: ``(10·n_segments,)`` parameters of the model.
+        boxes: boxes that contain the bodies, lower and upper corners, ``(n_segments, 2, 3)`` [m].
+
+    Returns:
+        ``(n_segments, 4, 4)``.
+    """
+    center, half = boxes.mean(axis=1), np.sqrt(3.0) * 0.5 * (boxes[:, 1] - boxes[:, 0])
+    pseudo = pseudo_inertia_matrices(nominal)
+    mass = pseudo[:, 3, 3]
+    value = np.einsum("sij,sij->s", pseudo, ellipsoid_matrix(center, half))
+    share = np.where(mass > 0.0, (mass - value) / np.where(mass > 0.0, mass, 1.0), 0.0)
+    growth = np.sqrt(np.maximum(share / (1.0 - _MARGIN), 1.0))
+    return ellipsoid_matrix(center, half * growth[:, None])
+
+
+def com_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> ParameterCones:
+    """``‖A (h − m c)‖ ≤ m`` with ``AᵀA`` the ellipsoid's shape about its centre ``c`` (eq. 6).
+
+    Raises:
+        InputError: a matrix that is not that of an ellipsoid; names its segment.
+    """
+    segments = moving_segments(problem)
+    matrix = np.zeros((len(segments), 4, problem.n_params))
+    labels = []
+    for place, k in enumerate(segments):
+        link = problem.robot.segments[k].link
+        shape, center = _ellipsoid_shape(ellipsoids[k], link)
+        matrix[place, 0, 10 * k] = 1.0
+        matrix[place, 1:, 10 * k] = -shape @ center
+        matrix[place, 1:, 10 * k + 1 : 10 * k + 4] = shape
+        labels.append(f"com_ellipsoid:{link}")
+    return ParameterCones(0, matrix, np.zeros((len(segments), 4)), tuple(labels))
+
+
+def _ellipsoid_shape(q: Array, link: str) -> tuple[Array, Array]:
+    """``A`` and centre of an ellipsoid."""
+    eigen, vectors = np.linalg.eigh(-q[:3, :3])
+    size = 0.0
+    if np.isfinite(q).all() and eigen[0] > 0.0:
+        center = np.linalg.solve(-q[:3, :3], q[:3, 3])
+        size = float(q[3, 3] + q[:3, 3] @ center)
+    if not size > 0.0:
+        raise InputError(
+            "is no ellipsoid",
+            source="settings",
+            field=f"ellipsoid of {link}",
+            remedy="give [x; 1]ᵀ Q [x; 1] ≥ 0",
+        )
+    return (vectors * np.sqrt(eigen / size)) @ vectors.T, np.asarray(center, dtype=float)
+
+
+def mass_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> LinearConstraints:
+    """``tr(J Q) ≥ 0``: with ``J ⪰ 0``, a density inside the ellipsoid has these parameters (Wensing et al. 2018)."""
+    segments = moving_segments(problem)
+    unit = np.concatenate([pseudo_inertia_matrices(row) for row in np.eye(10)])
+    matrix = np.zeros((len(segments), problem.n_params))
+    for place, k in enumerate(segments):
+        matrix[place, 10 * k : 10 * k + 10] = np.einsum("pij,ij->p", unit, ellipsoids[k])
+    labels = tuple(f"body_ellipsoid:{problem.robot.segments[k].link}" for k in segments)
+    return LinearConstraints(matrix, np.zeros(len(segments)), labels)
+
+
+# Inertias are positive definite, linearised on vectors of the sphere (eq. 12–14 of Jovic et al., T-RO 2016).
+#
+# ``vᵀ I v ≥ ε`` is one linear row for each vector ``v`` and segment: 10 242 vectors and 30 segments would
+# make 300 000 rows. They are added only where the last solution violates them (cutting planes), and in the
+# end the eigenvectors themselves stand in for the vectors that no finite set contains.
+
+_CUTS_PER_SEGMENT = 3
+
+
+@cache
+def icosphere_corners(subdivisions: int) -> Array:
+    """Corners of an icosahedron whose faces are split in four ``subdivisions`` times, on the unit sphere.
+
+    Returns:
+        ``(10·4ⁿ + 2, 3)``; read only.
+    """
+    golden = (1.0 + np.sqrt(5.0)) / 2.0
+    corners = [(s, t * golden, 0.0) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
+    corners = corners + [(0.0, a, b) for a, b, _ in corners] + [(b, 0.0, a) for a, b, _ in corners]
+    points = np.array(corners) / np.sqrt(1.0 + golden**2)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    near = np.isclose(distance, np.sort(distance[0])[1])
+    faces = np.array(
+        [
+            (i, j, k)
+            for i in range(12)
+            for j in range(i + 1, 12)
+            for k in range(j + 1, 12)
+            if near[i, j] and near[j, k] and near[i, k]
+        ]
+    )
+    for _ in range(subdivisions):
+        points, faces = _split_faces(points, faces)
+    points.setflags(write=False)
+    return np.asarray(points)
+
+
+def _split_faces(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    edges = np.sort(np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    unique, index = np.unique(edges, axis=0, return_inverse=True)
+    middle = points[unique].sum(axis=1)
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    ab, bc, ca = (index.reshape(3, -1) + len(points)).astype(np.int64)
+    a, b, c = faces.T
+    corners = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return np.vstack([points, middle]), np.vstack([np.column_stack(face) for face in corners])
+
+
+def quadratic_rows(vectors: Array) -> Array:
+    """Rows ``w`` with ``w · (Ixx, Ixy, Iyy, Ixz, Iyz, Izz) = vᵀ I v`` (eq. 14), ``(n, 6)``."""
+    x, y, z = np.asarray(vectors).T
+    return np.column_stack([x * x, 2 * x * y, y * y, 2 * x * z, 2 * y * z, z * z])
+
+
+@dataclass(frozen=True, eq=False)
+class InertiaCone:
+    """Positive definiteness of every segment's inertia about its joint frame's origin.
+
+    Attributes:
+        problem: the problem.
+        floor: ``ε`` of each segment ``(n_segments,)`` [kg·m²].
+        subdivisions: subdivisions of the icosphere.
+        skipped: segments whose parameters are not free.
+    """
+
+    problem: IdentificationProblem
+    floor: Array
+    subdivisions: int
+    skipped: tuple[int, ...] = ()
+
+    def cuts(self, parameters: Array, tolerance: float) -> LinearConstraints:
+        """The rows that ``parameters`` violate most, at most three a segment; none when all hold.
+
+        A segment that holds on every vector of the sphere and is still not positive definite is cut along
+        its own eigenvector.
+
+        Args:
+            parameters: ``(n_params,)``.
+            tolerance: violation that is let pass, as a share of ``floor``.
+        """
+        weights = quadratic_rows(icosphere_corners(self.subdivisions))
+        six = parameters[: self.problem.n_inertial].reshape(-1, 10)[:, 4:]
+        values = six @ weights.T
+        eigenvalues, eigenvectors = np.linalg.eigh(inertia_matrices(parameters[: self.problem.n_inertial]))
+        rows, bounds, labels = [], [], []
+        for index, segment in enumerate(self.problem.robot.segments):
+            floor = self.floor[index]
+            if index in self.skipped or eigenvalues[index, 0] >= floor * (1.0 - tolerance):
+                continue
+            worst = np.argsort(values[index], kind="stable")[:_CUTS_PER_SEGMENT]
+            worst = worst[values[index, worst] < floor * (1.0 - tolerance)]
+            # Vectors and eigenvectors come with both signs; the row is the same.
+            cut = weights[worst] if len(worst) else quadratic_rows(eigenvectors[index, :, :1].T)
+            for weight in cut:
+                row = np.zeros(self.problem.n_params)
+                row[10 * index + 4 : 10 * index + 10] = weight
+                rows.append(row)
+                bounds.append(floor)
+                labels.append(f"inertia_cone:{segment.link}")
+        matrix = np.array(rows) if rows else np.zeros((0, self.problem.n_params))
+        return LinearConstraints(matrix, np.array(bounds), tuple(labels))
+
+
+def inertia_cone(problem: IdentificationProblem, relative_floor: float, subdivisions: int) -> InertiaCone:
+    """The cone with ``ε`` a share of each nominal segment's least moment of inertia about any axis."""
+    nominal = np.linalg.eigvalsh(inertia_matrices(problem.prior[: problem.n_inertial]))[:, 0]
+    return InertiaCone(problem, relative_floor * np.maximum(nominal, 1e-9), subdivisions, problem.unmeasured)

@@ -8,11 +8,9 @@ from typing import Any, NoReturn
 import numpy as np
 
 from excite.errors import InputError, UnknownNameError
-from excite.identification.estimators.base import Estimator
-from excite.identification.estimators.registry import ESTIMATORS, find_estimator
-from excite.identification.estimators.setting import SOURCE
-from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.physical.known_bounds import KnownBounds
+from excite.identification.estimators.estimator import ESTIMATORS, Estimator, find_estimator
+from excite.identification.estimators.settings import SOURCE, EstimatorSettings
+from excite.identification.physical.bounds import KnownBounds
 
 
 def estimator_settings(method: str, **values: Any) -> EstimatorSettings:

@@ -9,15 +9,12 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError
-from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
-from excite.identification.estimators.checked import no_solution
+from excite.identification.estimators.estimator import Estimate, Estimator, SolveStatus, no_solution
 from excite.identification.estimators.settings import EstimatorSettings, StatedBoundsSettings
-from excite.identification.judgement.statistics import parameter_labels
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.coordinates import NAMES, physical_parameters
 from excite.identification.physical.default_bounds import default_bounds, tie_total_mass, with_drives
-from excite.identification.physical.feasible_set import FeasibleSet
-from excite.identification.physical.objective import base_objective, essential_objective
+from excite.identification.physical.feasible_set import FeasibleSet, base_objective, essential_objective
 from excite.identification.physical.retrieval import RetrievalSettings, retrieve_parameters
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
@@ -27,6 +24,7 @@ from excite.identification.regression import (
     prior_std,
     square_factor,
 )
+from excite.identification.statistics import parameter_labels
 from excite.regressor.base_parameters import base_parameters
 
 _ROUNDING = 1e-9

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
-from excite.identification.judgement.statistics import relative_percent
+from excite.identification.statistics import relative_percent
 
 SHARE_BELOW = 0.01
 """Part of the measured channels below which a parameter may go: the figure of Xu et al. 2020, who mean SI values.

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.linalg import eigh, svd
 
 from excite.arrays import Array
-from excite.identification.judgement.statistics import BaseStatistics
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
+from excite.identification.statistics import BaseStatistics
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.constraints.com_box import equivalent_boxes
+from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.settings import BodySettings
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import DIAGONAL, physical_parameters

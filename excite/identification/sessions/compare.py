@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,24 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.display import Shown, span
 from excite.errors import LogError
-from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.judgement.possible import possible_ends
-from excite.identification.judgement.ranges import (
+from excite.identification.changed_segments import (
     ParameterRange,
     parameter_ranges,
+    possible_ends,
     ranges_document,
     write_document,
 )
-from excite.identification.judgement.statistics import base_statistics, parameter_labels
+from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
 from excite.identification.regression import RANK_TOLERANCE, Regression, condense_problem, iterate_weights
 from excite.identification.sessions.pooling import Pooled, pool_estimates
+from excite.identification.statistics import base_statistics, parameter_labels
 from excite.logs.log import Log
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
-from excite.shown import Shown, span
 from excite.threads import one_blas_thread
 
 
@@ -235,3 +236,42 @@ def _poorer_sessions(rows: Mapping[str, Regression], base: BaseParameters) -> di
         for name, item in rows.items()
     }
     return {name: rank for name, rank in ranks.items() if rank < base.rank}
+
+
+# Which trials of several logs are of one session.
+
+
+def split_sessions(logs: Sequence[Log]) -> dict[str, Log]:
+    """Logs by session: trials that name one go there, the rest of each log is a session of its own.
+
+    Sessions of the same name in several logs are told apart by the logs' folders.
+
+    Args:
+        logs: as they were loaded.
+
+    Returns:
+        A log for each session, by its name.
+
+    Raises:
+        LogError: the logs hold fewer than two sessions.
+    """
+    sessions: dict[str, Log] = {}
+    named = Counter(key for log in logs for key in {trial.session for trial in log.trials} if key)
+    shared = {key for key, count in named.items() if count > 1}
+    for number, log in enumerate(logs, start=1):
+        own = log.folder.name if log.folder else f"log_{number}"
+        keys = [trial.session or own for trial in log.trials]
+        for key in dict.fromkeys(keys):
+            name = f"{own}/{key}" if key in shared else key
+            name = f"{name}_{number}" if name in sessions else name
+            chosen = [i for i, other in enumerate(keys) if other == key]
+            header = log.header.model_copy(update={"trials": tuple(log.header.trials[i] for i in chosen)})
+            sessions[name] = replace(log, header=header, trials=tuple(log.trials[i] for i in chosen))
+    if len(sessions) < 2:
+        raise LogError(
+            "holds one session",
+            source=logs[0].folder if logs else None,
+            field="trials",
+            remedy="name sessions in log.yaml, or give several logs",
+        )
+    return sessions

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.logs.signals.butterworth import lowpass
-from excite.logs.signals.differentiate import central_differences
+from excite.logs.signals.butterworth import central_differences, lowpass
 
 
 @dataclass(frozen=True, eq=False)

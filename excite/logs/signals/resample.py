@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from excite.arrays import Array
@@ -67,3 +70,155 @@ def near_samples(time: Array, grid: Array, longest_gap_s: float) -> NDArray[np.b
     """Which grid points lie in an interval between samples of at most ``longest_gap_s``, ``(m,)``."""
     index = np.clip(np.searchsorted(time, grid, side="right"), 1, len(time) - 1)
     return (time[index] - time[index - 1]) <= longest_gap_s
+
+
+# Averaging the periods of a repeated motion.
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodAverage:
+    """The mean period and the noise around it.
+
+    Attributes:
+        mean: ``(K, …)`` mean over the periods.
+        std: ``(…)`` standard deviation of one sample about the mean, pooled over the period, the signal's
+            unit; that of the mean itself is ``std / sqrt(n_periods)``.
+        n_periods: number of periods averaged, M.
+    """
+
+    mean: Array
+    std: Array
+    n_periods: int
+
+
+def average_periods(values: Array, samples_per_period: int, skip: int = 0) -> PeriodAverage:
+    """Average the whole periods of a signal: x̄(k) = 1/M Σ x_m(k).
+
+    (Xu et al., Dynamic identification of the KUKA LBR iiwa robot with retrieval of physical parameters
+    using global optimization, IEEE Access 2020, eq. 11.) Samples after the last whole period are left out.
+
+    Args:
+        values: ``(n, …)``, uniformly sampled.
+        samples_per_period: K.
+        skip: periods left out at the start, while transients die down.
+
+    Returns:
+        Mean, noise, number of periods.
+
+    Raises:
+        LogError: there is no whole period.
+    """
+    n_periods = len(values) // samples_per_period - skip if samples_per_period > 0 else 0
+    if n_periods < 1:
+        raise LogError(
+            f"{len(values)} samples hold no period of {samples_per_period} after {skip} skipped",
+            field="samples_per_period",
+            remedy="record whole periods",
+        )
+    start = skip * samples_per_period
+    periods = values[start : start + n_periods * samples_per_period]
+    periods = periods.reshape(n_periods, samples_per_period, *values.shape[1:])
+    mean = periods.mean(axis=0)
+    freedom = max(1, (n_periods - 1) * samples_per_period)
+    std = (((periods - mean) ** 2).sum(axis=(0, 1)) / freedom) ** 0.5
+    return PeriodAverage(mean=mean, std=std, n_periods=n_periods)
+
+
+# Single samples that are far from their neighbours: found and replaced.
+
+# From the median absolute deviation to the standard deviation of a normal distribution.
+_NORMAL = 1.4826
+
+
+@dataclass(frozen=True, eq=False)
+class Outliers:
+    """A signal without its outliers.
+
+    Attributes:
+        values: ``(n, …)`` outliers replaced by the median of their neighbourhood.
+        found: ``(n, …)`` True where one was.
+    """
+
+    values: Array
+    found: NDArray[np.bool_]
+
+    @property
+    def count(self) -> int:
+        """Number of samples replaced, all channels together."""
+        return int(self.found.sum())
+
+
+def replace_outliers(values: Array, sigma: float = 6.0, half_window: int = 3) -> Outliers:
+    """Replace samples that lie further than ``sigma`` deviations from the median of their neighbourhood.
+
+    The Hampel identifier (Pearson 2002, Outliers in process modeling and identification, IEEE Trans. Control
+    Systems Technology 10(1), section IV): the deviation is the larger of the neighbourhood's own (from its
+    median absolute deviation) and the whole signal's about its running median, so that a signal at rest or
+    in coarse steps is left alone.
+
+    Args:
+        values: ``(n, …)`` along time.
+        sigma: how many standard deviations.
+        half_window: neighbours on either side.
+
+    Returns:
+        The repaired signal; ``half_window`` samples in a row that are off together are not recognised.
+    """
+    values = np.asarray(values, dtype=float)
+    flat = values.reshape(len(values), -1)
+    repaired, found = flat.copy(), np.zeros(flat.shape, dtype=bool)
+    for channel in range(flat.shape[1]):
+        padded = np.pad(flat[:, channel], half_window, mode="edge")
+        windows = sliding_window_view(padded, 2 * half_window + 1)
+        median = np.median(windows, axis=1)
+        local = _NORMAL * np.median(np.abs(windows - median[:, None]), axis=1)
+        apart = np.abs(flat[:, channel] - median)
+        # What is not zero: a monotone stretch is its own running median.
+        off = apart[apart > 0.0]
+        overall = _NORMAL * float(np.median(off)) if len(off) else 0.0
+        found[:, channel] = apart > sigma * np.maximum(local, overall)
+        repaired[found[:, channel], channel] = median[found[:, channel]]
+    return Outliers(repaired.reshape(values.shape), found.reshape(values.shape))
+
+
+# Cutting off standstill before and after a motion.
+
+
+def moving_span(velocity: Array, threshold: float) -> slice:
+    """Samples from the first to the last at which any joint moves.
+
+    Args:
+        velocity: ``(n, n_joints)`` [rad/s or m/s].
+        threshold: speed above which a joint counts as moving, same unit.
+
+    Returns:
+        The slice.
+
+    Raises:
+        LogError: no joint ever moves.
+    """
+    moving = np.flatnonzero((np.abs(velocity) > threshold).any(axis=1))
+    if len(moving) == 0:
+        raise LogError(
+            f"no joint is ever faster than {threshold:g} rad/s",
+            field="q",
+            remedy="record a motion, or lower the standstill velocity",
+        )
+    return slice(int(moving[0]), int(moving[-1]) + 1)
+
+
+def long_standstill(velocity: Array, threshold: float, shortest: int) -> NDArray[np.bool_]:
+    """Samples in stretches of at least ``shortest`` samples in which a joint stands, ``(n, n_joints)``.
+
+    There its friction is anything up to the breakaway torque and says nothing; a mere change of direction is
+    shorter.
+
+    Args:
+        velocity: ``(n, n_joints)`` [rad/s or m/s].
+        threshold: speed below which a joint counts as standing, same unit.
+        shortest: shortest stretch [samples].
+    """
+    from scipy.ndimage import binary_opening
+
+    slow = np.abs(velocity) < threshold
+    return np.asarray(binary_opening(slow, np.ones((shortest, 1), dtype=bool)))

@@ -8,11 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.motion.generators.bodyparts import leg_joints, stands_on_either, upper_body
-from excite.motion.generators.candidate import Candidate, Draws, SupportPhase
-from excite.motion.generators.generator import Generator
+from excite.motion.generators.generator import (
+    Candidate,
+    Draws,
+    Generator,
+    SupportPhase,
+    leg_joints,
+    stands_on_either,
+    upper_body,
+)
+from excite.motion.generators.joint_motions import posture_curve, posture_draws
 from excite.motion.generators.leg_swing import swinging_candidate
-from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Robot
 
 # Times that a target goes to one end of its range, and control points that it stays there: fewer and the spline would

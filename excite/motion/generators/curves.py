@@ -122,3 +122,112 @@ class FourierCurve(Curve):
     def shrunk(self, factor: float) -> FourierCurve:
         """Coefficients scaled by ``factor``."""
         return replace(self, a=factor * self.a, b=factor * self.b)
+
+
+# Curves through knots with given derivatives, polynomial in between.
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialCurve(Curve):
+    """A piecewise polynomial, constant beyond its ends.
+
+    Attributes:
+        breaks: path parameters at which the polynomials join, ``(m + 1,)``, from 0.
+        coefficients: by falling power of the distance from a piece's start, ``(degree + 1, m, dimension)``.
+    """
+
+    breaks: Array
+    coefficients: Array
+
+    @property
+    def length(self) -> float:
+        """Of all pieces."""
+        return float(self.breaks[-1])
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return int(self.coefficients.shape[2])
+
+    def evaluate(self, s: Array, order: int = 0) -> Array:
+        """Values or derivatives at ``s``, ``(n, dimension)``."""
+        from scipy.interpolate import PPoly
+
+        inside = np.clip(np.asarray(s, dtype=float), 0.0, self.breaks[-1])
+        return np.asarray(PPoly(self.coefficients, self.breaks)(inside, nu=order))
+
+    def shrunk(self, factor: float | Array) -> PolynomialCurve:
+        """Excursions from the value at the start scaled by a factor, or by one a coordinate, ``(dimension,)``."""
+        scaled = factor * self.coefficients
+        scaled[-1] += (1.0 - factor) * self.evaluate(np.zeros(1))[0]
+        return PolynomialCurve(self.breaks, scaled)
+
+
+def hermite_curve(
+    s: Array, values: Array, first: Array | None = None, second: Array | None = None
+) -> PolynomialCurve:
+    """The quintic Hermite polynomials through knots: value and two derivatives are those given at each.
+
+    Args:
+        s: knots, ``(m,)``, increasing from 0.
+        values: ``(m, dimension)``.
+        first: first derivatives at the knots, ``(m, dimension)``; zero if left out.
+        second: second derivatives, likewise.
+    """
+    from scipy.interpolate import BPoly, PPoly
+
+    nothing = np.zeros_like(values)
+    data = np.stack(
+        [values, nothing if first is None else first, nothing if second is None else second], axis=1
+    )
+    polynomial = PPoly.from_bernstein_basis(BPoly.from_derivatives(s, data))
+    return PolynomialCurve(np.asarray(polynomial.x), np.asarray(polynomial.c))
+
+
+def polyline_curve(s: Array, values: Array) -> PolynomialCurve:
+    """Straight lines through knots ``(m,)``, increasing from 0, with values ``(m, dimension)``."""
+    slope = np.diff(values, axis=0) / np.diff(s)[:, None]
+    return PolynomialCurve(s, np.stack([slope, values[:-1]]))
+
+
+# Curves from waypoint to waypoint, at rest in each.
+
+# Quintic Hermite blend from 0 to 1 with vanishing first and second derivatives at both ends, by power of u.
+_BLEND = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+
+
+@dataclass(frozen=True, eq=False)
+class WaypointCurve(Curve):
+    """Straight segments in joint space, each run by a quintic blend from rest to rest.
+
+    Attributes:
+        points: waypoints, ``(m, dimension)``, ``m ≥ 2``.
+        segment: length of the path parameter's interval between two of them.
+    """
+
+    points: Array
+    segment: float = 1.0
+
+    @property
+    def length(self) -> float:
+        """Of all segments."""
+        return (len(self.points) - 1) * self.segment
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return int(self.points.shape[1])
+
+    def evaluate(self, s: Array, order: int = 0) -> Array:
+        """Values or derivatives at ``s``, ``(n, dimension)``."""
+        scaled = np.asarray(s, dtype=float) / self.segment
+        k = np.clip(np.floor(scaled).astype(int), 0, len(self.points) - 2)
+        u = scaled - k
+        blend = np.polynomial.Polynomial(_BLEND).deriv(order) if order else np.polynomial.Polynomial(_BLEND)
+        weight = blend(u)[:, None] / self.segment**order
+        step = weight * (self.points[k + 1] - self.points[k])
+        return np.asarray(self.points[k] + step if order == 0 else step)
+
+    def shrunk(self, factor: float) -> WaypointCurve:
+        """Waypoints moved towards the first by ``factor``."""
+        return replace(self, points=self.points[0] + factor * (self.points - self.points[0]))

@@ -9,7 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.motion.generators.bodyparts import (
+from excite.motion.generators.curves import SplineCurve
+from excite.motion.generators.generator import (
+    Candidate,
+    Generator,
+    SupportPhase,
     alternating_joints,
     base_shift,
     central_range,
@@ -20,11 +24,8 @@ from excite.motion.generators.bodyparts import (
     sole_half_width,
     stands_on_either,
 )
-from excite.motion.generators.candidate import Candidate, SupportPhase
-from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.generator import Generator
-from excite.motion.generators.random_joint import posture_curve, posture_draws
-from excite.robot.legs.ankles import Ankle, before_knee
+from excite.motion.generators.joint_motions import posture_curve, posture_draws
+from excite.robot.legs import Ankle, before_knee
 from excite.robot.robot import Foot, Robot
 
 # Number of swings. Over a broad sole, of this half width [m] or more, they are quick, and more of them make up for the

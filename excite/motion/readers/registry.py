@@ -6,19 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from excite.errors import MotionError
-from excite.motion.readers.keyframes import KeyframesReader
-from excite.motion.readers.lerobot import LeRobotReader
-from excite.motion.readers.npz import NpzReader
-from excite.motion.readers.openhrp import OpenHrpReader
-from excite.motion.readers.parquet import ParquetReader
+from excite.motion.readers.programs import KeyframesReader, OpenHrpReader, UnitreeReader, UrScriptReader
 from excite.motion.readers.reader import MAX_FILE_BYTES, MotionReader, RawMotion
-from excite.motion.readers.ros2 import Ros2Reader
-from excite.motion.readers.ros2_yaml import Ros2YamlReader
-from excite.motion.readers.rows import RowsReader
-from excite.motion.readers.table import TableReader
-from excite.motion.readers.unitree import UnitreeReader
-from excite.motion.readers.ur_script import UrScriptReader
-from excite.reading.packed import plain_name, unpack_file
+from excite.motion.readers.ros2 import Ros2Reader, Ros2YamlReader
+from excite.motion.readers.tables import LeRobotReader, NpzReader, ParquetReader, RowsReader, TableReader
+from excite.reading.file import plain_name, unpack_file
 
 READERS: dict[str, type[MotionReader]] = {
     reader.name: reader

@@ -6,18 +6,41 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.display import count
 from excite.errors import ExciteError
 from excite.motion.motion import Motion
 from excite.report.folder import Findings
-from excite.report.html import Cell, folded_content, html_paragraph, html_section, html_table, inline_figure
-from excite.report.live import live_replay
-from excite.report.plots.activity import draw_activity
-from excite.report.plots.snapshots import choose_motions, draw_snapshots
+from excite.report.html import (
+    Cell,
+    folded_content,
+    html_paragraph,
+    html_section,
+    html_table,
+    inline_figure,
+    live_replay,
+)
+from excite.report.plots.body import Picture, View, draw_posture, front_view
+from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, rectangle_corners, text_length
 from excite.report.replay.scene import robot_scene
 from excite.report.replay.tracks import motion_tracks
 from excite.report.sections.section import Section
+from excite.report.theme import (
+    GROUND,
+    IDENTIFIED,
+    INK,
+    MUTED,
+    NOMINAL,
+    PALE,
+    PAPER,
+    TRUE,
+    WIDTH_IN,
+    shorten_name,
+)
 from excite.robot.robot import Robot
-from excite.shown import count
 
 _N_PICTURES = 4
 # A page of 15 MB still opens on a phone, and all else on it comes to 3 MB at most. G1 takes 7 kB a second of motion.
@@ -120,3 +143,180 @@ def _titled_tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, A
             content
         )
     return found, left
+
+
+# Which joints each chosen motion moves, and how fast.
+
+_ACTIVITY_WIDTH = 72.0 * WIDTH_IN
+_KEY = (0.25, 0.5, 1.0)
+_LINE = 12.0
+# Sizes of the names of joints and of motions [point].
+_JOINTS, _MOTIONS = 7.5, 7.0
+# Below this share of its speed limit a joint does not move.
+_STILL = 0.01
+# Columns are no wider than four rows are high.
+_WIDEST = 4.0 * _LINE
+
+
+def peak_speed_share(robot: Robot, motions: Sequence[Motion]) -> Array:
+    """Highest speed of each joint as a share of its velocity limit, ``(n_joints, n_motions)``, no unit."""
+    return np.column_stack(
+        [np.abs(motion.joint_velocities()).max(axis=0) / robot.limits.velocity for motion in motions]
+    )
+
+
+def draw_activity(robot: Robot, motions: Sequence[Motion]) -> Sketch:
+    """A square a joint and motion: the fuller the colour, the nearer the joint comes to its speed limit."""
+    share = peak_speed_share(robot, motions)
+    joints = [shorten_name(name.removesuffix("_joint")) for name in robot.joint_names]
+    names = [shorten_name(motion.name) for motion in motions]
+    left = 8.0 + max(text_length(name, _JOINTS) for name in joints)
+    top, column = 2.5 * _LINE, min((_ACTIVITY_WIDTH - left) / len(names), _WIDEST)
+    cells: dict[float, list[Array]] = {}
+    for row, place in np.argwhere(share >= _STILL).tolist():
+        x, y = left + column * place, top + _LINE * row
+        cell = rectangle_corners(x + 0.04 * column, y + 0.5, x + 0.96 * column, y + _LINE - 0.5)
+        cells.setdefault(_activity_shade(share[row, place]), []).append(cell)
+    shapes: list[Shape] = list(_colour_key())
+    shapes += [
+        Outlines(tuple(parts), fill=IDENTIFIED, opacity=shade) for shade, parts in sorted(cells.items())
+    ]
+    shapes += [
+        Words(name, (left - 4.0, top + _LINE * (row + 0.5)), MUTED, _JOINTS, "right")
+        for row, name in enumerate(joints)
+    ]
+    bottom = top + _LINE * len(joints) + 4.0
+    shapes += [
+        Words(name, (left + column * (place + 0.5), bottom), MUTED, _MOTIONS, "right", upward=True)
+        for place, name in enumerate(names)
+    ]
+    return Sketch(
+        _ACTIVITY_WIDTH, bottom + 4.0 + max(text_length(name, _MOTIONS) for name in names), tuple(shapes)
+    )
+
+
+def _colour_key() -> list[Shape]:
+    said = "peak speed as a share of the joint's limit"
+    shapes: list[Shape] = [Words(said, (4.0, 0.5 * _LINE))]
+    x = 4.0
+    for value in _KEY:
+        cell = rectangle_corners(x, 1.15 * _LINE, x + 1.6 * _LINE, 1.85 * _LINE)
+        shapes.append(Outlines((cell,), fill=IDENTIFIED, opacity=_activity_shade(value)))
+        shapes.append(Words(f"{value:.0%}", (x + 2.0 * _LINE, 1.5 * _LINE)))
+        x += 5.0 * _LINE
+    return shapes
+
+
+def _activity_shade(share: float) -> float:
+    return round(min(1.0, 0.06 + 0.94 * float(share)), 2)
+
+
+# Snapshots of motions: a row a motion, its most different postures from left to right.
+
+_WIDTH = 72.0 * WIDTH_IN
+# Heights of a row's title, and of a row with it at most [point].
+_TITLE, _HIGHEST = 18.0, 187.0
+
+
+def different_instants(motion: Motion, n: int) -> NDArray[np.int64]:
+    """Indices of ``n`` samples whose postures differ most from each other, in order of time.
+
+    Each next one is the farthest, in joint space, from those taken so far; the first is the motion's start.
+    """
+    postures = motion.joint_positions()
+    taken = [0]
+    distance = np.linalg.norm(postures - postures[0], axis=1)
+    while len(taken) < min(n, motion.n_samples):
+        farthest = int(np.argmax(distance))
+        taken.append(farthest)
+        distance = np.minimum(distance, np.linalg.norm(postures - postures[farthest], axis=1))
+    return np.unique(taken)
+
+
+def choose_motions(motions: Sequence[Motion], n: int) -> list[Motion]:
+    """At most ``n`` motions in their order: one of each generator first, then spread over the rest."""
+    first = list({motion.metadata.generator: motion for motion in reversed(motions)}.values())[::-1][:n]
+    rest = [motion for motion in motions if motion not in first]
+    missing = min(n - len(first), len(rest))
+    if missing > 0:
+        first += [rest[int(i)] for i in np.linspace(0, len(rest) - 1, missing).round()]
+    return [motion for motion in motions if motion in first]
+
+
+def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7) -> Sketch:
+    """Postures of each motion from forward kinematics.
+
+    Drawn are the links' shapes, bones from joint to joint, soles, and for a robot on feet the support polygon
+    (green) with the projection of the centre of mass (point).
+    """
+    view = front_view()
+    rows = [_snapshot_row(robot, motion, view, n_postures) for motion in motions]
+    points = np.vstack(
+        [part for row in rows for _, drawn in row for part in (*drawn.hulls, *drawn.bones, *drawn.soles)]
+    )
+    low, high = points.min(axis=0), points.max(axis=0)
+    width = high[0] - low[0]
+    ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
+    tile = _ground_tile(view, width, ground)
+    low, high = np.minimum(low, tile.min(axis=0)), np.maximum(high, tile.max(axis=0))
+    # One beside the other, with a margin above them, and below them room for a line.
+    across, along = high[0] - low[0] + 1.06 * width * (n_postures - 1), 1.03 * (high[1] - low[1])
+    scale = min(_WIDTH / across, (_HIGHEST - 2.0 * _TITLE) / along)
+    left = 0.5 * (_WIDTH - scale * across) - scale * low[0]
+    row_height = scale * along + 2.0 * _TITLE
+    shapes: list[Shape] = []
+    for place, (row, motion) in enumerate(zip(rows, motions, strict=True)):
+        top = place * row_height
+        shapes.append(Words(_motion_title(motion), (4.0, top + 0.5 * _TITLE), size=9.0))
+        bottom = top + _TITLE + scale * along
+        for i, (time, drawn) in enumerate(row):
+            x = left + scale * 1.06 * width * i
+            offset = np.array([x, bottom + scale * low[1]])
+            shapes += [shape.moved(scale, offset) for shape in _posture_shapes(drawn, tile)]
+            shapes.append(Words(f"{time:.1f} s", (x, bottom + 0.4 * _TITLE), MUTED, anchor="center"))
+    return Sketch(_WIDTH, len(rows) * row_height, tuple(shapes))
+
+
+def _snapshot_row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, Picture]]:
+    return [
+        (
+            float(motion.time[i] - motion.time[0]),
+            draw_posture(
+                robot,
+                motion.q[i],
+                frozenset(foot for foot, flags in motion.contacts.items() if flags[i]),
+                view,
+            ),
+        )
+        for i in different_instants(motion, n)
+    ]
+
+
+def _motion_title(motion: Motion) -> str:
+    aims = [joint.removesuffix("_joint").replace("_", " ") for joint in motion.metadata.targets]
+    aim = f", aimed at {', '.join(aims[:4])}" + (" …" if len(aims) > 4 else "") if aims else ""
+    return f"{motion.name} ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
+
+
+def _ground_tile(view: View, width: float, ground: float) -> Array:
+    """Outline of the piece of ground under one posture, in picture coordinates [m]."""
+    half = 0.42 * width
+    corners = [[half, half], [-half, half], [-half, -half], [half, -half]]
+    return view.flat(np.array([[x, y, ground] for x, y in corners]))
+
+
+def _posture_shapes(drawn: Picture, tile: Array) -> list[Outlines | Dots]:
+    shapes: list[Outlines | Dots] = [Outlines((tile,), fill=GROUND)]
+    if drawn.support is not None:
+        shapes.append(Outlines((drawn.support,), fill=TRUE, opacity=0.45))
+    starts = np.vstack([bone[:1] for bone in drawn.bones])
+    joints: Array = np.unique(np.round(starts, 4), axis=0)
+    shapes += [
+        Outlines(drawn.hulls, fill=PALE, edge=PAPER),
+        Outlines(drawn.soles, edge=INK, width=0.8),
+        Outlines(drawn.bones, edge=IDENTIFIED, width=1.7, closed=False),
+        Dots(joints, 1.1, INK),
+    ]
+    if drawn.com is not None:
+        shapes.append(Dots(drawn.com[None], 1.8, NOMINAL, PAPER))
+    return shapes

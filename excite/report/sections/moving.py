@@ -10,16 +10,13 @@ from excite.arrays import Array
 from excite.errors import ExciteError
 from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
-from excite.report.comparisons import PathComparison
+from excite.report.comparisons import PathComparison, Record
 from excite.report.folder import Findings
-from excite.report.html import html_paragraph, html_section
-from excite.report.live import live_replay
-from excite.report.record import Record
-from excite.report.replay.scene import robot_scene
-from excite.report.replay.trial import trial_frames
+from excite.report.html import html_paragraph, html_section, live_replay
+from excite.report.replay.scene import robot_scene, trial_frames
 from excite.report.sections.section import Section
+from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
-from excite.robot.sliding import is_prismatic
 
 _COMMANDED = "commanded"
 _LOST = " Under the measured torques the simulator runs away by more than half a turn, and is not shown."

@@ -8,25 +8,22 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from excite.display import count
 from excite.errors import RobotError
 from excite.finding import Finding, FindingList, list_names, merge_findings, worst_first
-from excite.reading.xml_document import read_xml
+from excite.reading.documents import read_xml
 from excite.robot.catalogue import find_robot
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
-from excite.robot.inspection.comparison_rules import COMPARISON_RULES
-from excite.robot.inspection.inertia_rules import impossible_inertia
+from excite.robot.init_robot.description import AS_IT_IS
+from excite.robot.init_robot.files import expand_xacro, is_xacro
 from excite.robot.inspection.links import DescribedRobot
-from excite.robot.inspection.shape_rules import SHAPE_RULES
+from excite.robot.inspection.rules import COMPARISON_RULES, SHAPE_RULES, impossible_inertia
 from excite.robot.loading import load_robot, urdf_of
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.robot import Robot
-from excite.robot.scaffold.description import AS_IT_IS
-from excite.robot.urdf.geometry import drop_points
-from excite.robot.urdf.inertia import inertial_faults
+from excite.robot.urdf.inertia import drop_points, inertial_faults
 from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
 from excite.robot.urdf.tree import check_tree
-from excite.robot.xacro_file import expand_xacro, is_xacro
-from excite.shown import count
 from excite.temporary_folder import TemporaryFolder
 
 SCHEMA = "excite.doctor/1"

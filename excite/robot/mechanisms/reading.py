@@ -12,10 +12,8 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import MotionError, RobotError
 from excite.robot.links import link_placement
-from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock, TieBlock
-from excite.robot.mechanisms.building import build_mechanism
-from excite.robot.mechanisms.closures import Closure, Coupling, Loop, Rod
-from excite.robot.mechanisms.mechanism import Mechanism
+from excite.robot.mechanisms.closures import Closure, Coupling, CouplingBlock, Loop, LoopBlock, Rod, TieBlock
+from excite.robot.mechanisms.mechanism import Mechanism, build_mechanism
 from excite.robot.quantities import MAX_RATIO
 from excite.robot.urdf.numbers import read_numbers
 

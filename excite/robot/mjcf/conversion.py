@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,15 +16,11 @@ from excite.atomic import write_bytes, write_text
 from excite.errors import InputError, RobotError
 from excite.finding import first_names
 from excite.reading.child import in_child
-from excite.reading.xml_document import read_xml
-from excite.robot.mjcf.closure_blocks import BlockWriter
-from excite.robot.mjcf.closures import driven_joints, find_mimics, read_closures
-from excite.robot.mjcf.resting import damped_joints, excluded_pairs, rest_keyframe, tendon_groups
-from excite.robot.mjcf.rotors import rotor_inertias
+from excite.reading.documents import read_xml
 from excite.robot.mjcf.scan import scan_mjcf
-from excite.robot.mjcf.torques import idle_balls, idle_joints, narrow_to_commands, torque_limits
-from excite.robot.mjcf.trees import robot_root
+from excite.robot.mjcf.trees import BlockWriter, driven_joints, find_mimics, read_closures, robot_root
 from excite.robot.mjcf.urdf import UrdfWriter
+from excite.robot.urdf.limits import symmetric
 
 if TYPE_CHECKING:
     import mujoco
@@ -253,3 +250,180 @@ def _hold_joints(model: mujoco.MjModel, joints: set[int], which: str, notes: lis
         model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
     names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in held[:6])
     notes.append(f"{which} are held still ({names}{', …' if len(held) > 6 else ''})")
+
+
+# What a MuJoCo model says of rest: its keyframe, bodies that may touch, joints that tendons drive.
+
+# A joint that neither its motor nor the weight of all it carries, a metre away from a hinge, moves faster than this
+# on the earth cannot be made to move [m/s or rad/s, m/s²]. Dampings of joints that move end at 1e3; some of gymnasium's
+# Fetch are locked by 1e7 and 1e11. What a wrist carries may weigh nothing in a model: a hand that is yet to be added.
+_SLOWEST, _GRAVITY = 1e-3, 9.81
+
+_NAMES = ("home", "stand", "standing", "init", "rest")
+
+
+def rest_keyframe(model: mujoco.MjModel, joint_name: Callable[[int], str]) -> dict[str, float] | None:
+    """Joint values, from their references, of the keyframe named like a rest; None without such a one."""
+    names = [model.key(number).name.lower() for number in range(model.nkey)]
+    found = [number for name in _NAMES for number, called in enumerate(names) if called == name]
+    if not found:
+        return None
+    q = np.asarray(model.key_qpos[found[0]])
+    values = {}
+    for joint in _single_joints(model):
+        address = int(model.jnt_qposadr[joint])
+        values[joint_name(joint)] = float(q[address] - model.qpos0[address])
+    return values
+
+
+def damped_joints(model: mujoco.MjModel) -> set[int]:
+    """Hinges and slides whose damping lets nothing move them."""
+    force = _GRAVITY * model.body_subtreemass[model.jnt_bodyid]
+    for joint, torque in torque_limits(model).items():
+        force[joint] = max(force[joint], torque)
+    damping = model.dof_damping[model.jnt_dofadr]
+    return {joint for joint in _single_joints(model) if damping[joint] * _SLOWEST > force[joint]}
+
+
+def _single_joints(model: mujoco.MjModel) -> list[int]:
+    """Hinges and slides."""
+    import mujoco
+
+    # As integers: MuJoCo's enumerations are unequal to NumPy's, though not the other way round.
+    kinds = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
+
+
+def excluded_pairs(
+    model: mujoco.MjModel, bodies: tuple[int, ...], link_name: Callable[[int], str]
+) -> tuple[tuple[str, str], ...]:
+    """Pairs of links whose contacts the model excludes."""
+    pairs = []
+    for signature in model.exclude_signature:
+        first, second = int(signature) >> 16, int(signature) & 0xFFFF
+        if first in bodies and second in bodies:
+            pairs.append((link_name(first), link_name(second)))
+    return tuple(pairs)
+
+
+def tendon_groups(model: mujoco.MjModel) -> list[set[int]]:
+    """Joints that an actuator drives through a tendon, together with others, actuator by actuator."""
+    import mujoco
+
+    groups = []
+    for actuator in range(model.nu):
+        if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_TENDON:
+            continue
+        tendon = int(model.actuator_trnid[actuator, 0])
+        first = int(model.tendon_adr[tendon])
+        joints = model.wrap_objid[first : first + int(model.tendon_num[tendon])]
+        groups.append({int(joint) for joint in joints})
+    return groups
+
+
+# Which joints of a MuJoCo model its motors drive, with what largest torque, and within what commands.
+
+
+def torque_limits(model: mujoco.MjModel) -> dict[int, float]:
+    """Largest torque of each joint: its own force range, or its motor's where that is less, the same either way."""
+    import mujoco
+
+    limits: dict[int, float] = {}
+    for joint in range(model.njnt):
+        if model.jnt_actfrclimited[joint]:
+            limits[joint] = symmetric(*model.jnt_actfrcrange[joint])
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+        if not on_joint:
+            continue
+        gear = abs(float(model.actuator_gear[actuator, 0]))
+        plain = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        if model.actuator_forcelimited[actuator]:
+            most = gear * symmetric(*model.actuator_forcerange[actuator])
+        elif plain and model.actuator_ctrllimited[actuator]:
+            gain = abs(float(model.actuator_gainprm[actuator, 0]))
+            most = gear * gain * symmetric(*model.actuator_ctrlrange[actuator])
+        else:
+            continue
+        limits[joint] = min(most, limits.get(joint, math.inf))
+    return limits
+
+
+def narrow_to_commands(model: mujoco.MjModel) -> list[int]:
+    """Narrow joints' ranges to what their position servos may be told, and name those that this changed.
+
+    A servo of gear one whose force is ``kp (ctrl - q)`` is told a position, and MuJoCo keeps that in ``ctrlrange``.
+    """
+    import mujoco
+
+    changed = []
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        gain, bias = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator]
+        servo = (
+            model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+            and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+            and gain > 0.0
+            and np.isclose(bias[1], -gain)
+            and model.actuator_gear[actuator, 0] == 1.0
+            and model.actuator_ctrllimited[actuator]
+        )
+        if not servo:
+            continue
+        low, high = model.actuator_ctrlrange[actuator]
+        if model.jnt_limited[joint]:
+            stated = model.jnt_range[joint]
+            low, high = max(low, stated[0]), min(high, stated[1])
+            if low >= high or (low == stated[0] and high == stated[1]):
+                continue
+        model.jnt_limited[joint], model.jnt_range[joint] = 1, (low, high)
+        changed.append(joint)
+    return changed
+
+
+def idle_balls(model: mujoco.MjModel) -> set[int]:
+    """Ball joints that no motor turns, such as a caster's; none of a model without motors, which does not tell."""
+    import mujoco
+
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    on_joint |= model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINTINPARENT
+    driven = {int(joint) for joint in model.actuator_trnid[on_joint, 0]}
+    balls = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_BALL)
+    return {int(joint) for joint in balls if int(joint) not in driven} if driven else set()
+
+
+def idle_joints(model: mujoco.MjModel, bodies: Collection[int], known: Collection[int]) -> set[int]:
+    """Hinges and slides of ``bodies`` that no motor drives, such as an acrobot's shoulder: no command moves them.
+
+    None of a model without motors, which does not tell, or with motors that act on sites or bodies, which may move any.
+
+    Args:
+        model: the model.
+        bodies: the robot's bodies.
+        known: joints that a motor drives, or that an equality ties to others or to a value.
+    """
+    import mujoco
+
+    on = mujoco.mjtTrn
+    told = np.isin(model.actuator_trntype, [on.mjTRN_JOINT, on.mjTRN_JOINTINPARENT, on.mjTRN_TENDON])
+    if not model.nu or not told.all():
+        return set()
+    one = np.isin(model.jnt_type, [mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE])
+    return {int(joint) for joint in np.flatnonzero(one) if model.jnt_bodyid[joint] in bodies} - set(known)
+
+
+# Rotor inertias that a MuJoCo model states, which a URDF cannot.
+
+
+def rotor_inertias(model: mujoco.MjModel, joint_name: Callable[[int], str]) -> dict[str, float]:
+    """``armature`` of the hinges and slides that have one, by name [kg·m² or kg]."""
+    import mujoco
+
+    # As integers: MuJoCo's enumerations are unequal to NumPy's.
+    single = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+    return {
+        joint_name(joint): float(model.dof_armature[model.jnt_dofadr[joint]])
+        for joint in range(model.njnt)
+        if int(model.jnt_type[joint]) in single and model.dof_armature[model.jnt_dofadr[joint]] > 0.0
+    }

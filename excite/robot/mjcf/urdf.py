@@ -11,10 +11,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from excite.arrays import Array
+
 if TYPE_CHECKING:
     import mujoco
 
-Array = NDArray[np.float64]
 
 WORLD = "world"
 MESHES = "meshes"

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 from defusedxml.ElementTree import fromstring
-from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import RobotError
+from excite.robot.description import RobotDescription
 from excite.robot.links import link_placement
+from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
-from excite.robot.shapes.collada_axes import turn_upright
-from excite.robot.shapes.ground import ground_height, ground_is_assumed, links_below
-from excite.robot.shapes.link_shapes import link_shapes, links_by_kind
+from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_of, origin_of
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import Shape, coal_geometry
-
-Array = NDArray[np.float64]
+from excite.robot.shapes.shape import Shape, coal_geometry, shape_points
 
 TABLE = "table"
 _TABLE_SIZE = (4.0, 4.0, 1.0)
@@ -247,3 +248,349 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
         below = pin.SE3(np.eye(3), np.array([0.0, 0.0, height - 0.5 * _TABLE_SIZE[2]]))
         shapes.append(Shape(TABLE, TABLE, 0, below, "box", _TABLE_SIZE))
     return tuple(shapes)
+
+
+# Which way up Collada meshes are meant: their file says an axis, which some readers of URDF heed and others
+# do not.
+
+# The axis stands in a file's head, before any geometry.
+_HEAD_BYTES = 16_384
+# From the file's axes to those of a frame whose z is up (Collada 1.4.1, element up_axis).
+_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+# A link speaks where the readings differ by this share of its size. In example-robot-data 15 links of 16 of the iCub
+# speak for meshes turned upright; of TIAGo, two flying arms and two other iCubs 46 of 47 for meshes as they are.
+_DIFFERENCE = 0.02
+# Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
+_VOTES, _MAJORITY = 3, 0.75
+
+
+def turn_upright(
+    links: list[ElementTree.Element], kind: str, points: Mapping[Path, Array]
+) -> Mapping[Path, Array]:
+    """Corners of meshes by file, those with y up turned upright where the links' centres of mass say so.
+
+    RViz and pinocchio read such files as they are, other viewers turn them, and models are drawn for one or the other.
+    Meant is the reading under which links' centres of mass lie nearer to the middles of their meshes.
+
+    Args:
+        links: the URDF's links, with their inertials.
+        kind: ``collision`` or ``visual``.
+        points: corners as they stand in the files ``(n, 3)``, by file.
+    """
+    turned = {path: corners @ _UPRIGHT.T for path, corners in points.items() if _y_up(path)}
+    if not turned:
+        return points
+    votes = [_axis_vote(link, kind, points, turned) for link in links]
+    as_is, otherwise = votes.count(-1), votes.count(1)
+    if otherwise < _VOTES or otherwise < _MAJORITY * (as_is + otherwise):
+        return points
+    return {**points, **turned}
+
+
+def _y_up(path: Path) -> bool:
+    if path.suffix.lower() != ".dae":
+        return False
+    with path.open("rb") as stream:
+        return b"Y_UP" in stream.read(_HEAD_BYTES)
+
+
+def _axis_vote(
+    link: ElementTree.Element, kind: str, points: Mapping[Path, Array], turned: Mapping[Path, Array]
+) -> int:
+    """1 of a link whose centre of mass speaks for turned meshes, -1 for meshes as they are, 0 if it says nothing."""
+    inertial = link.find("inertial")
+    meshes = [
+        (element, mesh)
+        for element in link.findall(kind)
+        for mesh in element.iterfind("geometry/mesh")
+        if Path(mesh.get("filename", "")) in points
+    ]
+    if inertial is None or not any(Path(mesh.get("filename", "")) in turned for _, mesh in meshes):
+        return 0
+    centre = origin_of(inertial.find("origin")).translation
+    off: list[float] = []
+    for reading in (points, {**points, **turned}):
+        corners = np.vstack([_place_points(element, mesh, reading) for element, mesh in meshes])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        size = max(float(np.linalg.norm(high - low)), 1e-9)
+        off.append(float(np.linalg.norm(centre - 0.5 * (low + high))) / size)
+    if abs(off[0] - off[1]) < _DIFFERENCE:
+        return 0
+    return 1 if off[1] < off[0] else -1
+
+
+def _place_points(
+    element: ElementTree.Element, mesh: ElementTree.Element, points: Mapping[Path, Array]
+) -> Array:
+    corners = points[Path(mesh.get("filename", ""))] * numbers_of(mesh.get("scale", "1 1 1"))
+    pose = origin_of(element.find("origin"))
+    return np.asarray(corners @ pose.rotation.T + pose.translation)
+
+
+# The ground below a fixed base: never absent, so that no motion reaches through it unseen.
+
+# Hulls of meshes stand out below a mounting plane by a hundredth of their size [m].
+_FLANGE = 0.02
+# Below all that a robot that hangs or is held up may reach [m].
+_CLEAR = 0.1
+
+
+def ground_is_assumed(description: RobotDescription) -> bool:
+    """Whether a description with a fixed base leaves out where its ground is (null: there is none)."""
+    return description.base == "fixed" and "table_height" not in description.collision.model_fields_set
+
+
+def ground_height(model: pin.Model, shapes: Sequence[Shape], rest: Array, *, held_up: bool = False) -> float:
+    """Height of the ground in the frame of a fixed base [m].
+
+    It is the plane that the base is mounted on: that of its frame, or its lowest point where it stands on a pedestal.
+    Of a robot that hangs, most of whose mass rests lower, and of one that is held up, it lies below all that the robot
+    may reach.
+
+    Args:
+        model: the robot's, base fixed.
+        shapes: its shapes.
+        rest: its posture of rest ``(n_joints,)``.
+        held_up: whether it has legs that shall swing free of the ground.
+    """
+    data = model.createData()
+    centre = whole_centre(model, data, rest)
+    low = lowest_points(shapes, data)
+    base = low.get(0, 0.0)
+    plane = base if base < -_FLANGE else 0.0
+    if held_up:
+        return min(plane, *low.values(), -robot_reach(model, shapes, from_base=True)) - _CLEAR
+    if centre[2] >= plane - _FLANGE:
+        return plane
+    together = sum(float(np.linalg.norm(place.translation)) for place in list(model.jointPlacements)[1:])
+    return min(plane, *low.values()) - together - _CLEAR
+
+
+def robot_reach(model: pin.Model, shapes: Sequence[Shape], *, from_base: bool) -> float:
+    """Length that no limb exceeds, whatever its joints do, to the farthest point of its shapes [m].
+
+    Args:
+        model: the robot's, base fixed.
+        shapes: its shapes.
+        from_base: measured from the base's frame, else from the limb's own first joint.
+    """
+    length = np.zeros(model.njoints)
+    for joint in range(1, model.njoints):
+        parent = model.parents[joint]
+        if parent or from_base:
+            length[joint] = length[parent] + np.linalg.norm(model.jointPlacements[joint].translation)
+        if is_prismatic(model, model.idx_vs[joint]):
+            at = model.joints[joint].idx_q
+            length[joint] += max(abs(model.lowerPositionLimit[at]), abs(model.upperPositionLimit[at]))
+    moving = [shape for shape in shapes if shape.joint or from_base]
+    farthest = [np.linalg.norm(shape_points(shape), axis=1).max() + length[shape.joint] for shape in moving]
+    return float(max(farthest, default=0.0))
+
+
+def links_below(
+    model: pin.Model, shapes: Sequence[Shape], rest: Array, ground: float, margin: float
+) -> list[str]:
+    """Links at or below the ground at rest, which are excepted from keeping ``margin`` [m] away from it."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, rest)
+    found: dict[str, None] = {}
+    for shape in shapes:
+        # What hangs on the base's own joint is never compared with the ground.
+        if shape.joint == 0 or model.parents[shape.joint] == 0:
+            continue
+        if bottom(shape, data.oMi[shape.joint])[:, 2].min() < ground + margin:
+            found[shape.link] = None
+    return list(found)
+
+
+def whole_centre(model: pin.Model, data: pin.Data, q: Array) -> Array:
+    """Centre of mass, the root's included ``(3,)`` [m]; ``data`` then holds where the joints are."""
+    own = model.inertias[0]
+    moving = pin.centerOfMass(model, data, q)
+    mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
+    return np.asarray((mass * moving + own.mass * own.lever) / max(mass + own.mass, 1e-9))
+
+
+def lowest_points(shapes: Sequence[Shape], data: pin.Data) -> dict[int, float]:
+    """Height of the lowest point on each joint that has shapes, where ``data`` has the joints, by joint [m]."""
+    found: dict[int, float] = {}
+    for shape in shapes:
+        z = float(bottom(shape, data.oMi[shape.joint])[:, 2].min())
+        found[shape.joint] = min(found.get(shape.joint, np.inf), z)
+    return found
+
+
+def bottom(shape: Shape, joint: pin.SE3) -> Array:
+    """Points of a shape's surface, its lowest among them, ``(n, 3)`` [m], the shape's joint being at ``joint``."""
+    pose = joint * shape.placement
+    if shape.vertices is not None:
+        return np.asarray(shape.vertices @ pose.rotation.T + pose.translation)
+    down = np.array([0.0, 0.0, -1.0])
+    if shape.kind == "sphere":
+        return np.asarray(pose.translation + shape.size[0] * down)[None]
+    if shape.kind == "box":
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        return np.asarray(0.5 * signs * np.array(shape.size) @ pose.rotation.T + pose.translation)
+    radius, length = shape.size
+    ends = [pose.act(np.array([0.0, 0.0, side * 0.5 * length])) for side in (-1.0, 1.0)]
+    if shape.kind == "capsule":
+        return np.array([end + radius * down for end in ends])
+    axis = pose.rotation[:, 2]
+    slope = down - (down @ axis) * axis
+    if np.linalg.norm(slope) > 0.05:
+        return np.array([end + radius * slope / np.linalg.norm(slope) for end in ends])
+    angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    ring = radius * (
+        np.outer(np.cos(angles), pose.rotation[:, 0]) + np.outer(np.sin(angles), pose.rotation[:, 1])
+    )
+    return np.vstack([end + ring for end in ends])
+
+
+# Which pairs of links a collision check may leave out, computed from the geometry.
+
+FAR = 0.02
+"""Clearance beyond the margin that a pair must always keep to count as unable to meet [m]."""
+NEAR_JOINTS = 3
+"""Joints between two links up to which their relative posture is searched in full."""
+
+
+@dataclass(frozen=True)
+class PairReview:
+    """Pairs of links by what the search found; each list is in the order of the shapes.
+
+    Attributes:
+        at_rest: neighbours (at most three joints between them) closer than the margin in the rest posture.
+        always: closer than the margin in at least 99 % of random postures.
+        never: neighbours that kept clear of each other in every posture of the search.
+        rest_collisions: pairs that are no neighbours and are closer than the margin in the rest posture:
+            the posture, not the pair, is at fault, so they are not to be ignored.
+    """
+
+    at_rest: tuple[tuple[str, str], ...]
+    always: tuple[tuple[str, str], ...]
+    never: tuple[tuple[str, str], ...]
+    rest_collisions: tuple[tuple[str, str], ...]
+
+    @property
+    def ignored(self) -> tuple[tuple[str, str], ...]:
+        """Pairs that may be ignored."""
+        return tuple(dict.fromkeys((*self.at_rest, *self.always, *self.never)))
+
+
+def review_pairs(
+    robot: Robot,
+    rng: np.random.Generator,
+    n_random: int = 300,
+    search: PairSearch | None = None,
+    rest: Array | None = None,
+) -> PairReview:
+    """Search postures for pairs of links whose distance says nothing about safety.
+
+    Random postures are uniform over the joint ranges; neighbours are also tried on the grid of
+    lower limit, a quarter, middle, three quarters and upper limit of the joints between them.
+
+    Args:
+        robot: the robot; the ``ignored_pairs`` in its description play no part.
+        rng: source of the random postures.
+        n_random: how many.
+        search: the robot's, if it is there already.
+        rest: joints ``(n_joints,)`` of the rest posture; the robot's own where None.
+    """
+    search = search or PairSearch(robot)
+    margin = robot.description.collision.margin
+    near = search.distances(robot.rest if rest is None else search.posture(rest))
+    random = np.array([search.distances(q) for q in search.drawn(rng, n_random)]).reshape(
+        n_random, len(search.pairs)
+    )
+    at_rest: list[tuple[str, str]] = []
+    always: list[tuple[str, str]] = []
+    never: list[tuple[str, str]] = []
+    rest_collisions: list[tuple[str, str]] = []
+    for column, pair in enumerate(search.pairs):
+        between = search.joints_between(pair)
+        neighbours = len(between) <= NEAR_JOINTS
+        if np.mean(random[:, column] < margin) >= 0.99:
+            always.append(pair)
+        elif near[column] < margin:
+            (at_rest if neighbours else rest_collisions).append(pair)
+        elif neighbours and TABLE not in pair and random[:, column].min() > margin + FAR:
+            # On the grid a mechanism is open.
+            if robot.mechanism is None and search.grid_minimum(column, between) > margin + FAR:
+                never.append(pair)
+    return PairReview(tuple(at_rest), tuple(always), tuple(never), tuple(rest_collisions))
+
+
+class PairSearch:
+    """Distances between links, over all pairs that are not adjacent.
+
+    Attributes:
+        pairs: of links, in the order of the shapes.
+    """
+
+    def __init__(self, robot: Robot):
+        shapes = collision_shapes(robot)
+        self.robot = robot
+        self.geometry = pin.GeometryModel()
+        for shape in shapes:
+            solid = pin.GeometryObject(shape.name, shape.joint, shape.placement, coal_geometry(shape))
+            self.geometry.addGeometryObject(solid)
+        index_pairs = shape_pairs(robot, shapes)
+        for first, second in index_pairs:
+            self.geometry.addCollisionPair(pin.CollisionPair(first, second))
+        names = [(shapes[first].link, shapes[second].link) for first, second in index_pairs]
+        self.pairs = list(dict.fromkeys(names))
+        column = {pair: index for index, pair in enumerate(self.pairs)}
+        self.columns = np.array([column[name] for name in names], dtype=np.int64)
+        self.joints = {shape.link: shape.joint for shape in shapes}
+        self.data, self.geometry_data = robot.model.createData(), geometry_data(self.geometry)
+
+    def posture(self, joints: Array) -> Array:
+        """A configuration ``(nq,)`` with the joints' positions given and the base at rest."""
+        q = self.robot.rest.copy()
+        q[self.robot.n_base_q :] = joints
+        return q
+
+    def drawn(self, rng: np.random.Generator, n: int) -> Array:
+        """Random configurations within the limits, ``(n, nq)``; a mechanism is closed."""
+        lower, upper = self.robot.limits.position_lower, self.robot.limits.position_upper
+        if self.robot.mechanism is not None:
+            return self.robot.mechanism.drawn(rng, lower, upper, n)
+        return np.array([self.posture(rng.uniform(lower, upper)) for _ in range(n)])
+
+    def distances(self, q: Array) -> Array:
+        """Smallest distance of each pair of links [m], ``(n_pairs,)``."""
+        pin.computeDistances(self.robot.model, self.data, self.geometry, self.geometry_data, q)
+        found = np.full(len(self.pairs), np.inf)
+        every = np.array([result.min_distance for result in self.geometry_data.distanceResults])
+        np.minimum.at(found, self.columns, every)
+        return found
+
+    def joints_between(self, pair: tuple[str, str]) -> list[int]:
+        """Model joints that change the pose of one link relative to the other."""
+        parents = list(self.robot.model.parents)
+        chains = []
+        for link in pair:
+            joint, chain = self.joints[link], set()
+            while joint:
+                chain.add(joint)
+                joint = parents[joint]
+            chains.append(chain)
+        return sorted(chains[0] ^ chains[1])
+
+    def grid_minimum(self, column: int, between: list[int]) -> float:
+        """Smallest distance of one pair over the grid of the joints between its links [m]."""
+        lower, upper = self.robot.limits.position_lower, self.robot.limits.position_upper
+        first = self.robot.model.njoints - self.robot.n_joints
+        wanted = np.flatnonzero(self.columns == column)
+        places = [joint - first for joint in between if joint >= first]
+        smallest = np.inf
+        for fractions in itertools.product((0.0, 0.25, 0.5, 0.75, 1.0), repeat=len(places)):
+            joints = self.robot.rest[self.robot.n_base_q :].copy()
+            joints[places] = lower[places] + np.array(fractions) * (upper - lower)[places]
+            pin.updateGeometryPlacements(
+                self.robot.model, self.data, self.geometry, self.geometry_data, self.posture(joints)
+            )
+            for index in wanted:
+                result = pin.computeDistance(self.geometry, self.geometry_data, int(index))
+                smallest = min(smallest, result.min_distance)
+        return smallest

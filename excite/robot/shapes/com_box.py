@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_shapes
 from excite.robot.shapes.shape import Shape
-
-Array = NDArray[np.float64]
 
 GROWTH = 0.05
 """Growth of the geometry's bounding box on every side, as a share of its length."""

@@ -6,13 +6,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import RobotError
 from excite.reading.child import in_child
 from excite.reading.file import check_file, read_bytes
-
-Array = NDArray[np.float64]
 
 # The largest mesh known, the trunk of a quadruped in Collada, has 29 MB.
 MAX_MESH_BYTES = 256 * 1024 * 1024

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
+
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
-Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 

@@ -17,14 +17,12 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import RobotError
-from excite.reading.xml_document import read_xml
+from excite.reading.documents import read_xml
 from excite.robot.joint_values import check_range
-from excite.robot.urdf.free_root import declare_world, drop_free_root, hold_planar_root
-from excite.robot.urdf.geometry import drop_points
-from excite.robot.urdf.inertia import check_inertials
+from excite.robot.urdf.inertia import check_inertials, drop_points
 from excite.robot.urdf.limits import keep_stated_limits
 from excite.robot.urdf.numbers import read_numbers
-from excite.robot.urdf.tree import MOVING, check_tree
+from excite.robot.urdf.tree import MOVING, check_tree, declare_world, drop_free_root, hold_planar_root
 
 # The deepest element known, a mesh of a link, is the sixth.
 MAX_NESTING = 32

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.motion.motion import Motion
+from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
-from excite.robot.sliding import sliding_joints
 from excite.safety.checks.sweep import Sweep
-from excite.safety.units import unit_of
-from excite.safety.verdict import Nearest, Violation
+from excite.safety.verdict import Nearest, Violation, unit_of
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Check(ABC):
     """A judgement on a motion. It repairs nothing, and what it cannot compute it does not let pass.
 
     Subclasses are final: to add a check write one file with one subclass and name it in
-    :data:`excite.safety.checks.registry.CHECKS`.
+    :data:`excite.safety.check.CHECKS`.
 
     Attributes:
         name: registry name.

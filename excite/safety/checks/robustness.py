@@ -10,11 +10,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
-from excite.safety.checks.balance import ZMP_MARGIN
+from excite.safety.checks.ground import ZMP_MARGIN
+from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
-from excite.safety.checks.torque import drive_torques
-from excite.safety.contact_wrench import hull_edges
-from excite.safety.force_distribution import RESIDUAL_TOLERANCE, cone_facets, shares_of_wrench
+from excite.safety.ground_forces import RESIDUAL_TOLERANCE, cone_facets, hull_edges, shares_of_wrench
 from excite.safety.parameter_set import ParameterSet, RowsOfSet, uncertainty_in_words, uncertainty_of
 from excite.safety.verdict import Robustness, Worst
 
@@ -55,7 +54,7 @@ def judge_robustness(sweep: Sweep, parameters: ParameterSet, *, decides: bool = 
 def worst_torque(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
     """What is left to the nearest torque limit [N·m or N], over a set of parameters.
 
-    The torques of the joints are those of :func:`~excite.safety.checks.torque.drive_torques`. Friction and inertia of
+    The torques of the joints are those of :func:`~excite.safety.checks.joints.drive_torques`. Friction and inertia of
     the drives are as they are stated; two feet share changes of the load as they share the load.
 
     Returns:

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from excite.arrays import Array
-from excite.motion.generators.candidate import Candidate
+from excite.motion.generators.generator import Candidate
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
-from excite.safety.repairs.path import MotionPath
+from excite.safety.repairs.path import MotionPath, TimeLaw
 from excite.safety.repairs.rows import PathLimits
 from excite.safety.repairs.shares import Shares
-from excite.safety.repairs.time_law import TimeLaw
 
 
 @dataclass(frozen=True)

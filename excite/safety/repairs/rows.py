@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,16 +12,13 @@ import scipy
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved, distinct_rows
-from excite.motion.generators.bodyparts import leg_joints
-from excite.motion.generators.candidate import Candidate
-from excite.robot.holding import usable_torque
+from excite.motion.generators.generator import Candidate, leg_joints
 from excite.robot.joint_values import per_joint
+from excite.robot.legs import usable_torque
 from excite.robot.robot import Robot
 from excite.safety.parameter_set import ParameterSet, RowsOfSet, parameter_set
-from excite.safety.repairs.load import shares_of_feet, take_off_contacts
 from excite.safety.repairs.path import MotionPath, PathSample
 from excite.safety.repairs.shares import Shares
-from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows
 
 # An edge faces the free foot within this cosine of the angle to it.
 _FACING = 0.7
@@ -371,3 +368,211 @@ def _interpolate_rows(knots: Array, values: Array, s: Array) -> Array:
     i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
     u = ((s - knots[i]) / (knots[i + 1] - knots[i])).reshape(-1, *([1] * (values.ndim - 1)))
     return (1.0 - u) * values[i] + u * values[i + 1]
+
+
+# How the feet share the load along a path, and what that takes off the joints' torques.
+
+
+def take_off_contacts(
+    candidate: Candidate, path: MotionPath, soles: Mapping[str, Array], tau: Array, wrench: Array
+) -> None:
+    """Take the contact forces' torques off generalised forces at the knots of a path, in place.
+
+    Both are linear in the wrench, as the rows of a path's limits have to be: two soles share it by their nearness to
+    where it acts, any other feet so that the forces on their corners are smallest. That none of them pulls is for the
+    verdict to say.
+
+    Args:
+        candidate: says which feet carry, where.
+        path: the path.
+        soles: corners of each foot at rest, where a carrying foot always is, ``(n_corners, 3)`` [m].
+        tau: ``(n, 3, nv)`` generalised forces without contacts for 1, ṡ², s̈.
+        wrench: ``(n, 3, 6)`` the wrench that the ground must supply, about the world origin.
+    """
+    feet = path.robot.feet
+    carried = np.column_stack([candidate.supports(path.knots.s, foot.name) for foot in feet])
+    if len(feet) == 2 and all(foot.flat for foot in feet):
+        _by_nearness(path, soles, carried, tau, wrench)
+    else:
+        _by_corners(path, soles, carried, tau, wrench)
+
+
+def _by_nearness(
+    path: MotionPath, soles: Mapping[str, Array], carried: NDArray[np.bool_], tau: Array, wrench: Array
+) -> None:
+    robot, knots = path.robot, path.knots
+    data = robot.model.createData()
+    centres = {name: corners.mean(axis=0) for name, corners in soles.items()}
+    point = np.column_stack([-wrench[:, 0, 4], wrench[:, 0, 3]]) / wrench[:, 0, 2:3]
+    share = load_shares(point, np.array([centres[foot.name] for foot in robot.feet]), carried)
+    middle = share @ np.array([centres[foot.name] for foot in robot.feet])
+    about_middle = wrench[..., 3:] - np.cross(middle[:, None], wrench[..., :3])
+    bears = share > 0.0
+    rotation = np.empty((len(knots.q), len(robot.feet), 3, 3))
+    position = np.zeros((len(knots.q), len(robot.feet), 3))
+    jacobians = {}
+    placed = [(data.oMi[foot.joint].rotation, data.oMi[foot.joint].translation) for foot in robot.feet]
+    for i, q in enumerate(knots.q):
+        pin.forwardKinematics(robot.model, data, q)
+        for k in np.flatnonzero(bears[i]).tolist():
+            rotation[i, k], position[i, k] = placed[k]
+            jacobians[i, k] = pin.computeJointJacobian(robot.model, data, q, robot.feet[k].joint)
+    for k, foot in enumerate(robot.feet):
+        force = share[:, k, None, None] * wrench[..., :3]
+        moment = share[:, k, None, None] * about_middle
+        rows = np.flatnonzero(bears[:, k])
+        lever = centres[foot.name] - position[rows, k]
+        shifted = moment[rows] + np.cross(lever[:, None], force[rows])
+        local = np.concatenate([force[rows] @ rotation[rows, k], shifted @ rotation[rows, k]], axis=2)
+        for row, i in enumerate(rows.tolist()):
+            tau[i] -= local[row] @ jacobians[i, k]
+
+
+def shares_of_feet(
+    candidate: Candidate, path: MotionPath, soles: Mapping[str, Array], wrench: Array
+) -> Array:
+    """Wrench of each foot about the world origin per total wrench at the knots, ``(n, n_feet, 6, 6)``.
+
+    The shares are those of :func:`take_off_contacts`, whose arguments these are; zero for free feet.
+    """
+    feet, knots = path.robot.feet, path.knots
+    carried = np.column_stack([candidate.supports(knots.s, foot.name) for foot in feet])
+    found = np.zeros((len(knots.s), len(feet), 6, 6))
+    if not (len(feet) == 2 and all(foot.flat for foot in feet)):
+        patterns, member = distinct_rows(carried)
+        return np.array([corner_shares(path.robot, soles, pattern) for pattern in patterns])[member]
+    centres = np.array([soles[foot.name].mean(axis=0) for foot in feet])
+    point = np.column_stack([-wrench[:, 0, 4], wrench[:, 0, 3]]) / wrench[:, 0, 2:3]
+    share = load_shares(point, centres, carried)
+    middle = share @ centres
+    for k in range(len(feet)):
+        found[:, k] = np.eye(6)
+        found[:, k, 3:, :3] = [pin.skew(lever) for lever in centres[k] - middle]
+    return np.asarray(found * share[:, :, None, None])
+
+
+def load_shares(point: Array, centres: Array, carried: NDArray[np.bool_]) -> Array:
+    """Share of the load on each of two feet, ``(n, 2)``, from where it acts between their centres."""
+    line = centres[1, :2] - centres[0, :2]
+    second = np.clip((point - centres[0, :2]) @ line / (line @ line), 0.0, 1.0)
+    share = np.column_stack([1.0 - second, second])
+    share = np.where(carried, np.maximum(share, 1e-9), 0.0)
+    return np.asarray(share / share.sum(axis=1, keepdims=True))
+
+
+def _by_corners(
+    path: MotionPath, soles: Mapping[str, Array], carried: NDArray[np.bool_], tau: Array, wrench: Array
+) -> None:
+    robot, knots = path.robot, path.knots
+    data = robot.model.createData()
+    patterns, member = distinct_rows(carried)
+    shares = [corner_shares(robot, soles, pattern) for pattern in patterns]
+    for i, pattern in enumerate(member):
+        wrenches = np.einsum("jkl,al->jak", shares[pattern], wrench[i])
+        pin.forwardKinematics(robot.model, data, knots.q[i])
+        for k in np.flatnonzero(carried[i]):
+            joint = robot.feet[k].joint
+            jacobian = pin.computeJointJacobian(robot.model, data, knots.q[i], joint)
+            # The transpose of a pose's action takes a wrench from the world's origin to the joint's frame.
+            tau[i] -= wrenches[k] @ data.oMi[joint].toActionMatrix() @ jacobian
+
+
+def corner_shares(robot: Robot, soles: Mapping[str, Array], carried: NDArray[np.bool_]) -> Array:
+    """Wrench of each foot about the world origin per total wrench, ``(n_feet, 6, 6)``; zero for free feet.
+
+    Args:
+        robot: the robot.
+        soles: corners of each foot, ``(n_corners, 3)`` [m].
+        carried: whether each foot carries, ``(n_feet,)``.
+    """
+    shares = np.zeros((len(carried), 6, 6))
+    owners = [k for k in np.flatnonzero(carried) for _ in soles[robot.feet[k].name]]
+    if not owners:
+        return shares
+    corners = np.vstack([soles[robot.feet[k].name] for k in np.flatnonzero(carried)])
+    maps = [np.vstack([np.eye(3), pin.skew(corner)]) for corner in corners]
+    forces = np.linalg.pinv(np.hstack(maps)).reshape(len(maps), 3, 6)
+    for k, to_wrench, force in zip(owners, maps, forces, strict=True):
+        shares[k] += to_wrench @ force
+    return shares
+
+
+# The ground's side of balance: support polygons, and linear rows on the contact wrench.
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """A support polygon: ``normals @ x + offsets ≤ 0`` inside.
+
+    Attributes:
+        normals: outward, ``(m, 2)``.
+        offsets: ``(m,)`` [m].
+        centre: mean of the corners, ``(2,)`` [m].
+        inradius: distance of the centre from the nearest edge [m].
+        radius: mean distance of the corners from their foot's centre [m], the lever arm of torsional friction; of
+            point feet and edges the distance from the centre of all.
+        friction: coefficient.
+    """
+
+    normals: Array
+    offsets: Array
+    centre: Array
+    inradius: float
+    radius: float
+    friction: float
+
+
+def support_of(soles: Sequence[Array], friction: float) -> Support:
+    """The support polygon of soles on level ground.
+
+    Args:
+        soles: corners of each sole that carries, ``(n_corners, 2 or more)`` [m], world frame.
+        friction: smallest friction coefficient among them.
+    """
+    corners = [sole[:, :2] for sole in soles]
+    together = np.vstack(corners)
+    # Qhull's equations: outward unit normal and offset, n·x + c ≤ 0 inside; one for each edge.
+    equations = np.unique(np.round(scipy.spatial.ConvexHull(together).equations, 9), axis=0)
+    centre = together.mean(axis=0)
+    flat = all(len(sole) >= 3 for sole in corners)
+    apart = [c - (c.mean(axis=0) if flat else centre) for c in corners]
+    return Support(
+        normals=equations[:, :2],
+        offsets=equations[:, 2],
+        centre=centre,
+        inradius=float(-(equations[:, :2] @ centre + equations[:, 2]).max()),
+        radius=float(np.mean([np.linalg.norm(c, axis=1).mean() for c in apart])),
+        friction=friction,
+    )
+
+
+def zmp_rows(w: Array, support: Support, margin: float | Array) -> Array:
+    """Rows that keep the zero-moment point inside: ``n·(f_z p) + (c + margin) f_z ≤ 0``, ``f_z p = (−m_y, m_x)``.
+
+    Args:
+        w: wrenches about the world origin, ``(…, 6)``, relative to the weight.
+        support: the support polygon.
+        margin: distance from its edge [m], one or of a shape that goes with ``(…, n_edges)``.
+
+    Returns:
+        ``(…, n_edges)``, in units of 0.1 m of distance.
+    """
+    point = np.stack([-w[..., 4], w[..., 3]], axis=-1)
+    return 10.0 * (point @ support.normals.T + w[..., 2:3] * (support.offsets + margin))
+
+
+def friction_rows(w: Array, support: Support, share: float) -> Array:
+    """Rows against slipping and turning: ``±f_x ± f_y ± m_z/r ≤ share·μ f_z``, moment about the polygon's centre.
+
+    Args:
+        w: wrenches about the world origin, ``(…, 6)``, relative to the weight.
+        support: the support polygon.
+        share: of the friction coefficient.
+
+    Returns:
+        ``(…, 8)``.
+    """
+    vertical = w[..., 5] - (support.centre[0] * w[..., 1] - support.centre[1] * w[..., 0])
+    parts = np.stack([w[..., 0], w[..., 1], vertical / support.radius], axis=-1)
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    return np.asarray(parts @ signs.T - share * support.friction * w[..., 2:3])

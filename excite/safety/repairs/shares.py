@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.robot.holding import TORQUE_SHARE
+from excite.robot.legs import TORQUE_SHARE
 from excite.safety.parameter_set import ParameterSet
 
 

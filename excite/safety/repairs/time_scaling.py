@@ -10,9 +10,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.motion.motion import jerk_peaks
 from excite.safety.repairs.draft import Draft, Rejection, Repair
-from excite.safety.repairs.path import MotionPath, PathSample, run_path
+from excite.safety.repairs.path import MotionPath, PathSample, TimeLaw, run_path
 from excite.safety.repairs.rows import PathLimits
-from excite.safety.repairs.time_law import TimeLaw
 
 # Speed factors that are worth it: below the first the motion would hardly excite anything.
 _SLOWEST, _FASTEST = 0.3, 1.6

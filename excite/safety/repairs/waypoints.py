@@ -11,9 +11,9 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import MotionError
-from excite.motion.generators.candidate import Candidate, Draws
 from excite.motion.generators.curves import Curve, SplineCurve
-from excite.robot.holding import holding_torques, usable_torque
+from excite.motion.generators.generator import Candidate, Draws
+from excite.robot.legs import holding_torques, usable_torque
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.retiming import SHARE_USED
 

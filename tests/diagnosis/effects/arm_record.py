@@ -12,18 +12,17 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
+from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.simulator.found import Found
+from excite.diagnosis.simulator.model_text import Found
 from excite.diagnosis.simulator.rollout_compare import errors
-from excite.diagnosis.simulator.rollout_drives import Drive, LoggedTorque
-from excite.diagnosis.simulator.rollout_windows import Plan
+from excite.diagnosis.simulator.rollout_windows import Drive, LoggedTorque, Plan
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot

@@ -12,33 +12,26 @@ import pytest
 
 from excite.arrays import Array
 from excite.diagnosis.answer.effect_summary import effect_summaries
-from excite.diagnosis.effects.bodies.base_tilt import BaseTilt, KnownLeverTilt, SteepTilt
-from excite.diagnosis.effects.bodies.link_length_error import LinkLengthError
-from excite.diagnosis.effects.bodies.payload import Payload
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.bodies import BaseTilt, KnownLeverTilt, LinkLengthError, Payload, SteepTilt
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.forces.joint_spring import LowerSlackSpring, SlackSpring
-from excite.diagnosis.effects.forces.torque_ripple import RippleHarmonics, TorqueRipple
-from excite.diagnosis.effects.form import Sizes
-from excite.diagnosis.effects.friction.stribeck import (
+from excite.diagnosis.effects.forces import LowerSlackSpring, RippleHarmonics, SlackSpring, TorqueRipple
+from excite.diagnosis.effects.form import Beyond, Context, JointStep, Note, Sizes
+from excite.diagnosis.effects.friction import (
     Stribeck,
     StribeckBristles,
     StribeckExponent,
     StribeckExponential,
 )
 from excite.diagnosis.effects.gears.backlash import Backlash, DampedBacklash, RoundBacklash, SoftBacklash
-from excite.diagnosis.effects.gears.joint_elasticity import HardeningElasticity, JointElasticity
-from excite.diagnosis.effects.note import Beyond, JointStep, Note
-from excite.diagnosis.effects.readings.encoder_offset import EncoderOffset
-from excite.diagnosis.effects.readings.time_delay import TimeDelay
+from excite.diagnosis.effects.gears.gear_effect import HardeningElasticity, JointElasticity
+from excite.diagnosis.effects.readings import EncoderOffset, TimeDelay
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline, Derived
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
-from excite.diagnosis.servo.encoders import LoggedOffset
-from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
-from excite.diagnosis.simulator.found import Found
-from excite.diagnosis.simulator.notes import read_notes
-from excite.logs.vocabulary import EFFECTS as WORDS
+from excite.diagnosis.servo.diagnose import LoggedOffset
+from excite.diagnosis.simulator.model_text import Found, read_notes
+from excite.diagnosis.simulator.rollout_compare import augmented_model, baseline_model
+from excite.logs.header import EFFECTS as WORDS
 from tests.diagnosis.effects.arm_record import Case, baseline, forms, place
 
 FORMS = forms()

@@ -10,20 +10,17 @@ import pytest
 from excite.arrays import Array
 from excite.diagnosis.answer.effect_summary import effect_summaries
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.floating.effects.effect import FloatingEffect, segment_of
-from excite.diagnosis.floating.effects.form import Beyond, Part, StandingNote
-from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
+from excite.diagnosis.floating.effects.effect import Beyond, FloatingEffect, Part, StandingNote, segment_of
+from excite.diagnosis.floating.effects.forces import PressedContact, Surface, UnloggedContact
 from excite.diagnosis.floating.effects.registry import EVERY_FORM
-from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.equations.problem import Problem, build_problem
 from excite.diagnosis.floating.equations.record import prepare_record
 from excite.diagnosis.floating.equations.state import State
 from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit
-from excite.diagnosis.floating.simulator.augmented import standing_model
-from excite.diagnosis.floating.simulator.rollout import Simulator
+from excite.diagnosis.floating.simulator import Simulator, standing_model
 from excite.errors import InputError
 from excite.logs.files import load_log
-from excite.logs.vocabulary import EFFECTS as WORDS
+from excite.logs.header import EFFECTS as WORDS
 
 # A TALOS over plates, its nominal inertials given and right.
 _CASE = "case_013"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.identification.identify import identify
 from excite.logs.log import Log

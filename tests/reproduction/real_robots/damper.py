@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from tests.reproduction.brfd import TWO_AMPLITUDES, at_tension, brfd_log
 from tests.reproduction.real_robots.entry import Bar, Entry, names

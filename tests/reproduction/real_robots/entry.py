@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.logs.log import Log
 
 RIGID, FRICTION = ("rigid_body",), ("viscous_friction", "coulomb_friction")

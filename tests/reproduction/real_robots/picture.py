@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
-from excite.diagnosis.arm.judged import judged_record
+from excite.diagnosis.arm.diagnose import judged_record
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.equations.units import force_unit
 from excite.doctor.examine import examine

@@ -12,9 +12,8 @@ import pytest
 
 from excite.errors import MotionError
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
-from excite.robot.mechanisms.building import build_mechanism
 from excite.robot.mechanisms.closures import Loop
-from excite.robot.mechanisms.mechanism import Mechanism
+from excite.robot.mechanisms.mechanism import Mechanism, build_mechanism
 
 # A crank, a coupler and a rocker whose end meets the ground again: three hinges, one of them driven.
 FOUR_BAR = """<mujoco model="four_bar"><compiler angle="radian"/><worldbody><body name="base">

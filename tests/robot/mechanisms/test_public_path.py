@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import excite
-from excite.campaign.expected.prediction import predict_statistics
+from excite.campaign.expected import predict_statistics
 from excite.errors import RobotError
 from excite.export.export import export_motion
 from excite.identification.identify import identify
@@ -18,10 +18,10 @@ from excite.motion.files import load_motion
 from excite.motion.generators.mixture import plan_candidates
 from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
-from excite.regressor.motor_torques import motor_regressor, motor_torques
+from excite.regressor.contact_forces import motor_regressor, motor_torques
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot as load_described
 from excite.robot.robot import Robot
-from excite.robot.scaffold.files import write_scaffold
 from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidate
 from excite.simulation.simulate import run_experiment

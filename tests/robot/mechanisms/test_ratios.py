@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from excite.robot.mechanisms.closures import Coupling
-from excite.robot.mechanisms.mechanism import Mechanism
-from excite.robot.mechanisms.ratios import ConstantRatios
+from excite.robot.mechanisms.mechanism import ConstantRatios, Mechanism
 from tests.robot.mechanisms.test_public_path import MIMIC, brought, shaped_four_bar
 from tests.robot.small import ELBOW_LIMIT, spoiled
 

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from excite.errors import LogError, RobotError
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.robot import robot_in_log
+from excite.regressor.contact_forces import motor_torques
 from excite.regressor.kernels import inverse_dynamics
-from excite.regressor.motor_torques import motor_torques
+from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.scaffold.files import write_scaffold
 from excite.simulation.drives import nominal_drives
 from excite.simulation.sensing import log_header
 

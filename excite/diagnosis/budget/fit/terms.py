@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
-from excite.logs.signals.sections import SIDE_BY_SIDE
+from excite.diagnosis.effects.form import Context
+from excite.logs.signals.butterworth import SIDE_BY_SIDE
 
 _Form = tuple[Effect, str, Theta]
 

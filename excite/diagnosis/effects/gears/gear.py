@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Context
 
 
 class Gear(NamedTuple):

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.floating.effects.base_orientation_bias import BaseOrientationBias
+from excite.diagnosis.floating.effects.bodies import (
+    JointElasticity,
+    LinkInertia,
+    LinkLengthError,
+    SoftTissue,
+    SwingingJoint,
+    WobblingMass,
+)
 from excite.diagnosis.floating.effects.effect import FloatingEffect
-from excite.diagnosis.floating.effects.encoder_offset import EncoderOffset
-from excite.diagnosis.floating.effects.external_force import ExternalForce
-from excite.diagnosis.floating.effects.joint_elasticity import JointElasticity
-from excite.diagnosis.floating.effects.link_inertia import LinkInertia
-from excite.diagnosis.floating.effects.link_length_error import LinkLengthError
-from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
-from excite.diagnosis.floating.effects.sensor_bias import SensorBias
-from excite.diagnosis.floating.effects.sensor_crosstalk import SensorCrosstalk
-from excite.diagnosis.floating.effects.sensor_frame_offset import SensorFrameOffset
-from excite.diagnosis.floating.effects.sensor_gain import SensorGain
-from excite.diagnosis.floating.effects.soft_tissue import SoftTissue
-from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
-from excite.diagnosis.floating.effects.time_delay import TimeDelay
-from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
-from excite.diagnosis.floating.effects.wobbling_mass import WobblingMass
+from excite.diagnosis.floating.effects.forces import ExternalForce, PressedContact, Surface, UnloggedContact
+from excite.diagnosis.floating.effects.readings import (
+    BaseOrientationBias,
+    EncoderOffset,
+    SensorBias,
+    SensorCrosstalk,
+    SensorFrameOffset,
+    SensorGain,
+    TimeDelay,
+)
 
 FLOATING_EFFECTS: dict[str, FloatingEffect] = {
     effect.word: effect

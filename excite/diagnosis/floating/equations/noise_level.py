@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.floating.equations.band import in_band
 from excite.diagnosis.floating.equations.problem import Problem
 from excite.diagnosis.floating.equations.record import FloatingRecord
-from excite.diagnosis.floating.equations.spectrum import BAND_HZ
+from excite.diagnosis.floating.equations.spectrum import BAND_HZ, in_band
 from excite.diagnosis.floating.search.ranking import NOISE_SLACK
 
 # Noise has few independent numbers in a band of a few hertz, and trials as short as these.

@@ -14,8 +14,8 @@ from excite.errors import LogError
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot, robot_in_log
 from excite.logs.signals.butterworth import lowpass
+from excite.regressor.columns import base_wrench
 from excite.regressor.tree import KinematicTree, read_tree
-from excite.regressor.wrench import base_wrench
 from excite.robot.robot import Robot
 from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.settings import Filters, ProblemSettings

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.floating.equations.cross import cross
 from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
@@ -205,3 +205,138 @@ class State:
 
     def _smooth(self, values: Array) -> Array:
         return np.concatenate([lowpass(values[s], self.record.rate_hz, 4.0) for s in self.record.spans])
+
+
+# Cross products of many vectors.
+
+
+def cross(vector: Array, other: Array) -> Array:
+    """``vector (n, 3) × other``, the latter ``(n, 3)``, or ``(n, 3, k)`` for columns.
+
+    For the thousands of small arrays of a search, where numpy's own spends its time on moving axes.
+    """
+    x, y, z = vector.T if other.ndim == 2 else vector.T[:, :, None]
+    a, b, c = other[:, 0], other[:, 1], other[:, 2]
+    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
+
+
+# How the residual changes when a joint's position, velocity and acceleration do.
+
+# The residual is linear in accelerations and quadratic in velocities; positions turn sines and cosines.
+_STEP_Q, _STEP_V, _STEP_A = 1e-4, 1e-3, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class JointTurn:
+    """Derivatives of the residual, each ``(n, 6)``, with respect to one joint's motion at each instant.
+
+    Attributes:
+        state: where to linearise; its readings do not matter.
+        joint: index in the tree.
+    """
+
+    state: State
+    joint: int
+
+    def by_q(self, readings: dict[str, Array]) -> Array:
+        """With respect to its position; sensors that it carries turn too, and what they read.
+
+        Args:
+            readings: by sensor, ``(n, 6)``.
+        """
+        change, levers = self._by_q
+        for name, lever in levers.items():
+            change = change + np.einsum("nij,nj->ni", lever, readings[name])
+        return change
+
+    @cached_property
+    def _by_q(self) -> tuple[Array, dict[str, Array]]:
+        """Of minus the predicted wrench; of the levers of the sensors that it carries."""
+        turned = self._changed("q", int(self.state.tree.idx_q[self.joint]), _STEP_Q)
+        carried = branch(self.state.tree.parents, self.joint)
+        levers = {
+            sensor.name: (turned.levers[sensor.name] - self.state.levers[sensor.name]) / _STEP_Q
+            for sensor in self.state.record.robot.sensors
+            if sensor.joint in carried
+        }
+        return (self.state.predicted - turned.predicted) / _STEP_Q, levers
+
+    @cached_property
+    def by_v(self) -> Array:
+        """With respect to its velocity."""
+        moved = self._changed("v", int(self.state.tree.idx_v[self.joint]), _STEP_V)
+        return (self.state.predicted - moved.predicted) / _STEP_V
+
+    @cached_property
+    def by_a(self) -> Array:
+        """With respect to its acceleration."""
+        moved = self._changed("a", int(self.state.tree.idx_v[self.joint]), _STEP_A)
+        return (self.state.predicted - moved.predicted) / _STEP_A
+
+    def columns(self, readings: dict[str, Array], q: Array, v: Array, a: Array) -> Array:
+        """Minus the derivative along ``k`` changes of the joint's motion, each ``(n, k)``: ``(n, 6, k)``."""
+        parts = ((self.by_q(readings), q), (self.by_v, v), (self.by_a, a))
+        return -np.sum([by[:, :, None] * change[:, None, :] for by, change in parts], axis=0)
+
+    def _changed(self, what: str, column: int, step: float) -> State:
+        values = getattr(self.state, what).copy()
+        values[:, column] += step
+        return self.state.replace(**{what: values})
+
+
+def joint_turn(state: State, joint: int) -> JointTurn:
+    """Derivatives for one joint (index in the tree); those of a state are computed once."""
+    kept: JointTurn = state.turns.setdefault(joint, JointTurn(state, joint))
+    return kept
+
+
+# How the residual changes when a joint and all that it carries are moved in the parent's frame.
+
+
+def moved_branch(state: State, joint: int) -> Array:
+    """``(n, 6, 3)`` derivative of the residual with respect to the joint's placement along the parent's axes.
+
+    Every body beyond the joint is displaced by r, the same vector, which turns with the parent: their wrench
+    at the base gains ``m r''`` and, about the base, ``(Σ m c) × r'' + r × Σ f``. A body's own regressor says
+    what r'' is: a unit of its first moment needs the force ``ω' × r + ω × (ω × r)``.
+
+    Args:
+        state: where to linearise.
+        joint: index in the tree.
+    """
+    tree, regressor = state.tree, state.regressor
+    parent = int(tree.parents[joint])
+    base, turn = state.poses.rotation[:, 1], state.poses.rotation[:, parent]
+    along = np.einsum("nji,njk->nik", base, turn)
+    lifted = regressor[:, :3, 10 * parent - 9 : 10 * parent - 6]
+    carried, mass = branch(tree.parents, joint), 0.0
+    force, moment = np.zeros((len(state.q), 3)), np.zeros((len(state.q), 3))
+    for body in carried:
+        block = slice(10 * body - 10, 10 * body)
+        phi = state.measured_phi[block]
+        if not phi.any():
+            continue
+        force = force + regressor[:, :3, block] @ phi
+        offset = state.poses.translation[:, body] - state.poses.translation[:, 1]
+        moment = moment + phi[0] * offset + state.poses.rotation[:, body] @ phi[1:4]
+        mass += phi[0]
+    out = np.zeros((len(state.q), 6, 3))
+    if mass:
+        first = np.einsum("nji,nj->ni", base, moment)
+        out[:, :3] -= mass * lifted
+        out[:, 3:] -= cross(first, lifted) - cross(force, along)
+    for sensor in state.record.robot.sensors:
+        if sensor.joint in carried:
+            rotation = state.poses.rotation[:, sensor.joint] @ state.placements[sensor.name].rotation
+            push = np.einsum("nij,nj->ni", rotation, state.readings[sensor.name][:, :3])
+            out[:, 3:] -= cross(np.einsum("nji,nj->ni", base, push), along)
+    return out
+
+
+def branch(parents: NDArray[np.int64], joint: int) -> list[int]:
+    """A joint and all beyond it, by index in the tree."""
+    carried = [joint]
+    for index in range(joint + 1, len(parents)):
+        if parents[index] in carried:
+            carried.append(index)
+    return carried

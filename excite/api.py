@@ -1,0 +1,108 @@
+"""Names that ``import excite`` offers in groups: each group is a module, and what is in it is loaded on first use."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import Any
+
+SPACES: dict[str, dict[str, str]] = {
+    "robots": {
+        "scaffold_description": "excite.robot.init_robot.description",
+        "write_scaffold": "excite.robot.init_robot.files",
+        "robot_for_log": "excite.logs.robot",
+        "examine_description": "excite.robot.inspection.chart",
+    },
+    "recordings": {
+        "import_recordings": "excite.logs.recordings",
+        "join_logs": "excite.logs.load_with_robot",
+        "write_header": "excite.conversion.init_log",
+        "Chart": "excite.doctor.examine",
+        "estimate_torque_delay": "excite.identification.explanation",
+        "explain_signals": "excite.identification.explanation",
+        "save_signal_figure": "excite.report.sections.identified",
+    },
+    "methods": {
+        "EstimatorSettings": "excite.identification.estimators.settings",
+        "estimator_settings": "excite.identification.estimators.method_settings",
+        "ProblemSettings": "excite.rows.settings",
+        "SeriesSettings": "excite.campaign.candidates",
+        "CampaignSettings": "excite.campaign.journal",
+        "load_bounds": "excite.identification.physical.bounds_file",
+        "write_bounds_template": "excite.identification.physical.bounds_file",
+        "identify_sessions": "excite.identification.sessions.compare",
+        "split_sessions": "excite.identification.sessions.compare",
+        "write_ranges": "excite.identification.sessions.compare",
+        "save_findings": "excite.campaign.result",
+        "momentum_residual": "excite.identification.momentum_observer",
+    },
+    "models": {
+        "write_urdf": "excite.export.models.urdf",
+        "write_mjcf": "excite.export.models.mjcf",
+        "ParameterSet": "excite.safety.parameter_set",
+        "parameter_set": "excite.safety.parameter_set",
+        "stated_parameters": "excite.safety.parameter_set",
+    },
+    "loads": {
+        "weigh_load": "excite.identification.load",
+        "identify_drive_gains": "excite.identification.load",
+        "identify_load": "excite.identification.load",
+    },
+    "people": {
+        "Subject": "excite.human.segments",
+        "simulate_person": "excite.human.virtual",
+        "MeasureSettings": "excite.human.measure",
+        "measure_person": "excite.human.measure",
+        "write_person": "excite.human.measure",
+        "identify_person": "excite.human.identified",
+        "added_mass": "excite.human.identified",
+        "identify_wearing": "excite.human.weight",
+    },
+    "catalogue": {
+        "robot_summaries": "excite.robot.summary",
+        "method_summaries": "excite.identification.estimators.estimator",
+        "effect_summaries": "excite.diagnosis.answer.effect_summary",
+        "file_schema": "excite.campaign.schemas",
+    },
+}
+"""By group, the module that defines each of its names."""
+
+_ABOUT = {
+    "robots": "Robots of one's own: first descriptions, what is wrong with one, and a log's robot.",
+    "recordings": "What is done with recordings beside loading and converting: their signals, delays, parts.",
+    "methods": "How parameters are identified: estimators and settings, bounds, sessions, residuals.",
+    "models": "Models of robots with what was identified in them, file by file, and how uncertain they are.",
+    "loads": "Loads: what an arm carries, from logs without and with it.",
+    "people": "People: their model from markers, their segments from force plates, what they wear.",
+    "catalogue": "What there is to choose from: robots, methods, effects, and the schemas of files.",
+}
+
+
+class Group(ModuleType):
+    """A module whose names are defined elsewhere.
+
+    Args:
+        name: of the group.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"excite.{name}", _ABOUT[name])
+        self._names = SPACES[name]
+        self.__all__ = list(self._names)
+
+    def __getattr__(self, name: str) -> Any:
+        where = self._names.get(name)
+        if where is None:
+            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+        return getattr(importlib.import_module(where), name)
+
+    def __dir__(self) -> list[str]:
+        return sorted(self._names)
+
+
+def groups() -> dict[str, Group]:
+    """All groups by name, so that they can be imported by that too."""
+    made = {name: Group(name) for name in SPACES}
+    sys.modules.update({group.__name__: group for group in made.values()})
+    return made

@@ -1,1 +1,0 @@
-"""A robot with the effects that a diagnosis found."""

@@ -1,0 +1,499 @@
+"""Where a plan's candidates come from: generators that draw them one by one, and searches for all of them at once."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from excite.campaign.plan_document import robot_file
+from excite.campaign.pool import Keeper
+from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
+from excite.errors import InputError, NoSolutionError, NothingSafeError, UnknownNameError
+from excite.excitation.optimisation.limits import JointLimits
+from excite.excitation.optimisation.motions import FourierFamily
+from excite.excitation.optimisation.objective import make_criterion
+from excite.excitation.optimisation.sampling import NAME
+from excite.excitation.optimisation.search import OptimisedMotion, SearchSettings, optimise_excitation
+from excite.excitation.optimisation.task import ExcitationTask
+from excite.json_document import write_json
+from excite.motion.generators.generator import (
+    Candidate,
+    Proposal,
+    SupportPhase,
+    central_range,
+    child_seed,
+    free_upper_body,
+    rest_joints,
+)
+from excite.motion.generators.mixture import GENERATORS, plan_proposals
+from excite.parallel.jobs import Jobs
+from excite.progress import Progress, silent
+from excite.reading.number import check_number
+from excite.registry import Registry
+from excite.robot.robot import Robot
+from excite.safety.filter import filter_candidates
+from excite.safety.filter_report import FilterReport
+from excite.safety.refusals import Refused, joined_refusals, refusals_table, tally_refusals
+from excite.safety.remedy import TRIED, Remedy, find_remedy
+from excite.safety.repairs.draft import Rejection
+from excite.safety.repairs.shares import Shares
+
+# What optimised series are to be: their criterion and their period.
+
+HARMONICS = 5
+
+
+# What no robot's rate allows [s].
+_ANY_PERIOD = (1e-6, 1e6)
+
+
+# Numbers of a motion, positions, velocities and accelerations at the robot's rate: 16 MB. Each start samples,
+# differentiates and checks all of it some hundred times; an arm at 1 kHz gets a minute and a half.
+_MOST_NUMBERS = 2_000_000
+
+
+@dataclass(frozen=True)
+class SeriesSettings:
+    """What a plan's optimised series are to be.
+
+    Attributes:
+        criterion: ``condition``, ``log_det`` or ``largest_rsd``.
+        period_s: of the series [s]; what the slowest joint needs for its range, from 6 to 20 s, if None.
+    """
+
+    criterion: str = "condition"
+    period_s: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the bounds; raises UnknownNameError or InputError."""
+        make_criterion(self.criterion)
+        if self.period_s is not None:
+            check_number(self.period_s, "period", *_ANY_PERIOD, "s")
+
+    def fit(self, robot: Robot) -> None:
+        """Raise InputError where the robot's rate makes too few samples of a period, or more than memory holds."""
+        if self.period_s is None:
+            return
+        rate = robot.description.sensors.rate_hz
+        shortest, longest = (
+            2.0 * HARMONICS / rate,
+            _MOST_NUMBERS / (rate * (robot.model.nq + 2 * robot.model.nv)),
+        )
+        check_number(self.period_s, "period", shortest, longest, "s", source=robot.name)
+
+
+# What a search for candidates is: all of a plan's found together, where a generator draws each on its own.
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What candidates are asked for.
+
+    Attributes:
+        robot: the robot.
+        count: how many to try; what cannot be made safe may be left out.
+        targets: joints to aim at; all, if empty.
+        series: criterion and period of optimised series; None for the defaults.
+        jobs: number of processes, or an executor; the candidates do not depend on it.
+        progress: told as work proceeds.
+        robust: whether limits shall hold for all robots of the set that the description states.
+    """
+
+    robot: Robot
+    count: int
+    targets: Sequence[str] = ()
+    series: SeriesSettings | None = None
+    jobs: Jobs = 1
+    progress: Progress = silent
+    robust: bool = False
+
+
+class CandidateSearch(ABC):
+    """Finds candidates together. A new one is one file beside this one and its line in ``SEARCHES``.
+
+    Attributes:
+        name: what users type after ``--generator``, beside the names of generators.
+    """
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
+        """The candidates of one seed.
+
+        Raises:
+            NoSolutionError: there are none.
+            InputError: the robot, a target or a setting does not suit it.
+        """
+
+
+# Searches for candidates by name. A new one is one file beside this one and one line here.
+
+SEARCHES: Registry[CandidateSearch] = Registry(
+    "generator",
+    {
+        "optimised_fourier": "excite.campaign.candidates:OptimisedSeries",
+    },
+)
+
+
+# Candidates from the optimiser: each start of its search is a candidate, repaired and judged like all others.
+
+# Share of a joint's range that stays on either side of where it rests.
+_ROOM_AT_REST = 0.02
+# Period of the series [s]: the slowest joint's range takes one, within these bounds.
+_PERIODS = (6.0, 20.0)
+
+
+# Share of their range that the other joints use where some are aimed at: the middle of what random candidates use.
+_OTHERS = 0.4
+
+
+class OptimisedSeries(CandidateSearch):
+    """Optimised Fourier series within the share of the limits that repairs leave alone.
+
+    Of an arm, or of a robot whose upper body moves while its base stands still. Starts that end in no safe motion are
+    left out. Joints that are aimed at have each their share of the starts: one has the whole of its range, the
+    others a part of theirs about where they rest.
+    """
+
+    name = NAME
+
+    def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
+        """See :class:`~excite.campaign.candidates.CandidateSearch`; one candidate a start.
+
+        Raises:
+            NoSolutionError: limits leave no room, or no start ended in a safe motion.
+            UnknownNameError: a target is no joint of the robot.
+            InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
+        """
+        return _optimise_candidates(asked, seed)
+
+
+def _optimise_candidates(asked: Asked, seed: int) -> list[Candidate]:
+    robot, count, targets = asked.robot, asked.count, asked.targets
+    settings = asked.series or SeriesSettings()
+    settings.fit(robot)
+    moved = free_upper_body(robot)
+    for joint in targets:
+        if not moved[robot.joint_index(joint)]:
+            raise InputError(
+                f"joint {joint!r} stands still in optimised series",
+                source=robot.name,
+                remedy="aim at a joint of the upper body that carries no foot, or use another generator",
+            )
+    aims: list[str | None] = [*targets[:count]] or [None]
+    made: list[Candidate] = []
+    failed: NoSolutionError | None = None
+    for place, aim in enumerate(aims):
+        starts = len(range(place, count, len(aims)))
+        search = SearchSettings(starts=starts, kicks=1, seed=seed + place)
+        try:
+            found = optimise_excitation(
+                _excitation_task(robot, aim, settings), search, jobs=asked.jobs, progress=asked.progress
+            ).found
+        except NoSolutionError as error:
+            # Other targets may have more room.
+            failed = error
+            continue
+        made += [_build_candidate(robot, item, aim, seed + place) for item in found]
+    if failed is not None and not made:
+        raise failed
+    return [replace(candidate, name=f"{NAME}_{i:03d}") for i, candidate in enumerate(made)]
+
+
+def _excitation_task(robot: Robot, aim: str | None, settings: SeriesSettings) -> ExcitationTask:
+    lower, upper = central_range(robot)
+    own, shares = robot.limits, Shares()
+    if robot.feet:
+        # A standing robot starts at rest, which may be outside the central range.
+        away = _ROOM_AT_REST * (own.position_upper - own.position_lower)
+        rest = rest_joints(robot)
+        lower = np.minimum(lower, np.maximum(own.position_lower, rest - away))
+        upper = np.maximum(upper, np.minimum(own.position_upper, rest + away))
+    velocity = shares.velocity * own.velocity
+    moved = free_upper_body(robot)
+    period = settings.period_s
+    if period is None:
+        period = float(np.clip(np.pi * ((upper - lower) / velocity)[moved].max(), *_PERIODS))
+    if aim is not None:
+        rest = np.clip(rest_joints(robot), lower, upper)
+        share = np.full(robot.n_joints, _OTHERS)
+        share[robot.joint_index(aim)] = 1.0
+        lower, upper = rest + share * (lower - rest), rest + share * (upper - rest)
+    limits = JointLimits(
+        lower=lower,
+        upper=upper,
+        velocity=velocity,
+        acceleration=shares.acceleration * own.acceleration,
+        torque=shares.torque * own.torque,
+    )
+    return ExcitationTask(robot, FourierFamily(period, HARMONICS), settings.criterion, limits)
+
+
+def _build_candidate(robot: Robot, item: OptimisedMotion, aim: str | None, seed: int) -> Candidate:
+    feet = tuple(foot.name for foot in robot.feet)
+    return Candidate(
+        name=item.motion.name,
+        generator=NAME,
+        targets=item.motion.metadata.targets if aim is None else (aim,),
+        seed=seed,
+        posture=item.curve,
+        speed=1.0,
+        phases=(SupportPhase(0.0, item.curve.length, feet),) if feet else (),
+    )
+
+
+# Candidates of a plan as they are drawn and judged, turn by turn while too few are safe.
+
+# Of a plan that nobody said the number of candidates for: how many are drawn at a time, how often at most, and how many
+# motions make it stop. Random motions of the robots that come with excite are safe more often than not; of 60 others'
+# models five had one or two safe candidates of six.
+N_CANDIDATES, TURNS, ENOUGH = 140, 3, 3
+
+
+class Judged:
+    """The candidates so far.
+
+    Attributes:
+        asked: for what.
+        seconds: by stage, ``generate`` and ``filter`` [s].
+    """
+
+    def __init__(
+        self, generator: str | None, asked: Asked, seed: np.random.SeedSequence, keeper: Keeper, turns: int
+    ) -> None:
+        self._generator, self.asked, self._seed, self._keeper = generator, asked, seed, keeper
+        # A search has looked for the best already.
+        self._left = 1 if generator in SEARCHES else turns
+        self._first, self._turn = FirstOf(), 0
+        self._report: FilterReport | None = None
+        self.seconds = {"generate": 0.0, "filter": 0.0}
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no more may be drawn."""
+        return self._left == 0
+
+    def more(self) -> FilterReport:
+        """Draw and judge until enough are safe in all or no more may be drawn, one turn at least.
+
+        A user's interrupt ends it with those judged by then.
+        """
+        while True:
+            report = self._another_turn()
+            if len(report.kept) >= ENOUGH or self.exhausted:
+                return report
+
+    def _another_turn(self) -> FilterReport:
+        robot, jobs, progress = self.asked.robot, self.asked.jobs, self.asked.progress
+        started = time.perf_counter()
+        source = candidates_of(self._generator, self.asked, self._seed, self._turn)
+        generated = time.perf_counter()
+        read = self._first.reading(source.candidates)
+        found = filter_candidates(
+            robot,
+            read,
+            jobs=jobs,
+            total=source.count,
+            progress=progress,
+            keep=self._keeper,
+            partial=True,
+            robust=self.asked.robust,
+        )
+        self._report = found if self._report is None else self._report.joined(found)
+        self._turn, self._left = self._turn + 1, 0 if found.interrupted else self._left - 1
+        self.seconds["generate"] += generated - started
+        self.seconds["filter"] += time.perf_counter() - generated
+        return self._report
+
+    def refusals(self, report: FilterReport, fallen: Sequence[Rejection] = ()) -> Refusals:
+        """What refuses them, in rehearsal too; where few are safe, changes are tried on some."""
+        started = time.perf_counter()
+        found = refusals_of(self.asked, report, self._first, fallen)
+        self.seconds["filter"] += time.perf_counter() - started
+        return found
+
+
+# Why a plan has few motions, or none: what refuses its candidates, and the change that lets most of them
+# pass.
+
+SCHEMA = "excite.refusals/1"
+REFUSALS_FILE = "refusals.json"
+
+# What to do about refusals that no limit lifted takes away, and that no candidate was tried again without.
+_ADVICE = {
+    "no_collision_pairs": "give every link that moves a shape: <collision> in the model, or collision.shapes",
+    # To lift a foot ANYmal C shifts by 0.2 m where its feet stand 0.9 m apart, on legs of 0.5 m: none of 12 swings is
+    # safe with knees at 1.0 … 1.4 rad, half of them unreachable, nor of 8 at 1.4 rad with the feet as wide. With hips
+    # turned in by 0.2 rad and knees at 1.2 rad 8 of 8 are.
+    "unreachable": "state a posture.joints in which the feet are nearer to one another and below the hips, the legs "
+    "bent and away from their limits, or base: held",
+    "joint_position": "state a posture.joints further from the limits of the joints named",
+    # Of an X30 on assumed gains five sways drag its feet by 12 to 23 mm, on gains three times as stiff by 3 to 4.
+    SLIPPED: "state controller.kp and kd of servos that are stiffer, under whose sag feet are dragged",
+    FELL: "state limits.torque of the drives named, if they give more, and controller.kp and kd of "
+    "servos that are stiffer: no feedback of balance is counted on",
+    TOUCHED: "state controller.kp and kd of servos that are stiffer, or a posture.joints in which the "
+    "links named are further apart",
+}
+
+# Where less than this share of the candidates is safe, what refuses the rest costs more than it leaves: it is said.
+_FEW = 0.5
+
+
+class FirstOf:
+    """Candidates as they are read, of which the first are remembered, so that refused ones can be tried again."""
+
+    # Among these are as many refused ones as are tried, where few are safe.
+    _HELD = 64
+
+    def __init__(self) -> None:
+        self.held: list[Candidate | Proposal] = []
+
+    def reading(self, candidates: Iterable[Candidate | Proposal]) -> Iterator[Candidate | Proposal]:
+        """The candidates, once; others may be read after them."""
+        for candidate in candidates:
+            if len(self.held) < self._HELD:
+                self.held.append(candidate)
+            yield candidate
+
+
+@dataclass(frozen=True)
+class Refusals:
+    """What refuses a plan's candidates.
+
+    Attributes:
+        generated: number of candidates.
+        refused: by pair of links, joint, contact or limit, the commonest first.
+        few: whether so few are safe that a person is told.
+        remedy: the change with which most of the refused ones pass, None where there is none or enough are safe.
+        page: where pictures of the worst are, None where nobody has drawn them.
+    """
+
+    generated: int = 0
+    refused: tuple[Refused, ...] = ()
+    few: bool = False
+    remedy: Remedy | None = None
+    page: str | None = None
+
+    def save(self, robot: Robot, folder: Path) -> Path:
+        """Write ``refusals.json`` into a folder, for a report of a plan without any motion."""
+        document = {
+            "schema": SCHEMA,
+            "robot": robot.name,
+            "generated": self.generated,
+            **self.to_json(),
+            "assumed": [one.model_dump() for one in robot.description.assumed],
+            **robot_file(robot, folder),
+        }
+        return write_json(document, folder / REFUSALS_FILE)
+
+    def to_json(self) -> dict[str, Any]:
+        """The fields ``refused`` and ``remedy`` of a document."""
+        return {
+            "refused": [item.to_json() for item in self.refused],
+            "remedy": None if self.remedy is None else self.remedy.to_json(),
+        }
+
+    @property
+    def change(self) -> str:
+        """What to do, in words."""
+        first = self.refused[0].reason if self.refused else ""
+        if self.remedy is not None:
+            # It was tried on candidates that the filter refused, not on what fell afterwards.
+            return (
+                f"{_ADVICE[first]}; {self.remedy}" if first in (FELL, SLIPPED, TOUCHED) else str(self.remedy)
+            )
+        return _ADVICE.get(
+            first,
+            "see what refuses them: no single limit lifted lets any of those pass that were tried again",
+        )
+
+    def table(self) -> str:
+        """A few lines for a person; empty where nothing was refused."""
+        lines = [refusals_table(self.refused, self.generated)]
+        if self.page is not None:
+            lines.append(f"pictures of the worst: {self.page}")
+        return "\n".join(line for line in lines if line)
+
+    def summary(self) -> str:
+        """The table and the change, where few candidates are safe; else empty."""
+        return f"{self.table()}\nmost likely to help: {self.change}" if self.few and self.refused else ""
+
+
+def refusals_of(
+    asked: Asked, report: FilterReport, first: FirstOf, fallen: Sequence[Rejection] = ()
+) -> Refusals:
+    """What refuses a plan's candidates, those that do not stand their rehearsal too; where few are safe, changes are
+    tried on some that the filter refused, unless the user broke off."""
+    few = len(report.kept) - len(fallen) < _FEW * report.generated
+    remedy = None
+    if few and not report.interrupted:
+        again = [first.held[index] for index in report.first_refused if index < len(first.held)]
+        remedy = find_remedy(asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust)
+    refused = joined_refusals(report.refused, tally_refusals(asked.robot, fallen))
+    return Refusals(report.generated, refused, few, remedy)
+
+
+def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:
+    """The error of a plan without any safe candidate: in one line the first cause and the change."""
+    cause = f": {refusals.refused[0].sentence}" if refusals.refused else ""
+    n = refusals.generated
+    none = "the one candidate is not safe" if n == 1 else f"none of {n} candidates is safe"
+    return NothingSafeError(
+        f"{none} for {robot.name}{cause}",
+        best=refusals,
+        remedy=refusals.change if refusals.refused else "ask for more candidates",
+    )
+
+
+# The candidates of a plan by the name of who makes them: a generator, a search, or the robot's mixture.
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Candidates, or proposals that are drawn later.
+
+    Attributes:
+        candidates: each once.
+        count: how many there are.
+    """
+
+    candidates: Iterable[Candidate | Proposal]
+    count: int
+
+
+def check_generator(name: str | None) -> None:
+    """Raise UnknownNameError for a name that neither a generator nor a search has; None is the robot's mixture."""
+    known = [*GENERATORS, *SEARCHES]
+    if name is not None and name not in known:
+        raise UnknownNameError("generator", name, sorted(known))
+
+
+def candidates_of(generator: str | None, asked: Asked, seed: np.random.SeedSequence, turn: int = 0) -> Source:
+    """The candidates that a generator, a search or (None) the robot's mixture of generators makes of a seed.
+
+    In a later ``turn`` these are as many more, as if all had been asked for at once; a search has only the first.
+
+    Raises:
+        UnknownNameError: a target is no joint of the robot.
+        RobotError: the generator does not apply to the robot.
+        NoSolutionError: a search found nothing.
+        InputError: a search does not suit the robot, a target or a setting.
+    """
+    if generator is not None and generator in SEARCHES:
+        found = SEARCHES.make(generator).candidates(asked, child_seed(seed, 0))
+        return Source(found, len(found))
+    mix = None if generator is None else {generator: 1.0}
+    before = turn * asked.count
+    proposals = plan_proposals(
+        asked.robot, before + asked.count, seed, mix=mix, targets=asked.targets, beyond=before
+    )
+    return Source(proposals, asked.count)

@@ -1,1 +1,0 @@
-"""Where a plan's candidates come from: generators that draw them one by one, and searches for all of them at once."""

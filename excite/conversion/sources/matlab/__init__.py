@@ -1,1 +1,0 @@
-"""Files that MATLAB saves, and what in them is no array."""

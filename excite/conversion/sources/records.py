@@ -1,0 +1,241 @@
+"""Recordings of entries with the same fields: JSON, and XML as KUKA's Robot Sensor Interface sends it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from excite.conversion.recording import Column, Recording, Stream, nothing_there
+from excite.conversion.shapes import FEWEST_ROWS, longest_streams, stream_of_arrays
+from excite.conversion.sources.npz import constants
+from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged, seconds
+from excite.errors import LogError
+from excite.reading.file import check_file, first_bytes
+
+# JSON recordings: columns of numbers, or a list of entries with the same fields (as BAM writes them).
+
+# Ten times what is read as JSON elsewhere is still read at once in a gigabyte.
+_MAX_BYTES = 512 * 1024 * 1024
+_DEEPEST = 6
+# Robots with more joints are not recorded as JSON.
+_MOST_JOINTS = 64
+
+
+class JsonSource(Source):
+    """An object of lists, a list of objects, or an object that holds such a list; or one object a line."""
+
+    name: ClassVar[str] = "json"
+    summary: ClassVar[str] = "JSON (.json, .jsonl)"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        if not path.is_file():
+            return False
+        if path.suffix.lower() in {".json", ".jsonl", ".ndjson"}:
+            return True
+        return first_bytes(path, 64).lstrip()[:1] == b"{" and path.suffix.lower() not in {".yaml", ".yml"}
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        check_file(path, limit=_MAX_BYTES, error=LogError)
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+            content = _parse_json(text, path)
+        except (OSError, ValueError, RecursionError, MemoryError) as error:
+            raise damaged(path, error, "JSON") from error
+        around, trials = _find_trials(content)
+        if trials:
+            names = [f"{path.stem}_{k + 1}" for k in range(len(trials))]
+            found = [
+                _build_recording(path, name, around | trial)
+                for name, trial in zip(names, trials, strict=True)
+            ]
+        else:
+            found = [_build_recording(path, path.stem, content)]
+        whole = tuple(recording for recording in found if recording is not None)
+        if not whole:
+            raise nothing_there(path)
+        return whole
+
+
+def _build_recording(path: Path, name: str, content: Any) -> Recording | None:
+    """The recording that an object holds; None where it holds no rows of numbers."""
+    arrays: dict[str, Any] = {}
+    said: dict[str, object] = {}
+    collect_arrays("", content, arrays, said, 0)
+    streams = longest_streams(stream_of_arrays(name, arrays))
+    return Recording(str(path), name, streams, said | constants(arrays)) if streams else None
+
+
+def _find_trials(content: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """A list of trials, each an object of long lists, and what stands beside it; an empty list where there is none.
+
+    Entries that hold a list a quantity with a number a joint are rows of one trial: such lists are short, and of one
+    length in all of them.
+    """
+    lists = content.items() if isinstance(content, dict) else [("", content)]
+    for key, value in lists:
+        if not isinstance(value, list) or len(value) < 2 or not all(isinstance(one, dict) for one in value):
+            continue
+        lengths = [max((len(v) for v in one.values() if isinstance(v, list)), default=0) for one in value]
+        longer = min(lengths) > _MOST_JOINTS
+        if longer or (min(lengths) >= FEWEST_ROWS and len(set(lengths)) > 1):
+            around = {k: v for k, v in content.items() if k != key} if isinstance(content, dict) else {}
+            return around, value
+    return {}, []
+
+
+def _parse_json(text: str, path: Path) -> Any:
+    if path.suffix.lower() in {".jsonl", ".ndjson"}:
+        return _parse_lines(text)
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        # One object a line under the other name, too.
+        lines = text.lstrip().splitlines()
+        if len(lines) < 2 or not lines[0].rstrip().endswith("}"):
+            raise
+        return _parse_lines(text)
+
+
+def _parse_lines(text: str) -> list[Any]:
+    return [json.loads(line) for line in text.splitlines() if line.strip()]
+
+
+def collect_arrays(
+    name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int
+) -> None:
+    """Numbers in lists to ``arrays``, single values to ``said``, by their paths."""
+    if depth > _DEEPEST:
+        return
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            collect_arrays(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for key in value[0]:
+            cells = [entry.get(key) if isinstance(entry, dict) else None for entry in value]
+            inner = f"{name}/{key}" if name and depth > 1 else str(key)
+            if isinstance(value[0][key], dict):
+                collect_arrays(
+                    inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1
+                )
+            elif isinstance(value[0][key], list) and value[0][key] and isinstance(value[0][key][0], dict):
+                _of_motors(inner, cells, arrays)
+            else:
+                _collect_numbers(inner, cells, arrays)
+    elif isinstance(value, list):
+        _collect_numbers(name, value, arrays)
+    elif isinstance(value, int | float | str):
+        said[name] = value
+
+
+def _of_motors(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
+    """Entries that hold an object a motor: each of its numbers as an array with a column a motor."""
+    count = len(cells[0])
+    whole = [cell if isinstance(cell, list) and len(cell) == count else [{}] * count for cell in cells]
+    for key, first in cells[0][0].items():
+        if isinstance(first, int | float | str):
+            missing = "" if isinstance(first, str) else None
+            _collect_numbers(
+                f"{name}/{key}", [[motor.get(key, missing) for motor in cell] for cell in whole], arrays
+            )
+
+
+def _collect_numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
+    width = len(cells[0]) if cells and isinstance(cells[0], list) else 0
+    empty = [float("nan")] * width if width else float("nan")
+    first = cells[0][0] if width else (cells[0] if cells else None)
+    if isinstance(first, str):
+        # Names of joints, or a word in each row.
+        texts = [cell if cell is not None else [""] * width if width else "" for cell in cells]
+        if not width and (stamps := seconds([str(text) for text in texts])) is not None:
+            arrays[name] = stamps
+        elif not width or all(isinstance(text, list) and len(text) == width for text in texts):
+            arrays[name] = np.array(texts, dtype=str)
+        return
+    try:
+        arrays[name] = np.array([empty if cell is None else cell for cell in cells], dtype=float)
+    except (ValueError, TypeError):
+        return
+
+
+# Records in XML, one after the other, as KUKA's Robot Sensor Interface sends them every cycle.
+
+# Ten times what is read as XML elsewhere; a cycle of RSI has half a kilobyte, four minutes at 250 Hz 30 MB.
+_XML_MAX_BYTES = 512 * 1024 * 1024
+_TAG = re.compile(r"<([A-Za-z_][\w.-]*)[\s/>]")
+# An element's attributes, or its text: nothing else of XML is looked at, so that nothing in it is expanded.
+_ELEMENT = re.compile(
+    r"<([A-Za-z_][\w.-]*)((?:\s+[\w.-]+\s*=\s*\"[^\"<]*\")+)\s*/?>|<([A-Za-z_][\w.-]*)>\s*([^<\s]*)\s*</?\3>"
+)
+_ATTRIBUTE = re.compile(r"([\w.-]+)\s*=\s*\"([^\"]*)\"")
+# Outermost elements of robots' models and scenes.
+_MODELS = frozenset(
+    (b"robot", b"mujoco", b"mujocoinclude", b"sdf", b"COLLADA", b"launch", b"OpenSimDocument")
+)
+# As many records as make a recording.
+_FEWEST = 20
+
+
+class XmlSource(Source):
+    """An element a sample, with or without one around all of them."""
+
+    name: ClassVar[str] = "xml"
+    summary: ClassVar[str] = "records in XML, as of KUKA's RSI (.xml)"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`: by its first bytes, or by its ending."""
+        if not path.is_file() or path.suffix.lower() in {".urdf", ".xacro", ".mjcf", ".sdf"}:
+            return False
+        start = first_bytes(path, 4096).removeprefix(b"\xef\xbb\xbf").lstrip()
+        outermost = re.search(rb"<([A-Za-z_][\w.-]*)", start)
+        return start[:1] == b"<" and outermost is not None and outermost[1] not in _MODELS
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        check_file(path, limit=_XML_MAX_BYTES, error=LogError)
+        try:
+            text = path.read_text(encoding="utf-8-sig", errors="replace")
+        except (OSError, MemoryError) as error:
+            raise damaged(path, error, "XML") from error
+        tag = _record_tag(text)
+        if tag is None:
+            raise nothing_there(path)
+        rows = [_row(record) for record in re.split(rf"<{re.escape(tag)}(?=[\s>])", text)[1:]]
+        names = list(dict.fromkeys(name for row in rows for name in row))
+        if len(rows) * len(names) > MAX_NUMBERS:
+            raise damaged(
+                path, ValueError(f"{len(rows)} records of {len(names)} numbers are too many"), "XML"
+            )
+        none = float("nan")
+        columns = (Column(name, np.array([row.get(name, none) for row in rows])) for name in names)
+        kept = tuple(column for column in columns if np.isfinite(column.values).any())
+        if not kept:
+            raise nothing_there(path)
+        return (Recording(str(path), path.stem, (Stream(path.stem, kept),)),)
+
+
+def _record_tag(text: str) -> str | None:
+    """The outermost element that comes again and again: the first in the file of those that do."""
+    counts = Counter(_TAG.findall(text))
+    return next((tag for tag in dict.fromkeys(_TAG.findall(text[:100_000])) if counts[tag] >= _FEWEST), None)
+
+
+def _row(record: str) -> dict[str, float]:
+    """Numbers of a record by ``ELEMENT.ATTRIBUTE``, or by the element whose text they are."""
+    found: dict[str, float] = {}
+    for element, attributes, named, content in _ELEMENT.findall(record):
+        pairs = [(named, content)]
+        if element:
+            pairs = [(f"{element}.{key}", value) for key, value in _ATTRIBUTE.findall(attributes)]
+        for name, value in pairs:
+            try:
+                found.setdefault(name, float(value.replace(",", ".")))
+            except ValueError:
+                continue
+    return found

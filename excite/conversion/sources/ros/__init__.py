@@ -1,1 +1,0 @@
-"""Messages of ROS and of Unitree, whichever library decodes them."""

@@ -1,0 +1,514 @@
+"""The result of a diagnosis: verdict, gap and effects, as a document, in a sentence and in tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from excite.diagnosis.answer.absorbed import Absorbed, absorbed_lines
+from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.answer.candidate import Candidate, RobotChanges, in_words, measured, percent, sized
+from excite.diagnosis.answer.gap import Curves, Gap, RolloutPath, Where, closed_in_words
+from excite.diagnosis.answer.trivial import TrivialErrors
+from excite.display import Row, Tabled, span
+from excite.finding import Finding
+from excite.json_document import finite
+
+# What a diagnosis says: its verdict, gap and effects, as a document, as a sentence and in words for a
+# terminal.
+
+SCHEMA = "excite.diagnosis/1"
+Verdict = Literal["effect", "none", "ambiguous", "unknown"]
+# Up to so many times the noise floor a model is said to reach it.
+_AT_FLOOR = 1.3
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """Short roll-outs of the nominal and of the augmented simulator against the record.
+
+    Attributes:
+        before: by channel, RMS error of the nominal simulator [rad or m].
+        after: by channel, RMS error of the augmented simulator, same unit.
+        horizon_s: length of a roll-out [s].
+        model: file name of the augmented simulator, None where none was written.
+        driven_by: what drives the roll-outs, in words: the logged torque (no feedback), the same less the noise that
+            commands can tell, ``q_cmd`` (the servo), or the ground's wrenches, with a free base.
+        warnings: effects that the simulator cannot express or ignores.
+        floor: by channel, RMS by which replicas of the nominal simulator differ that start, and are driven, with
+            as much noise as the record has; what no model can go below, same unit.
+        path: of a trial, for a picture; no part of the document. None where there is none.
+    """
+
+    before: dict[str, float]
+    after: dict[str, float]
+    horizon_s: float
+    model: str | None
+    driven_by: str = "logged torque"
+    warnings: tuple[str, ...] = ()
+    floor: dict[str, float] = field(default_factory=dict)
+    path: RolloutPath | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The comparison as it stands in the document."""
+        return {
+            "before": dict(self.before),
+            "after": dict(self.after),
+            "floor": dict(self.floor),
+            "horizon_s": self.horizon_s,
+            "model": self.model,
+            "driven_by": self.driven_by,
+            "warnings": list(self.warnings),
+        }
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What to measure next.
+
+    Attributes:
+        why: one sentence.
+        separates: effects (``EFFECT`` or ``EFFECT@LOCATION``) that it tells apart.
+        motion: file of the motion, None where no motion helps or none was planned.
+    """
+
+    why: str
+    separates: tuple[str, ...]
+    motion: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The proposal as it stands in the document."""
+        return {"why": self.why, "separates": list(self.separates), "motion": self.motion}
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Tabled):
+    """Where the gap lies, which effect causes it, how far it shrinks.
+
+    Attributes:
+        robot: name of the robot.
+        verdict: ``effect``, ``none``, ``ambiguous`` or ``unknown``.
+        effect: the accepted effect, the likeliest one where the verdict is ambiguous, else None: beside an unknown gap
+            those that are clear at their own places all the same are ``effects``.
+        location: its likeliest place, or the place of an unknown gap.
+        tied_locations: places that the data cannot tell from ``location``, itself among them.
+        candidates: likeliest first; where ambiguous, first those that the data cannot tell apart.
+        effects: accepted effects in the order in which they were added.
+        gap: the gap before and after them.
+        where: map of the gap, largest share first.
+        simulation: roll-outs, None where there were none.
+        n_tied: number of leading candidates that the data cannot tell apart (ambiguous only).
+        next_experiment: what would settle what is open, None where nothing is.
+        faults: what the doctor found in the record, worst first.
+        warnings: limits of what was said, one sentence each.
+        budget: where each channel's gap goes; None where it was not computed.
+        modelled: what the model had before the first effect, as in ``log.yaml``.
+        absorbed: sizes that were fitted to the record before the first effect, joint by joint.
+        trivial: by channel, what predictors far simpler than a simulator reach where it is judged.
+        changes: what the first none, one, two … of the accepted effects change of the robot; no part of the document.
+        curves: a validation trial before and after, for figures; no part of the document. None where there are none.
+    """
+
+    robot: str
+    verdict: Verdict
+    effect: str | None
+    location: str | None
+    tied_locations: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    effects: tuple[Candidate, ...]
+    gap: Gap
+    where: tuple[Where, ...]
+    simulation: Rollout | None = None
+    n_tied: int = 0
+    next_experiment: NextExperiment | None = None
+    faults: tuple[Finding, ...] = ()
+    warnings: tuple[str, ...] = ()
+    budget: Budget | None = None
+    modelled: tuple[str, ...] = ()
+    absorbed: tuple[Absorbed, ...] = ()
+    trivial: dict[str, TrivialErrors] = field(default_factory=dict)
+    changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False)
+    curves: Curves | None = field(default=None, compare=False, repr=False)
+
+    tables = ("candidates", "effects", "gap", "where", "budget", "findings")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.display.Tabled`.
+
+        Candidates, likeliest first; accepted effects with their sizes beside each other; the gap of each channel
+        before and after; where it lies; what takes which share of it; or what the doctor found in the record.
+        """
+        if table in {"candidates", "effects"}:
+            accepted = {(item.effect, item.location) for item in self.effects}
+            return [candidate_row(item, accepted) for item in getattr(self, table)]
+        if table == "gap":
+            return [{"channel": name, **asdict(item)} for name, item in self.gap.per_channel.items()]
+        if table == "where":
+            return [item.to_json() for item in self.where]
+        if table == "budget":
+            return [] if self.budget is None else budget_rows(self.budget)
+        return [fault_entry(item) for item in self.faults]
+
+    @property
+    def ambiguous_with(self) -> tuple[Candidate, ...]:
+        """Candidates that the data cannot tell apart; empty unless the verdict is ``ambiguous``."""
+        return self.candidates[: self.n_tied] if self.verdict == "ambiguous" else ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The document ``excite.diagnosis/1``; what is infinite or not known is null."""
+        return finite(
+            {
+                "schema": SCHEMA,
+                "robot": self.robot,
+                "verdict": self.verdict,
+                "effect": self.effect,
+                "location": self.location,
+                "tied_locations": list(self.tied_locations),
+                "candidates": [item.to_json() for item in self.candidates],
+                "n_tied": len(self.ambiguous_with),
+                "effects": [item.to_json() for item in self.effects],
+                "gap": self.gap.to_json(),
+                "simulation": None if self.simulation is None else self.simulation.to_json(),
+                "where": [item.to_json() for item in self.where],
+                "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
+                "sentence": self.sentence(),
+                "log": [fault_entry(item) for item in self.faults],
+                "findings": [
+                    {"code": item.kind, "where": item.where, "message": item.text, **item.to_json()}
+                    for item in self.faults
+                ],
+                "warnings": list(self.warnings),
+                "modelled": list(self.modelled),
+                "baseline": [item.to_json() for item in self.absorbed],
+                "trivial": {name: item.to_json() for name, item in self.trivial.items()},
+                **({} if self.budget is None else self.budget.to_json()),
+            }
+        )
+
+    def sentence(self) -> str:
+        """The one sentence that a person would repeat to a colleague."""
+        gap = f"{percent(self.gap.before)} of the signal"
+        of = "gap of the positions" if self.gap.of_positions else "gap"
+        closes = f"closes {100 * self.gap.share_closed:.0f} % of the {of} above the noise"
+        # A body that is heavier than in the file has been taken up then, and is no gap.
+        fitted = ", its bodies fitted to the record," if "rigid_body" in self.modelled else ""
+        if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
+            return f"{self.robot}: the model{fitted} explains the record to its noise floor ({gap})."
+        if self.verdict == "none":
+            floor = percent(self.gap.noise_floor)
+            return f"{self.robot}: the model{fitted} leaves {gap}, the noise {floor}; no effect stands out in between."
+        if self.verdict == "unknown":
+            place = self.location or (self.where[0].channel if self.where else "the robot")
+            left = without_a_name(place, self.where, self.warnings)
+            if self.effects:
+                one = len(self.effects) == 1
+                clear = (
+                    f"{in_a_row([sized(item) for item in self.effects])} {'is' if one else 'are'} clear at "
+                )
+                clear += (
+                    f"{'its' if one else 'their'} own place, and adding {'it' if one else 'them'} {closes}"
+                )
+                return f"{self.robot}: {clear}; {left} ({gap} before)."
+            return f"{self.robot}: {left} ({gap})."
+        if self.verdict == "ambiguous":
+            either, of_all = either_of(self.effects, self.ambiguous_with)
+            tells = "which of these; adding all" if of_all else "which; adding one"
+            return f"{self.robot}: the gap is {either}; this record cannot say {tells} {closes}."
+        each = [sized(item) for item in self.effects] or [in_words(self.effect, self.location)]
+        named = in_a_row(each)
+        them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"
+        return f"{self.robot}: the gap is {named}; adding {them} {closes}."
+
+    def summary(self) -> str:
+        """The diagnosis in words and tables, for a terminal; starts with the sentence."""
+        lines = [self.sentence(), ""]
+        if len(self.tied_locations) > 1:
+            lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
+        lines += [*gap_table(self.gap, self.where), *baseline_lines(self.modelled)]
+        listed = effect_table(self.effects, self.candidates, self.ambiguous_with)
+        lines += ["", *listed, *([f"({closed_in_words(self.gap.of_positions)})"] if listed else [])]
+        if self.budget is not None:
+            lines += ["", *budget_lines(self.budget, self.gap, self.modelled, accepted=bool(self.effects))]
+        lines += absorbed_lines(self.absorbed)
+        lines += trivial_table(self.trivial)
+        if self.next_experiment is not None:
+            lines += ["", f"next: {self.next_experiment.why}"]
+        lines += fault_lines(self.faults)
+        said = {item.text for item in self.faults}
+        lines += [f"note: {text}" for text in self.warnings if text not in said and text not in lines[0]]
+        return "\n".join(lines)
+
+
+# The tables of a diagnosis in words, for a terminal: the gap by channel, and effects with their rivals.
+
+# Share of a channel's gap from which it is said to follow something.
+_FOLLOWS = 0.3
+# How the words end that say what an unknown gap is like.
+NO_NAME = "no effect in the library stands for that"
+_LISTED = 6
+_BODIES = {
+    "rigid_body": "its bodies fitted to this record (write rigid_body_fixed under modelled in log.yaml to take them as "
+    "the model has them)",
+    "rigid_body_fixed": "its bodies as the model has them",
+}
+
+
+def baseline_lines(modelled: Sequence[str]) -> list[str]:
+    """What the gap is counted from: what of the model was fitted to the record, and what was taken from its file."""
+    bodies = [text for name, text in _BODIES.items() if name in modelled]
+    fitted = [name.replace("_", " ") for name in modelled if name not in _BODIES]
+    also = [f"{', '.join(fitted)} fitted at every joint"] if fitted else []
+    return [f"counted from the model with {'; '.join([*bodies, *also])}"] if modelled else []
+
+
+def gap_table(gap: Gap, where: Sequence[Where]) -> list[str]:
+    """Lines with the gap by channel before and after, its noise floor, its share and what it depends on."""
+    share = {item.channel: item for item in where}
+    width = max([len(name) for name in gap.per_channel] + [7])
+    lines = [f"{'channel':{width}}  {'before':>9}  {'after':>9}  {'floor':>9}  share  depends on"]
+    for name, item in gap.per_channel.items():
+        place = share.get(name)
+        tail = "" if place is None else f"  {100 * place.share:4.0f}%  {place.depends_on}"
+        lines.append(
+            f"{name:{width}}  {item.before:9.3g}  {item.after:9.3g}  {item.noise_floor:9.3g}{tail} [{item.unit}]"
+        )
+    total = f"{gap.before:9.3g}  {gap.after:9.3g}  {gap.noise_floor:9.3g}"
+    return [*lines, f"{'all':{width}}  {total}  (of the signal)"]
+
+
+def budget_lines(budget: Budget, gap: Gap, modelled: Sequence[str], *, accepted: bool) -> list[str]:
+    """The budget in one sentence and as a table, and why it has other figures than stand before it, where it has."""
+    gaps = {name: (item.before, item.noise_floor) for name, item in gap.per_channel.items()}
+    named = sum(item.share for item in budget.named)
+    beside = named_beside_closed(named, gap.share_closed, accepted=accepted)
+    said = [text for text in (beside, left_elsewhere(gaps, budget.weights, modelled)) if text]
+    return [budget.sentence(), *_budget_table(budget), *(f"({text})" for text in said)]
+
+
+def _budget_table(budget: Budget) -> list[str]:
+    """Lines with what takes which share of each channel's gap, and the rest; below, what its intervals leave open."""
+    notes: dict[str, str] = {}
+    width = max([len(name) for name in budget.channels] + [7])
+    lines = [f"{'channel':{width}}  share        90 %  of the gap above the noise"]
+    for name, channel in budget.channels.items():
+        if channel.weight == 0.0 and not channel.effects and not channel.unnamed:
+            lines.append(f"{name:{width}}  {'–':>5}  {'':10}  nothing stands above its noise")
+            continue
+        for item in channel.effects:
+            low, high = item.interval90
+            between = f"{span(_whole(low), _whole(high), '…')}%" if math.isfinite(low + high) else ""
+            what = in_words(item.effect, item.location)
+            doubt = doubt_of_share(item.share, *item.interval90)
+            mark = f" {notes.setdefault(doubt, f'[{len(notes) + 1}]')}" if doubt else ""
+            lines.append(f"{name:{width}}  {_whole(item.share):>4}%  {between:>10}  {what}{mark}")
+        for other in channel.unnamed:
+            what = other.follows if not other.knots else f"follows {other.follows}, without a name"
+            lines.append(f"{name:{width}}  {_whole(other.share):>4}%  {'':10}  {what}")
+        lines.append(f"{name:{width}}  {_whole(channel.rest):>4}%  {'':10}  the rest")
+    held = [f"({HELD})"] if any(channel.effects for channel in budget.channels.values()) else []
+    return [*lines, *(f"{mark} {doubt}" for doubt, mark in notes.items()), *held]
+
+
+def _whole(share: float) -> str:
+    """A share in per cent, without a sign before zero."""
+    return f"{round(100.0 * share):d}" if math.isfinite(share) else f"{share:.0f}"
+
+
+def budget_rows(budget: Budget) -> list[dict[str, Any]]:
+    """A row for each share of each channel's gap above its noise floor; the shares of a channel add up to one."""
+    rows: list[dict[str, Any]] = []
+    for name, channel in budget.channels.items():
+        for item in channel.effects:
+            low, high = item.interval90
+            what = {"effect": item.effect, "location": item.location, "follows": None}
+            rows.append({"channel": name, **what, "share": item.share, "low90": low, "high90": high})
+        rest = [(other.follows, other.share) for other in channel.unnamed] + [("the rest", channel.rest)]
+        for follows, share in rest:
+            what = {"effect": None, "location": None, "follows": follows}
+            rows.append({"channel": name, **what, "share": share, "low90": None, "high90": None})
+    return rows
+
+
+def candidate_row(item: Candidate, accepted: set[tuple[str, str | None]]) -> dict[str, Any]:
+    """A row of the table of candidates."""
+    return {
+        "effect": item.effect,
+        "location": item.location,
+        "accepted": (item.effect, item.location) in accepted,
+        "evidence": item.evidence,
+        "share_closed": item.share_closed,
+        "probability": item.probability,
+        "parameters": ", ".join(
+            f"{name} {one.value:.4g} {one.unit}".removesuffix(" 1") for name, one in item.parameters.items()
+        ),
+    }
+
+
+def trivial_table(errors: Mapping[str, TrivialErrors]) -> list[str]:
+    """Lines with the model's error beside those of simple predictors; none where there are no such ones."""
+    names = ("model", "command", "delayed_command", "fir", "repeat")
+    rows = {name: [item.to_json()[n] for n in names] for name, item in errors.items()}
+    if all(value is None for row in rows.values() for value in row[1:]):
+        return []
+    width = max([len(name) for name in errors] + [7])
+    heads = ("model", "command", "delayed", "filter", "repeat")
+    lines = ["", f"{'channel':{width}}  " + "  ".join(f"{h:>8}" for h in heads) + "  RMSE on what judges"]
+    for name, row in rows.items():
+        values = "  ".join(f"{'' if v is None else format(v, '.3g'):>8}" for v in row)
+        lines.append(f"{name:{width}}  {values}  [{errors[name].unit}]")
+    return lines
+
+
+def in_a_row(each: Sequence[str]) -> str:
+    """Words with commas between them and ``and`` before the last."""
+    return " and ".join([", ".join(each[:-1]), each[-1]] if len(each) > 1 else each)
+
+
+def without_a_name(place: str, where: Sequence[Where], warnings: Sequence[str]) -> str:
+    """An unknown gap in words: what it is like, where that is known, or what it follows."""
+    like = next((text for text in warnings if text.endswith(NO_NAME)), None)
+    follows = "".join(
+        f" follows {item.depends_on} and that"
+        for item in where
+        if item.channel == place and item.dependence.get(item.depends_on, 0.0) >= _FOLLOWS
+    )
+    return like or f"there is a gap at {place} that{follows} no effect in the library explains"
+
+
+def either_of(effects: Sequence[Candidate], ambiguous_with: Sequence[Candidate]) -> tuple[str, bool]:
+    """Effects that cannot be told apart, in words, behind accepted ones that are sure; and whether there are such."""
+    open_ = {(item.effect, item.location) for item in ambiguous_with}
+    sure = [sized(item) for item in effects if (item.effect, item.location) not in open_]
+    either = " or ".join(sized(item) for item in ambiguous_with)
+    return (f"{in_a_row(sure)}, and {either}", True) if sure else (either, False)
+
+
+def effect_table(
+    effects: Sequence[Candidate], candidates: Sequence[Candidate], ambiguous_with: Sequence[Candidate]
+) -> list[str]:
+    """Lines with accepted effects in their order, then what the first one was preferred to.
+
+    Args:
+        effects: the accepted ones.
+        candidates: all that were compared, likeliest first.
+        ambiguous_with: candidates that the data cannot tell apart.
+    """
+    named = {(item.effect, item.location) for item in effects}
+    rivals = [item for item in candidates if (item.effect, item.location) not in named]
+    open_ = {(item.effect, item.location) for item in ambiguous_with}
+    listed = [*effects, *rivals][: max(_LISTED, len(effects) + len(open_))]
+    if not listed:
+        return []
+    lines = [f"{'effect':24} {'place':24} {'':9} {'evidence':>9} {'closed':>7}  parameters"]
+    for item in listed:
+        key = (item.effect, item.location)
+        standing = "as likely" if key in open_ else "accepted" if key in named else "tried"
+        lines.append(_line(item, standing))
+    return lines
+
+
+def _line(item: Candidate, standing: str) -> str:
+    values = ", ".join(f"{name} {measured(e)}" for name, e in item.parameters.items())
+    return (
+        f"{item.effect:24} {item.location or '':24} {standing:9} {item.evidence:9.1f} "
+        f"{100 * item.share_closed:6.0f}%  {values}"
+    )
+
+
+def fault_lines(faults: Sequence[Finding]) -> list[str]:
+    """One line a finding of the doctor."""
+    return [f"log: {item.text} ({item.remedy}{'; repaired' if item.repaired else ''})" for item in faults]
+
+
+def fault_entry(item: Finding) -> dict[str, Any]:
+    """A finding in the form of the document's ``log``."""
+    return {
+        "kind": item.kind,
+        "where": item.where,
+        "what": item.text,
+        "cause": item.remedy,
+        "repaired": item.repaired,
+    }
+
+
+# What a budget's figures leave open, in words: intervals that say little, and a gap that lies elsewhere.
+
+# What is said wherever intervals of shares are shown.
+HELD = (
+    "90 % intervals of shares hold less than that: by blocks left out they held 72 % of the truth on ten simulated "
+    "arms with many effects, and 26 % on other such arms"
+)
+# Wider intervals are worth a word.
+_WIDE = 0.5
+
+
+# Shares that differ by more than this are explained.
+_DIFFERS = 0.1
+
+
+def doubt_of_share(share: float | None, low: float | None, high: float | None) -> str:
+    """Why a share and its interval do not seem to fit each other, or say little; empty where they do not.
+
+    Args:
+        share: of a channel's gap above its noise, 0…1; None where it was not computed.
+        low: lower end of its 90 % interval; None where it was not computed.
+        high: upper end, alike.
+
+    A number that is not finite counts as not computed.
+    """
+    if share is None or low is None or high is None or not math.isfinite(share + low + high):
+        return ""
+    if share < 0.0:
+        return "does harm on the trials that judge"
+    if low <= 0.0 < share:
+        return "may be nothing: too few stretches of the record show it for more"
+    if high - low > _WIDE:
+        return "known roughly: few stretches of the record show it"
+    if not low <= share <= high:
+        return "the trials that judge show it otherwise than the rest of the record"
+    return ""
+
+
+def left_elsewhere(
+    gaps: Mapping[str, tuple[float, float]], weights: Mapping[str, float], modelled: Sequence[str]
+) -> str:
+    """Why the budget finds the gap at another joint than the gaps by channel do; empty where both find it at one.
+
+    Each fits the bodies anew, and the motion of one body makes torques at several joints: what no bodies explain, such
+    as a gain of the torques of one joint, a fit may leave at that joint or at the one before it.
+
+    Args:
+        gaps: by channel, the gap without effects and its noise floor, both in the channel's unit.
+        weights: by channel, its share of the whole gap in the budget.
+        modelled: what the model had before the first effect; of bodies that were not fitted nothing is said.
+    """
+    excess = {name: before / max(floor, 1e-300) for name, (before, floor) in gaps.items()}
+    here, there = (max(table, key=lambda name: table[name], default="") for table in (weights, excess))
+    if "rigid_body" not in modelled or not here or here == there:
+        return ""
+    if weights[here] <= 0.0 or excess.get(here, 0.0) >= excess[there]:
+        return ""
+    return (
+        f"the budget counts the gap where most of it lies at {here}, before and after count it where most lies at "
+        f"{there}: bodies are fitted anew in both, and what they do not explain may be left at one joint or at another"
+    )
+
+
+def named_beside_closed(named: float, closed: float | None, *, accepted: bool) -> str:
+    """Why the parts with a name are not what the accepted effects close; empty where both say nearly the same.
+
+    Args:
+        named: share of the whole gap that the budget gives to effects.
+        closed: share of it that the accepted effects close; None where it was not computed.
+        accepted: whether any was.
+    """
+    if closed is None or abs(named - closed) <= _DIFFERS:
+        return ""
+    taken = f"the accepted effects close {100.0 * closed:.0f} %" if accepted else "no effect was accepted"
+    return (
+        f"here named effects take {100.0 * named:.0f} %, and {taken}: both are right; the first counts all that "
+        "one fit of everything together finds, the motion alone and each joint by its own power; the second what the "
+        "effects that stand clear leave of all rows, each joint by its own signal"
+    )

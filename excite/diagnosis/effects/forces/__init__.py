@@ -1,1 +1,0 @@
-"""Effects of forces that depend on the joint's position: springs, ripple."""

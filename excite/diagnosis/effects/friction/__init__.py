@@ -1,1 +1,0 @@
-"""Effects of friction in the joints."""

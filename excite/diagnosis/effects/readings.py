@@ -1,0 +1,381 @@
+"""Effects of readings and drives: gains, biases, offsets, delays, lags."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Beyond, Context, Draft, Form, Note, Sizes
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.dry_friction.reversals import told_delay
+from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, coulomb_level
+from excite.doctor.doubt import Doubt
+
+# A torque channel with a wrong factor.
+
+
+class TorqueGain(Effect):
+    """``τ_logged = g τ``; the column is the predicted torque, the parameter ``g − 1``."""
+
+    name = "torque_gain"
+    told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
+    linear = (Parameter("gain_error", "1", -0.7, 2.0),)
+    confusable_with = ("payload", "link_inertia", "load_dependent_friction")
+    separating_motion = "the same motion with and without a known payload"
+    mujoco = "actuator gear"
+    by_load = True
+    twins_of_a_gain = ("payload",)
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        return Shape({j: context.baseline.total[:, [j]]})
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        error = super().estimates(context, location, theta, fit)
+        std = error["gain_error"].std
+        return {"gain": Estimate(1.0 + error["gain_error"].value, std, "1"), **error}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        gain = 1.0 + item.value("gain_error")
+
+        def weaker(draft: Draft) -> None:
+            motor = draft.motor(item.location)
+            motor.gainprm[0] /= gain
+            motor.biasprm[0] /= gain
+
+        return Form(reads=gain, elements=weaker)
+
+
+# Actuators that follow their command with a lag.
+
+# Less than this share of a sample is a matter of when within it a logger reads its channels.
+_ACTUATOR_LAG_SAMPLE = 0.4
+
+
+@dataclass(frozen=True)
+class FasterFilter(Note):
+    """The second of two filters in series, before that of the motors.
+
+    Attributes:
+        before: its time constant [s].
+    """
+
+    before: float
+
+    beyond = Beyond.CHANNEL
+    every_step = False
+
+    @property
+    def filter_before(self) -> float:
+        return self.before
+
+
+class ActuatorLag(Effect):
+    """The log holds the command u, the joints get τ with ``T τ̇ + τ = u``: ``u = τ + T τ̇``, linear in T."""
+
+    name = "actuator_lag"
+    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.5),)
+    confusable_with = ("time_delay", "viscous_friction")
+    separating_motion = "a chirp to 5 … 15 Hz"
+    mujoco = "actuator dyntype filter, dynprm"
+    timing = True
+    late_by = "time_constant"
+    note = FasterFilter
+    twins_without_torque = ("time_delay",)
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (SecondOrderLag(),)
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return ("torque",)
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        samples = context.baseline.samples
+        parts = [np.gradient(t, axis=0) * samples.rate_hz for t in samples.split(context.baseline.total)]
+        column = np.concatenate(parts)
+        return Shape({j: column[:, [j]] for j in range(column.shape[1])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        least = _ACTUATOR_LAG_SAMPLE / context.baseline.samples.rate_hz
+        return beta[0] >= least and super().admissible(context, location, theta, beta)
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        import mujoco
+
+        slow, fast = self.filters(item)
+
+        def lagging(draft: Draft) -> None:
+            for name in draft.joints:
+                motor = draft.motor(name)
+                motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+                # The filter's at the step's end: a command is half a step old, and so is the velocity of a servo.
+                motor.dynprm[0], motor.actearly = slow, True
+
+        notes = () if fast is None else (self.noted(replace(item, values={"before": fast})),)
+        return Form(elements=lagging, notes=notes)
+
+    def filters(self, item: Sizes) -> tuple[float, float | None]:
+        """Time constants of the motors' filter and of one before it [s]; None where there is no other."""
+        return item.value("time_constant"), None
+
+
+class SecondOrderLag(ActuatorLag):
+    """``T₂² τ̈ + T τ̇ + τ = u``: two filters in series."""
+
+    linear = (*ActuatorLag.linear, Parameter("second_order", "s²", 0.0, 0.1))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        samples = context.baseline.samples
+        first = super().shape(context, location, theta).columns
+        stacked = np.column_stack([first[j][:, 0] for j in sorted(first)])
+        second = [np.gradient(t, axis=0) * samples.rate_hz for t in samples.split(stacked)]
+        rate = np.concatenate(second)
+        return Shape({j: np.column_stack([first[j][:, 0], rate[:, j]]) for j in first})
+
+    def filters(self, item: Sizes) -> tuple[float, float | None]:
+        """``T₂² τ̈ + T τ̇ + τ = u`` as two filters in series, as like as they can be where it rings."""
+        total, square = item.value("time_constant"), item.value("second_order")
+        root = float(np.sqrt(max(0.25 * total**2 - square, 0.0)))
+        return 0.5 * total + root, 0.5 * total - root if square > 0.0 else None
+
+
+# An encoder whose zero is off.
+
+_WIDEST = 0.3
+_SMALL = 2e-3
+
+
+@dataclass(frozen=True)
+class LoggedAlone(Note):
+    """An offset of the log's positions that the servo does not have.
+
+    Attributes:
+        in_log_only: the offset [rad].
+    """
+
+    in_log_only: float
+
+    beyond = Beyond.READING
+    every_step = False
+
+    @property
+    def log_offset(self) -> float:
+        return self.in_log_only
+
+
+class EncoderOffset(Effect):
+    """Logged position = true position + offset o: ``τ(q − o) − τ(q)`` in all rows.
+
+    The column is the secant ``(τ(q − s) − τ(q))/s``, exact where s is the offset itself; the search moves on
+    a logarithmic scale, so that its parameter is ``exp s``.
+    """
+
+    name = "encoder_offset"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
+    linear = (Parameter("offset", "rad", -0.5, 0.5),)
+    searched = (Parameter("secant", "1", math.exp(-_WIDEST), math.exp(_WIDEST)),)
+    confusable_with = ("torque_bias", "base_tilt", "joint_spring")
+    separating_motion = "elbow up and elbow down"
+    mujoco = "joint ref"
+    moves = True
+    by_motion = True
+    note = LoggedAlone
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return [(1.0,)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j, secant = context.row(location), math.log(theta[0])
+        if abs(secant) < _SMALL:
+            columns = -context.gradient(j, "q")
+        else:
+            samples = context.baseline.samples
+            q = samples.stacked("q").copy()
+            q[:, samples.index[j]] -= secant
+            moved = context.torques(q, samples.stacked("v"), samples.stacked("a"))
+            columns = (moved - (context.baseline.rigid - context.baseline.added)) / secant
+        return Shape({k: columns[:, [k]] for k in range(columns.shape[1])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        # A secant much wider than the offset is another function: with 0.3 rad for 0.017 one fits constants of a drive.
+        secant, offset = math.log(theta[0]), float(beta[0])
+        near = abs(secant - offset) <= abs(offset) + _SMALL
+        return near and super().admissible(context, location, theta, beta)
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        value, std = float(fit.extra[0]), float(fit.extra_std[0])
+        return {"offset": Estimate(value, std if np.isfinite(std) else None, "rad")}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        def turned(draft: Draft) -> None:
+            draft.joint(item.location).ref = item.value("offset")
+
+        return Form(elements=turned)
+
+
+# A torque channel that is logged late.
+
+# Less than this share of a sample is a matter of when within it a logger reads its channels.
+_SAMPLE = 0.4
+# A little of a much longer delay is no delay: it smooths the model's torque, and the encoders' noise in it.
+_ALIKE = 1.7
+# Standard deviations by which what rows between reversals tell of a delay is another than what all rows tell.
+_SURELY = 2.0
+
+
+@dataclass(frozen=True)
+class Late(Note):
+    """A torque channel that is logged late: its torque is that of a later time.
+
+    Attributes:
+        delay: [s].
+    """
+
+    delay: float
+
+    beyond = Beyond.CHANNEL
+    every_step = False
+
+    @property
+    def late_by(self) -> float:
+        return self.delay
+
+
+def late(baseline: Baseline, delay: float) -> Array:
+    """By how much torques that come late, or early where ``delay`` is negative, differ from those predicted.
+
+    ``(n_samples, n_joints)`` [N·m].
+    """
+    samples, parts = baseline.samples, []
+    for trial, torque in zip(samples.trials, samples.split(baseline.total), strict=True):
+        parts.append(
+            np.column_stack([np.interp(trial.time - delay, trial.time, column) for column in torque.T])
+        )
+    return np.concatenate(parts) - baseline.total
+
+
+class TimeDelay(Effect):
+    """``τ_logged(t) = τ(t − d)``, on the model's side: filtering the measurement would fake an improvement.
+
+    The column is the secant ``(τ̂(t − d) − τ̂(t))/d`` of the predicted torque.
+    """
+
+    name = "time_delay"
+    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.15),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("secant", "s", 4e-4, 0.15),)
+    confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")
+    separating_motion = "a chirp to some hertz"
+    mujoco = "actuator delay (a ring buffer in the control callback)"
+    timing = True
+    of_channel = True
+    stands_in = True
+    note = Late
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return ("torque",)
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        grid = (0.0007, 0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.09)
+        # Bristles would take what is left of a delay between two of these, and keep it.
+        late = context.baseline.late
+        return [(d,) for d in (grid if late == 0.0 else sorted({*grid, late}))]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        column = late(context.baseline, theta[0]) / theta[0]
+        return Shape({j: column[:, [j]] for j in range(column.shape[1])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        least = _SAMPLE / context.baseline.samples.rate_hz
+        same = theta[0] / _ALIKE <= beta[0] <= theta[0] * _ALIKE
+        return same and beta[0] >= least and super().admissible(context, location, theta, beta)
+
+    @property
+    def closer(self) -> Effect | None:
+        return WholeDelay()
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(notes=(self.noted(item),))
+
+
+class WholeDelay(TimeDelay):
+    """The same, all of the torque late by what is searched: a secant of free size leans on longer, smoother delays."""
+
+    linear: ClassVar[tuple[Parameter, ...]] = ()
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 4e-4, 0.15),)
+
+    stands_in = False
+    proportional = "delay"
+
+    @property
+    def closer(self) -> Effect | None:
+        return None
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        columns = super().shape(context, location, theta).columns
+        return Shape(offset={j: theta[0] * block[:, 0] for j, block in columns.items()})
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        """Its length as rows between reversals tell it, where they surely tell another than all rows do; else that."""
+        found = super().estimates(context, location, theta, fit)
+        told = told_delay(context.baseline.updated(fit), theta[0], late)
+        if told is None:
+            return found
+        off = abs(told.size - theta[0])
+        if off > _SURELY * told.std:
+            return found | {"delay": Estimate(told.size, told.std, "s")}
+        # Where they agree, all rows may still be off by what these cannot tell.
+        return found | {"delay": Estimate(theta[0], float(np.hypot(off, told.std)), "s")}
+
+    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        value = self.estimates(context, location, theta, fit)["delay"].value
+        return super().sizes(context, location, theta, fit) | {"delay": value}
+
+
+# A constant added to a torque channel.
+
+_ASYMMETRY = "coulomb_asymmetry"
+# Where friction differs between directions, half the difference is no more than its level; a fit is off by a little.
+_OF_LEVEL = 1.1
+
+
+class TorqueBias(Effect):
+    """``τ_logged = τ + b``."""
+
+    name = "torque_bias"
+    told_by = frozenset({Doubt.GRAVITY})
+    linear = (Parameter("bias", "N·m"),)
+    confusable_with = ("coulomb_asymmetry", "encoder_offset", "base_tilt", "joint_spring")
+    separating_motion = "a reading at zero torque"
+    mujoco = "added to the actuator's force"
+    by_motion = True
+    term = CONSTANT
+    spans = ("1",)
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        return Shape({j: np.ones((len(context.v), 1))})
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(bias=item.value("bias"))
+
+    def second_name(self, baseline: Baseline, location: str, fit: Fit) -> str | None:
+        """No larger than the Coulomb level, it may be friction that differs between directions."""
+        if not COULOMB.asked(baseline.modelled):
+            return None
+        own = baseline.fit.own[baseline.samples.joints.index(location)]
+        level = abs(coulomb_level(baseline.modelled, own))
+        return _ASYMMETRY if abs(float(fit.extra[0])) <= _OF_LEVEL * level else None

@@ -1,1 +1,0 @@
-"""Effects of readings and drives: gains, biases, offsets, delays, lags."""

@@ -1,0 +1,548 @@
+"""Effects of bodies on a floating base: inertia, lengths, soft tissue, wobbling masses, elastic joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+from scipy.fft import dct, idct
+
+from excite.arrays import Array
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.floating.effects.effect import (
+    Beyond,
+    FloatingEffect,
+    Parameter,
+    Part,
+    joint_of,
+    joints,
+    links,
+    points,
+    segment_of,
+)
+from excite.diagnosis.floating.equations.state import State, cross, joint_turn, moved_branch
+from excite.doctor.doubt import Doubt
+
+# A link's inertial parameters are wrong, or it carries a body that the model lacks.
+
+_NAMES = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_UNITS = ("kg", "kg·m", "kg·m", "kg·m") + ("kg·m²",) * 6
+
+
+class LinkInertia(FloatingEffect):
+    """True parameters = the model's + error; also what a payload does, which is a positive error."""
+
+    name: ClassVar[str] = "link_inertia"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    reads_as: ClassVar[str] = "constant sensor bias, and the neighbouring links where they move as one"
+    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias",)
+    says = Part.BODIES
+    mujoco: ClassVar[str] = "body mass, pos and inertia"
+
+    def locations(self, state: State) -> tuple[str, ...]:
+        """Links with mass, where the inertial parameters are not identified anyway."""
+        return () if state.record.inertials_free else links(state)
+
+    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+        """The ten parameters' errors about the joint's frame."""
+        mass = 0.05 * state.record.tree.phi[::10].sum()
+        own = state.record.tree.phi[10 * segment_of(state, location)]
+        mass = min(mass, 1.0 + 0.3 * own)
+        scales = (mass,) + (0.1 * mass,) * 3 + (0.01 * mass,) * 6
+        return tuple(Parameter(n, u, s, 0.1 * s) for n, u, s in zip(_NAMES, _UNITS, scales, strict=True))
+
+    def apply(self, state: State, location: str, theta: Array) -> State:
+        """Change the parameters."""
+        first = 10 * segment_of(state, location)
+        phi = state.phi.copy()
+        phi[first : first + 10] += theta
+        return state.replace(phi=phi)
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """Columns of the regressor."""
+        first = 10 * segment_of(state, location)
+        return np.asarray(state.regressor[:, :, first : first + 10])
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """The ten errors, and the centre of mass of what is too much."""
+        mass = float(theta[0])
+        extra = {
+            f"com_{axis}": Estimate(float(theta[1 + i]) / mass, float(std[1 + i]) / abs(mass), "m")
+            for i, axis in enumerate("xyz")
+            if mass
+        }
+        return super().report(state, location, theta, std) | extra
+
+    def called(self, theta: Array) -> str:
+        """A payload is what adds mass."""
+        return "payload" if theta[0] > 0.0 else self.name
+
+
+# A joint bends under its load.
+
+# A turn by which the torque's change is measured [rad], and the most that bending may add to itself: beyond one it
+# would buckle.
+_TURN, MOST_ADDED = 1e-3, 0.8
+
+
+class JointElasticity(FloatingEffect):
+    """True angle = logged − (compliance + stiffening · |τ|/τ₀) · τ, the bent joint's τ with what the feet carry.
+
+    τ₀ is the largest torque of the record. Gears with flexsplines and rubber stiffen under load
+    (Tuttle and Seering 1996); a straight line is the case without it.
+    """
+
+    name: ClassVar[str] = "joint_elasticity"
+    reads_as: ClassVar[str] = "encoder offset, where the joint's load hardly changes"
+    confusable_with: ClassVar[tuple[str, ...]] = ("encoder_offset",)
+    leaves: ClassVar[tuple[str, ...]] = ("encoder_offset",)
+    says = Beyond.MOTION
+    least_shrink: ClassVar[float] = 0.15
+
+    def locations(self, state: State) -> tuple[str, ...]:
+        """Joints."""
+        return joints(state)
+
+    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+        """Compliance of the unloaded joint, one over its stiffness, and how that changes with load."""
+        return (
+            Parameter("compliance", "rad/(N·m)", 3e-3, 1e-4),
+            Parameter("stiffening", "rad/(N·m)", 1e-3, 1e-4),
+        )
+
+    def apply(self, state: State, location: str, theta: Array) -> State:
+        """Bend the joint, with the rates that this brings."""
+        if not theta.any():
+            return state
+        joint = joint_of(state, location)
+        bend = self.bend(state, joint, theta)[0]
+        iq, iv, rate = state.tree.idx_q[joint], state.tree.idx_v[joint], _rates(state, bend)
+        q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
+        q[:, iq] += bend
+        v[:, iv] += rate
+        a[:, iv] += _rates(state, rate)
+        return state.replace(q=q, v=v, a=a)
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """The joint's columns along what each parameter lets it yield."""
+        joint = joint_of(state, location)
+        yields = self.bend(state, joint, theta)[1]
+        rates = _rates(state, yields)
+        bent = self.apply(state, location, theta)
+        return joint_turn(bent, joint).columns(state.readings, yields, rates, _rates(state, rates))
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """Stiffness of the unloaded joint, and the parameters."""
+        if not theta[0]:
+            return super().report(state, location, theta, std)
+        stiffness = 1.0 / float(theta[0])
+        spread = abs(stiffness * float(std[0] / theta[0]))
+        return {
+            "stiffness": Estimate(stiffness, spread, "N·m/rad"),
+            **super().report(state, location, theta, std),
+        }
+
+    def bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
+        """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``.
+
+        A bent joint leans further, which changes its torque: to first order by what a turn of the joint alone makes
+        of it. Rates are left out, since they would bring noise of accelerations into the torque a second time.
+        """
+        at = loads_of(state, joint)
+        torque, loads, softer = at.torque, at.by_parameter, at.per_torque
+        if not theta.any():
+            return np.zeros(len(torque)), -loads
+        adds = -leaning_of(state, joint)[:, None] * softer
+        more = 1.0 / (1.0 - np.minimum(adds @ theta, MOST_ADDED))
+        bend = more * (-loads @ theta)
+        return bend, more[:, None] * (bend[:, None] * adds - loads)
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """What makes a joint yield.
+
+    Attributes:
+        torque: that it carries, ``(n,)`` [N·m].
+        by_parameter: what each parameter makes it yield by, ``(n, 2)``.
+        per_torque: the change of that with the torque, ``(n, 2)``.
+    """
+
+    torque: Array
+    by_parameter: Array
+    per_torque: Array
+
+
+def loads_of(state: State, joint: int) -> Loads:
+    """The loads of a joint, by its index in the tree."""
+    torque = state.smooth_torques[:, state.tree.idx_v[joint]]
+    ratio = np.abs(torque) / max(float(np.abs(torque).max()), 1e-9)
+    return Loads(
+        torque,
+        np.column_stack([torque, ratio * torque]),
+        np.column_stack([np.ones_like(ratio), 2.0 * ratio]),
+    )
+
+
+def leaning_of(state: State, joint: int) -> Array:
+    """``(n,)`` change of a joint's torque by its own turn [N·m/rad]."""
+    iv, q = state.tree.idx_v[joint], state.q.copy()
+    q[:, state.tree.idx_q[joint]] += _TURN
+    return (state.replace(q=q).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
+
+
+def _rates(state: State, values: Array) -> Array:
+    """Derivative with respect to time within each trial, ``(n, …)``."""
+    spans, rate = state.record.spans, state.record.rate_hz
+    return np.concatenate([np.gradient(values[span], 1.0 / rate, axis=0) for span in spans])
+
+
+# A joint does not sit where the model says.
+
+
+class LinkLengthError(FloatingEffect):
+    """True placement of the joint = the model's + error, in the parent's frame."""
+
+    name: ClassVar[str] = "link_length_error"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
+    reads_as: ClassVar[str] = "sensor frame at the leg's end; inertia of what the joint carries"
+    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_frame_offset", "link_inertia")
+    says = Part.LENGTHS
+    mujoco: ClassVar[str] = "body pos"
+
+    def locations(self, state: State) -> tuple[str, ...]:
+        """Joints."""
+        return joints(state)
+
+    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+        """Displacement of the joint's origin."""
+        return tuple(Parameter(axis, "m", 0.015, 1e-3) for axis in "xyz")
+
+    def apply(self, state: State, location: str, theta: Array) -> State:
+        """Move the joint."""
+        translations = state.tree.translations.copy()
+        translations[joint_of(state, location)] += theta
+        return state.replace(tree=replace(state.tree, translations=translations))
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """What the joint carries moves as one, turning with the parent: its mass, its moment, its sensors."""
+        moved = self.apply(state, location, theta) if theta.any() else state
+        joint = joint_of(moved, location)
+        return -moved_branch(moved, joint)
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """The model's placement less the true one."""
+        return super().report(state, location, -theta, std)
+
+
+# Markers or straps on soft tissue: a segment seems to turn when the body shakes.
+
+_CUTOFF_HZ = 3.0
+
+
+class SoftTissue(FloatingEffect):
+    """The true angles of a segment's joints differ from those logged by what its acceleration does to the tissue.
+
+    Tissue on a spring and a damper follows the acceleration of the joint's origin as an oscillator does:
+    ``inertia·φ'' + lag·φ' + φ = by·acceleration`` (Leardini et al. 2005 review what such artefacts look like).
+    """
+
+    name: ClassVar[str] = "soft_tissue"
+    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
+    reads_as: ClassVar[str] = "elasticity, where the joint's load is the segment's own inertia"
+    confusable_with: ClassVar[tuple[str, ...]] = ("joint_elasticity",)
+    says = Beyond.MOTION
+    least_shrink: ClassVar[float] = 0.3
+
+    def locations(self, state: State) -> tuple[str, ...]:
+        """Links with mass; joints through massless links belong to the next link with mass."""
+        return tuple(dict.fromkeys(self._link(state, name) for name in joints(state)))
+
+    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+        """Each joint's angle by acceleration in the world's axes; the tissue's damper and inertia."""
+        direct = tuple(
+            Parameter(f"{name}_by_{axis}", "rad·s²/m", 0.03, 1e-3)
+            for name in self._joints(state, location)
+            for axis in "xyz"
+        )
+        return (*direct, Parameter("lag", "s", 0.015, 1e-3), Parameter("inertia", "s²", 1e-3, 1e-4))
+
+    def apply(self, state: State, location: str, theta: Array) -> State:
+        """Turn the joints, with the rates that this brings."""
+        turned = [joint_of(state, name) for name in self._joints(state, location)]
+        turns = self._wobble(state, turned[0], theta[-2:])
+        q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
+        for joint, by in zip(turned, theta[:-2].reshape(-1, 3), strict=True):
+            iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
+            turn, rate, again = turns @ by
+            q[:, iq] += turn
+            v[:, iv] += rate
+            a[:, iv] += again
+        return state.replace(q=q, v=v, a=a)
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """The joints' columns along what each parameter makes them do."""
+        turned = [joint_of(state, name) for name in self._joints(state, location)]
+        there = self.apply(state, location, theta) if theta.any() else state
+        here, each, tissue = self._wobble(state, turned[0], theta[-2:]), theta[:-2].reshape(-1, 3), []
+        for i, parameter in enumerate(self.parameters(state, location)[-2:]):
+            ahead = theta[-2:].copy()
+            ahead[i] += parameter.step
+            moved = self._wobble(state, turned[0], ahead) - here if each.any() else np.zeros_like(here)
+            tissue.append(moved / parameter.step)
+        own, shared = [], np.zeros((len(state.q), 6, len(tissue)))
+        for joint, by in zip(turned, each, strict=True):
+            changes = np.concatenate([here, *((moved @ by)[..., None] for moved in tissue)], axis=2)
+            columns = joint_turn(there, joint).columns(state.readings, *changes)
+            own.append(columns[:, :, :3])
+            shared = shared + columns[:, :, 3:]
+        return np.concatenate([*own, shared], axis=2)
+
+    def _wobble(self, state: State, joint: int, tissue: Array) -> Array:
+        """``(3, n, 3)`` angle, velocity and acceleration for each axis' unit of angle by acceleration.
+
+        Args:
+            state: the state.
+            joint: index in the tree.
+            tissue: ``lag`` and ``inertia``.
+        """
+        out = np.empty((3, len(state.q), 3))
+        point = state.poses.translation[:, joint]
+        for span in state.record.spans:
+            n = span.stop - span.start
+            omega = 2.0 * np.pi * np.fft.rfftfreq(n, 1.0 / state.record.rate_hz)
+            # Noise of accelerations is left out as a low-pass without phase does.
+            follows = -(omega**2) / (1.0 + (omega / (2.0 * np.pi * _CUTOFF_HZ)) ** 8)
+            follows = follows / (1.0 + 1j * omega * tissue[0] - omega**2 * tissue[1])
+            line = np.linspace(0.0, 1.0, n)[:, None] * (point[span][-1] - point[span][0])
+            turn = np.fft.rfft(point[span] - line, axis=0) * follows[:, None]
+            for order in range(3):
+                out[order, span] = np.fft.irfft(turn * (1j * omega[:, None]) ** order, n, axis=0)
+        return out
+
+    def _joints(self, state: State, link: str) -> tuple[str, ...]:
+        """The joints that belong to a link."""
+        return tuple(name for name in joints(state) if self._link(state, name) == link)
+
+    def _link(self, state: State, joint: str) -> str:
+        """The next link with mass at or after a joint, along single children."""
+        record, index = state.record, joint_of(state, joint)
+        while record.tree.phi[10 * (index - 1)] == 0.0:
+            children = np.flatnonzero(record.tree.parents == index)
+            if len(children) != 1:
+                break
+            index = int(children[0])
+        return record.robot.segments[index - 1].link
+
+
+# A joint that bends under its load and is soft enough for what it carries to swing on it.
+
+# Steps of the parameters [rad/(N·m)]; a turn's acceleration by which inertia is measured [rad/s²].
+_STEPS, _ACCELERATION = (1e-6, 1e-6), 1.0
+# How near to what the spring holds back the inertia may come: noise is all that there is of a motion at resonance.
+_NEAR_RESONANCE = 0.15
+
+
+class SwingingJoint(JointElasticity):
+    """True angle = logged − bend, with what the bend's own acceleration adds to the torque that bends the joint.
+
+    Parameters as of :class:`JointElasticity`. The encoder sits before the spring (Spong 1987): what is behind it moves
+    as the bend says, and resists with its inertia. Near the frequency at which it would swing on the joint a small
+    motion of the encoder is a large one of it.
+    """
+
+    form: ClassVar[str] = "swinging_joint"
+
+    def bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
+        """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``."""
+        at = loads_of(state, joint)
+        torque, loads, softer = at.torque, at.by_parameter, at.per_torque
+        if not theta.any():
+            return np.zeros(len(torque)), -loads
+        leaning, iv, a = leaning_of(state, joint), state.tree.idx_v[joint], state.a.copy()
+        a[:, iv] += _ACCELERATION
+        inertia = float((state.replace(a=a).smooth_torque(iv) - torque).mean()) / _ACCELERATION
+
+        def bend(theta: Array) -> Array:
+            compliance = softer @ theta
+            held = 1.0 + np.maximum(compliance * leaning, -MOST_ADDED)
+            ratio = inertia * float(compliance.mean()) / float(held.mean())
+            return _swung(state, -(loads @ theta) / held, ratio)
+
+        here = bend(theta)
+        steps = np.diag(_STEPS)
+        return here, np.column_stack([(bend(theta + step) - here) / step.sum() for step in steps])
+
+
+def _swung(state: State, static: Array, ratio: float) -> Array:
+    """``(n,)`` bend with inertia, ``b + ratio b'' = static``, smooth as motion is: no free oscillation is in it.
+
+    Args:
+        state: for its trials and rate.
+        static: the bend without.
+        ratio: of inertia to stiffness [s²].
+    """
+    out = np.empty_like(static)
+    for span in state.record.spans:
+        n = span.stop - span.start
+        omega = np.pi * np.arange(n) * state.record.rate_hz / n
+        left = 1.0 - ratio * omega**2
+        follows = left * (1.0 + _NEAR_RESONANCE**2) / (left**2 + _NEAR_RESONANCE**2)
+        # Cosines meet the ends of a trial without a jump.
+        out[span] = idct(dct(static[span]) * follows)
+    return out
+
+
+# Part of a segment's mass wobbles on it: viscera, fat, a load on foam.
+
+# A mass that sags further under its weight hangs, and is no tissue [m].
+_MOST_SAG = 0.12
+# A segment of less than this share of the whole mass moves no sensor by what wobbles on it.
+_LEAST_SHARE = 0.02
+# Frequencies at which it is looked for [Hz], and the share of critical damping there.
+_BEGINNINGS_HZ, _DAMPING = (1.6, 2.1, 3.0), 0.2
+_MASS_STEP = 0.05
+
+
+@dataclass(frozen=True)
+class WobblingMass(FloatingEffect):
+    """A point-like part m of a segment's mass on a spring and damper alike in all directions (Gruber et al. 1998).
+
+    The model holds it where it rests. From there it is displaced by Δ, in the world's axes:
+    ``Δ'' + 2ζω Δ' + ω² Δ = −(a − g) − R ḡ``, with a the acceleration of its place, R the segment's rotation and ḡ the
+    mean gravity in the segment's frame, under which it rests. It pulls at the segment by −m Δ'' more than the model
+    says, and its weight and inertia act at Δ from where the model has them.
+
+    Attributes:
+        level: whether it moves in the horizontal alone, as liquid in a tank or a pendulum does: no tissue.
+    """
+
+    level: bool = False
+
+    name: ClassVar[str] = "soft_tissue"
+    form: ClassVar[str] = "wobbling_mass"
+    reads_as: ClassVar[str] = "an external force, and elasticity of the joints that carry the segment"
+    confusable_with: ClassVar[tuple[str, ...]] = ("external_force", "joint_elasticity")
+    says = Beyond.FORCES
+    least_shrink: ClassVar[float] = 0.3
+    # A resonance is narrow.
+    rough_steps: ClassVar[int] = 10
+
+    def locations(self, state: State) -> tuple[str, ...]:
+        """Links with a good part of the whole mass."""
+        whole = state.record.tree.phi[::10].sum()
+        return tuple(link for link in links(state) if self._own_mass(state, link) > _LEAST_SHARE * whole)
+
+    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+        """Mass, where it rests, and how it wobbles: logarithms, so that neither can be negative."""
+        return (
+            Parameter("mass", "kg", 0.5 * self._own_mass(state, location), _MASS_STEP),
+            *points(),
+            Parameter("log_frequency", "", 1.0, 1e-2),
+            Parameter("log_damping", "", 0.7, 1e-2),
+        )
+
+    def beginnings(self, state: State, location: str) -> tuple[Array, ...]:
+        """No mass, at several frequencies: a resonance is found from near it alone."""
+        slowest = _slowest_hz(state)
+        logs = (float(np.log(hertz / slowest - 1.0)) for hertz in _BEGINNINGS_HZ if hertz > slowest)
+        return tuple(np.array([0.0, 0.0, 0.0, 0.0, log, 0.0]) for log in logs)
+
+    def allows(self, theta: Array) -> bool:
+        """Masses are positive."""
+        return bool(theta[0] > 0.0)
+
+    def apply(self, state: State, location: str, theta: Array) -> State:
+        """Let it wobble; it is a part of the segment's mass, and nothing below zero."""
+        mass = self._mass(state, location, theta)
+        if not mass:
+            return state
+        segment = segment_of(state, location)
+        held = state.on_unit_mass(segment, theta[1:4])
+        displaced, further = self._wobble(state, segment + 1, theta, held)
+        wrench = state.at_base(-mass * further, state.poses.point(segment + 1, theta[1:4]))
+        moment = cross(displaced, -mass * (held + further))
+        wrench[:, 3:] += np.einsum("nji,nj->ni", state.poses.rotation[:, 1], moment)
+        return state.replace(extra=state.extra + wrench)
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """Where there is no mass, how it would wobble does not matter."""
+        if theta[0] > 0.0:
+            return super().columns(state, location, theta)
+        ahead = theta.copy()
+        ahead[0] = _MASS_STEP
+        columns = np.zeros((len(state.q), 6, len(theta)))
+        columns[:, :, 0] = (state.residual - self.apply(state, location, ahead).residual) / _MASS_STEP
+        return columns
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """Mass and place as they are; frequency and damping ratio for their logarithms."""
+        hertz, ratio = _frequency(state, theta), _damping_ratio(theta)
+        spread = (hertz - _slowest_hz(state)) * float(std[4])
+        theta = np.array([self._mass(state, location, theta), *theta[1:]])
+        straight = list(super().report(state, location, theta, std).items())[:4]
+        return dict(straight) | {
+            "frequency": Estimate(hertz, spread, "Hz"),
+            "damping_ratio": Estimate(ratio, ratio * float(std[5]), ""),
+        }
+
+    def _wobble(self, state: State, joint: int, theta: Array, held: Array) -> tuple[Array, Array]:
+        """Displacement from where it rests and the acceleration of that, each ``(n, 3)``, world.
+
+        A trial begins with the mass where its load holds it.
+        """
+        omega, ratio = 2.0 * np.pi * _frequency(state, theta), _damping_ratio(theta)
+        rotation = state.poses.rotation[:, joint]
+        upright = np.einsum("nji,j->i", rotation, -state.tree.gravity)
+        upright *= np.linalg.norm(state.tree.gravity) / np.linalg.norm(upright)
+        load = rotation @ upright - held
+        if self.level:
+            up = -state.tree.gravity / np.linalg.norm(state.tree.gravity)
+            load = load - (load @ up)[:, None] * up
+        # scipy.signal takes 0.4 s to load, and an arm's diagnosis, which loads this module too, needs none of it.
+        from scipy.signal import lfilter
+
+        filters = _filters(omega, ratio, 1.0 / state.record.rate_hz)
+        displaced, further = np.empty_like(load), np.empty_like(load)
+        for span in state.record.spans:
+            change = load[span] - load[span][0]
+            for out, (top, bottom) in zip((displaced, further), filters, strict=True):
+                out[span] = lfilter(top, bottom, change, axis=0)
+            displaced[span] += load[span][0] / omega**2
+        return displaced, further
+
+    def _mass(self, state: State, location: str, theta: Array) -> float:
+        return float(np.clip(theta[0], 0.0, self._own_mass(state, location)))
+
+    def _own_mass(self, state: State, link: str) -> float:
+        return float(state.record.tree.phi[10 * segment_of(state, link)])
+
+
+def _slowest_hz(state: State) -> float:
+    """Frequency at which a mass sags by the most that tissue does [Hz]."""
+    return float(np.sqrt(np.linalg.norm(state.tree.gravity) / _MOST_SAG) / (2.0 * np.pi))
+
+
+def _frequency(state: State, theta: Array) -> float:
+    """Natural frequency [Hz], above the slowest one whatever the parameter."""
+    return _slowest_hz(state) * float(1.0 + np.exp(np.clip(theta[4], -20.0, 5.0)))
+
+
+def _damping_ratio(theta: Array) -> float:
+    """Share of critical damping, within what filters can express."""
+    return _DAMPING * float(np.exp(np.clip(theta[5], -6.0, 6.0)))
+
+
+@lru_cache(maxsize=32)
+def _filters(omega: float, ratio: float, step: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Numerator and denominator of the displacement and of its acceleration, the load changing linearly in a step."""
+    # As lfilter above.
+    from scipy.signal import cont2discrete
+
+    spring = [1.0, 2.0 * ratio * omega, omega**2]
+    (top, bottom, _), (again, same, _) = (
+        cont2discrete((top, spring), step, "foh") for top in ([1.0], [1.0, 0.0, 0.0])
+    )
+    return (top.ravel(), bottom), (again.ravel(), same)

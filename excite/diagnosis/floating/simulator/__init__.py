@@ -1,1 +1,0 @@
-"""The augmented simulator of robots with a free base, and its roll-outs."""

@@ -1,0 +1,388 @@
+"""Documents of results other than plans, identifications and diagnoses."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from excite.documents.document import (
+    MOST_CHANNELS,
+    MOST_ENTRIES,
+    Block,
+    Count,
+    Document,
+    FilePath,
+    Finding,
+    Maybe,
+    MaybePositive,
+    Name,
+    Names,
+    Number,
+    Positive,
+    Seconds,
+    Text,
+    Texts,
+)
+from excite.documents.identification import Identification
+from excite.documents.plan import Conditioning, Forecast
+
+# ``excite.campaign/1``: certainty iteration by iteration.
+
+# A figure has a column for each; three are usual.
+_MOST_ITERATIONS = 100
+
+
+class Iteration(Block):
+    """One turn of plan, run, identify."""
+
+    n_motions: Count = Field(description="motions that were run")
+    seconds: Seconds | None = Field(default=None, description="motion to identify from, so far [s]")
+    rsd_percent: Annotated[dict[Text, MaybePositive], Field(max_length=MOST_ENTRIES)] = Field(
+        description="relative standard deviation by base parameter [percent]; null where it is infinite"
+    )
+    not_met: Texts = Field(description="parameters that missed the target")
+    helped: Texts | None = Field(
+        default=None, description="those of them that more motion may help; null where nobody says"
+    )
+    forecast: Forecast | None = Field(
+        default=None,
+        description="what its plan said of the target; null where the sensors' noise is not stated",
+    )
+    reasons: Annotated[dict[Text, Text], Field(max_length=MOST_ENTRIES)] = Field(
+        default={}, description="why, by parameter"
+    )
+
+
+class Campaign(Document):
+    """A campaign, finished or waiting for a recording."""
+
+    schema_: Literal["excite.campaign/1"] = Field(alias="schema", description="version of this document")
+    robot: Name | None = Field(default=None, description="name of the robot")
+    target_rsd_percent: Positive | None = Field(
+        default=None, description="relative standard deviation that was asked for [percent]"
+    )
+    iterations: Annotated[list[Iteration], Field(max_length=_MOST_ITERATIONS)] = Field(
+        description="in their order"
+    )
+    targets_met: bool = Field(description="whether every essential parameter reached the target")
+    interrupted: bool = Field(default=False, description="whether the user broke off after these iterations")
+    awaits: FilePath | None = Field(
+        default=None, description="folder that a log has to be put into; null where it is finished"
+    )
+    identification: Identification | None = Field(
+        description="from all logs so far; null before the first one"
+    )
+
+
+# ``excite.doctor/1``: what is wrong with a log, worst first.
+
+
+class Doctor(Document):
+    """What was found in a log, and where the repaired one is."""
+
+    schema_: Literal["excite.doctor/1"] = Field(alias="schema", description="version of this document")
+    robot: Name = Field(description="name of the robot")
+    log_file: FilePath | None = Field(
+        default=None,
+        description="the log, relative to this document's folder; null where it was made in memory",
+    )
+    robot_file: FilePath | None = Field(
+        default=None, description="the nominal robot where another than the log's was given, likewise"
+    )
+    healthy: bool = Field(description="whether nothing was found that spoils results")
+    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(description="worst first")
+    repaired: FilePath | None = Field(default=None, description="folder of the repaired log")
+
+
+# ``excite.export/1``: the files that were written for a controller.
+
+
+class Export(Document):
+    """The files that were written for a controller."""
+
+    schema_: Literal["excite.export/1"] = Field(alias="schema", description="version of this document")
+    format: Name = Field(description="format of the files")
+    files: Annotated[list[FilePath], Field(max_length=MOST_ENTRIES)] = Field(
+        description="relative to --out, or to the working folder"
+    )
+
+
+# ``excite.human/1``: a person as measured, and what identification found of the segments.
+
+
+class TableMass(Block):
+    """A segment's mass by two tables."""
+
+    segment: Name = Field(description="name of the segment")
+    de_leva_kg: Positive = Field(description="de Leva 1996 [kg]")
+    dumas_kg: Positive = Field(description="Dumas 2007 [kg]")
+
+
+class ReactionFit(Block):
+    """A component of the ground reaction, measured and predicted."""
+
+    unit: Name = Field(description="N or N·m")
+    rmse: MaybePositive = Field(description="root mean square error of the identified model")
+    cc: Maybe = Field(default=None, description="correlation of measured and predicted")
+    reference_rmse: MaybePositive = Field(description="error of the nominal model")
+    reference_cc: Maybe = Field(default=None, description="correlation of the nominal model's")
+
+
+Reaction = Annotated[dict[Name, ReactionFit], Field(max_length=MOST_CHANNELS)]
+
+
+class MeasuredSubject(Block):
+    """Who was measured."""
+
+    mass: Positive = Field(description="with all that is worn [kg]")
+
+
+class MeasuredTrial(Block):
+    """A trial of a person."""
+
+    trial: Name = Field(description="its name")
+    plates_kg: Maybe = Field(
+        default=None, description="mass that the plates say [kg]; null where they do not tell"
+    )
+
+
+class Human(Document):
+    """What ``excite human`` found of a person."""
+
+    schema_: Literal["excite.human/1"] = Field(alias="schema", description="version of this document")
+    files: Names = Field(
+        default=[],
+        description="names of all files that were written, which the next run into the folder replaces",
+    )
+    robot_file: FilePath | None = Field(
+        default=None, description="robot.yaml of the person, relative to this file"
+    )
+    log_file: FilePath | None = Field(
+        default=None, description="log folder of the trials, relative to this file"
+    )
+    subject: MeasuredSubject | None = Field(default=None, description="the person")
+    marker_rms_m: MaybePositive = Field(
+        default=None, description="distance of the markers from the calibrated body, RMS [m]"
+    )
+    trials: Annotated[list[MeasuredTrial], Field(max_length=MOST_CHANNELS)] = Field(
+        default=[], description="in order"
+    )
+    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what was wrong with the recordings"
+    )
+    table: Name = Field(description="table of the nominal masses")
+    segments: Annotated[list[TableMass], Field(max_length=MOST_CHANNELS)] = Field(
+        description="masses by the tables"
+    )
+    ground_reaction: dict[Literal["identification", "validation"], Reaction] | None = Field(
+        default=None, description="by role of the trials and component, world axes"
+    )
+
+
+# ``excite.journal/1``: the robot and the settings that a campaign was begun with.
+
+
+class Settings(Block):
+    """What a campaign was asked for."""
+
+    n_candidates: Count = Field(description="candidate motions in the first iteration")
+    target_rsd: Positive = Field(description="relative standard deviation to reach [percent]")
+    max_iterations: Count = Field(description="iterations at most")
+    method: Name = Field(description="estimator")
+    seed: int = Field(description="of all random numbers")
+    on_robot: bool = Field(description="whether it waits for recordings of a real robot")
+
+
+class Journal(Document):
+    """The robot and the settings that a campaign was begun with."""
+
+    schema_: Literal["excite.journal/1"] = Field(alias="schema", description="version of this document")
+    robot_hash: Name = Field(description="hash of the robot's files")
+    settings: Settings = Field(description="what the campaign was asked for")
+
+
+# ``excite.model/1``: a robot that was written for a simulator.
+
+
+class ParameterChange(Block):
+    """A parameter before and after."""
+
+    place: Name = Field(description="link or joint")
+    parameter: Name = Field(description="its name")
+    unit: Name = Field(description="its unit")
+    before: Maybe = Field(description="of the nominal model [unit]")
+    after: Maybe = Field(description="as it was found [unit]")
+    change: Maybe = Field(description="after minus before [unit]")
+    percent: Maybe = Field(description="the change, of what was before; null where that was zero")
+
+
+class LostParameter(Block):
+    """Something that was found and that the format has no place for."""
+
+    parameter: Name = Field(description="its name")
+    where: Name = Field(description="joint, link or robot")
+    value: Maybe = Field(description="as it was found [SI]; null where it is no number")
+    why: Text = Field(description="what the format lacks, and what to do")
+
+
+class FollowedParameters(Block):
+    """What became of the torques, read from the files, when each parameter was changed."""
+
+    torque_error: Positive = Field(description="of the files, relative to the largest torque")
+    felt: Count = Field(description="number of parameters that torques follow")
+    unseen: Names = Field(description="parameters that no torque depends on")
+    not_held: Names = Field(description="parameters that the format does not have")
+
+
+class Model(Document):
+    """A robot that was written for a simulator."""
+
+    schema_: Literal["excite.model/1"] = Field(alias="schema", description="version of this document")
+    format: Name = Field(description="format of the files")
+    robot: Name = Field(description="name of the robot")
+    files: Annotated[list[FilePath], Field(max_length=MOST_ENTRIES)] = Field(
+        description="relative to this document's folder; the first is the one to open"
+    )
+    changes: Annotated[list[ParameterChange], Field(max_length=MOST_ENTRIES)] = Field(
+        description="all parameters of bodies and joints"
+    )
+    lost: Annotated[list[LostParameter], Field(max_length=MOST_ENTRIES)] = Field(
+        description="what was found and is not in the files"
+    )
+    notes: Texts = Field(description="what a user of the files should know")
+    proof: FollowedParameters = Field(description="that the files are understood as they are meant")
+
+
+# ``excite.rank/1``: condition numbers of motions, each alone and all together.
+
+
+class RankedMotion(Block):
+    """One motion's own conditioning."""
+
+    motion: FilePath = Field(description="its name")
+    duration_s: Seconds = Field(description="duration [s]")
+    conditioning: Conditioning = Field(description="of the motion alone")
+
+
+class Rank(Document):
+    """Motions from the best to the worst."""
+
+    schema_: Literal["excite.rank/1"] = Field(alias="schema", description="version of this document")
+    robot: Name = Field(description="name of the robot")
+    motions: Annotated[list[RankedMotion], Field(max_length=MOST_ENTRIES)] = Field(description="best first")
+    conditioning: Conditioning = Field(description="of all motions together")
+
+
+# ``excite.signals/1``: what each step of the signal processing did to one channel.
+
+# A figure has a panel a step; the processing has nine.
+_MOST_STEPS = 20
+# Curves are written thinned out to 800 points.
+_MOST_POINTS = 100_000
+
+
+class Points(Block):
+    """A curve."""
+
+    x: Annotated[list[Number], Field(max_length=_MOST_POINTS)] = Field(description="in the unit of the axis")
+    y: Annotated[list[Maybe], Field(max_length=_MOST_POINTS)] = Field(
+        description="in the unit of the quantity; null where there is nothing"
+    )
+
+    @model_validator(mode="after")
+    def _same_length(self) -> Points:
+        if len(self.x) != len(self.y):
+            raise ValueError(f"x has {len(self.x)} values, y has {len(self.y)}")
+        return self
+
+
+class SignalStep(Block):
+    """One step: a signal before and after it."""
+
+    name: Name = Field(description="the step")
+    effect: Text = Field(description="what it did, in one sentence")
+    quantity: Name = Field(description="what is shown, with its unit")
+    axis: Name = Field(description="what it is shown over, with its unit")
+    before: Points = Field(description="the signal before the step")
+    after: Points = Field(description="the signal after it")
+    dots: bool = Field(default=False, description="whether samples are shown one by one")
+
+
+class Signals(Document):
+    """The steps that one trial's channel went through."""
+
+    schema_: Literal["excite.signals/1"] = Field(alias="schema", description="version of this document")
+    trial: Name = Field(description="name of the trial")
+    channel: Name = Field(description="joint or component of the wrench that is shown")
+    steps: Annotated[list[SignalStep], Field(min_length=1, max_length=_MOST_STEPS)] = Field(
+        description="in their order"
+    )
+
+
+# ``excite.simulation/1``: what became of motions on the virtual robot.
+
+
+class SimulatedTrial(Block):
+    """What became of one motion."""
+
+    trial: Name = Field(description="name of the motion")
+    samples: Count = Field(description="number of logged samples")
+    fell: bool = Field(description="whether the robot fell")
+    self_collided: bool = Field(description="whether it touched itself")
+    slip_m: MaybePositive = Field(description="largest slip of a foot [m]")
+    tracking_error_rad: MaybePositive = Field(description="largest error of tracking [rad or m]")
+
+
+class Simulation(Document):
+    """What became of motions on the virtual robot."""
+
+    schema_: Literal["excite.simulation/1"] = Field(alias="schema", description="version of this document")
+    robot: Name = Field(description="name of the robot")
+    log: FilePath = Field(description="description of the log, relative to --out")
+    trials: Annotated[list[SimulatedTrial], Field(max_length=MOST_ENTRIES)] = Field(
+        description="in the order of the motions"
+    )
+    fell: bool = Field(description="whether the robot fell in any motion")
+    other_version: Names = Field(
+        default=[], description="motions that were made for this robot with another description or model"
+    )
+
+
+# ``excite.truth/1``: what a virtual robot truly weighs.
+
+
+class Added(Block):
+    """A body that the model does not have."""
+
+    what: Name = Field(description="what it is")
+    link: Name = Field(description="link that carries it")
+    mass: Number = Field(description="[kg]")
+
+
+class InjectedEffect(Block):
+    """An effect that the nominal model lacks."""
+
+    effect: Name = Field(description="name of the effect")
+    location: Name = Field(description="where it sits")
+    value: Number = Field(description="how much, in its unit")
+    unit: str = Field(description="unit of the value", max_length=40)
+
+
+class Truth(Document):
+    """True inertial parameters of a virtual robot, for comparison afterwards."""
+
+    schema_: Literal["excite.truth/1"] = Field(alias="schema", description="version of this document")
+    robot: Name = Field(description="name of the robot")
+    masses: Annotated[dict[Name, Number], Field(max_length=MOST_CHANNELS)] = Field(
+        description="true mass by link [kg]"
+    )
+    added: Annotated[list[Added], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="bodies that were added"
+    )
+    parameters: Annotated[list[Number], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="ten inertial parameters a link, about its joint's frame [SI]"
+    )
+    injected: Annotated[list[InjectedEffect], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="effects that were injected, which the log's `modelled` does not name"
+    )

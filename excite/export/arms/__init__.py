@@ -1,1 +1,0 @@
-"""Programs and streams for arms whose makers have formats of their own."""

@@ -1,0 +1,350 @@
+"""Sequences for humanoids and quadrupeds, and motions of people."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from excite.arrays import Array
+from excite.atomic import atomic_folder, atomic_path
+from excite.errors import InputError
+from excite.export.exporter import Exporter, Setting, motion_remarks, motion_statement
+from excite.human.models import PELVIS, TO_ISB, coordinate_names
+from excite.motion.motion import Motion
+from excite.motion.readers.programs import HEADER, STATEMENT
+from excite.robot.robot import Robot
+from excite.safety.ground_forces import wrench_at_world_origin, zero_moment_point
+from excite.simulation.drives import nominal_drives
+
+# Pattern files of OpenHRP and Choreonoid: .pos, .waist, .hip and .zmp.
+
+
+class OpenHrpExporter(Exporter):
+    """A folder of ``MOTION.pos`` and, of a free base, ``.waist`` and ``.hip``, of a standing robot ``.zmp``.
+
+    Each row is a time [s] and numbers between spaces, as the sequence player of hrpsys reads them: joint positions
+    [rad or m]; position [m] and roll, pitch, yaw [rad] of the base in the world; the latter alone; the zero-moment
+    point in the base's frame [m]. The joints' order is theirs in the model, or the one that is set: the player counts
+    by ``jointId``. Whose motion it is and what the check said of it stands in ``excite.json`` beside them.
+    """
+
+    name = "openhrp"
+    suffix = ""
+    summary = "OpenHRP/Choreonoid patterns .pos, .waist, .hip, .zmp"
+    exact = False
+    holds_base = False
+    settings = (Setting("joints", "", "joints between commas by jointId; the model's order where left out"),)
+
+    def refuse(self, motion: Motion) -> None:
+        """Raise InputError where the order that is set is none of the robot's joints."""
+        self._order()
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """See :class:`Exporter`; ``path`` is the folder, numbers are written with all their digits."""
+        order = self._order()
+        files = {"pos": motion.joint_positions()[:, order]}
+        if motion.floating:
+            rotations = np.array([pin.Quaternion(row).matrix() for row in motion.q[:, 3:7]])
+            angles = np.unwrap([pin.rpy.matrixToRpy(rotation) for rotation in rotations], axis=0)
+            files |= {"waist": np.hstack([motion.q[:, :3], angles]), "hip": angles}
+            if self.robot.feet:
+                files["zmp"] = _zmp_in_base(self.robot, motion, rotations)
+        said = motion_statement(motion) | {
+            "joints": [motion.joint_names[k] for k in order],
+            "remarks": motion_remarks(motion),
+        }
+        time = (motion.time - motion.time[0])[:, None]
+        with atomic_folder(path) as folder:
+            folder.mkdir()
+            for ending, values in files.items():
+                rows = np.hstack([time, values]).tolist()
+                text = "".join(f"{' '.join(map(repr, row))}\n" for row in rows)
+                (folder / f"{motion.name}.{ending}").write_text(text, encoding="utf-8")
+            text = json.dumps(said, ensure_ascii=False, indent=2)
+            (folder / STATEMENT).write_text(text + "\n", encoding="utf-8")
+
+    def _order(self) -> list[int]:
+        """Places of the joints in the motion, in the order of the files."""
+        names = self.robot.joint_names
+        if not self.word("joints"):
+            return list(range(len(names)))
+        wanted = [name.strip() for name in self.word("joints").split(",")]
+        if sorted(wanted) != sorted(names):
+            wrong = sorted({*wanted} ^ {*names}) or sorted(n for n in wanted if wanted.count(n) > 1)
+            raise InputError(
+                f"names not each joint of robot {self.robot.name!r} once: {wrong[0][:40]!r}",
+                source=self.name,
+                field="joints",
+                remedy="name them all, in the order of jointId",
+            )
+        return [names.index(name) for name in wanted]
+
+
+def _zmp_in_base(robot: Robot, motion: Motion, rotations: Array) -> Array:
+    """Zero-moment point on the ground in the base's frame, ``(n, 3)`` [m]; raises InputError where there is none."""
+    data = robot.model.createData()
+    rows = zip(motion.q, motion.v, motion.a, strict=True)
+    forces = np.array([pin.rnea(robot.model, data, *row)[:6] for row in rows])
+    position = motion.q[:, :3]
+    flat = zero_moment_point(wrench_at_world_origin(forces, rotations, position))
+    if np.isnan(flat).any():
+        raise InputError(
+            "leaves the ground, where no zero-moment point is",
+            source=motion.name,
+            field="zmp",
+            remedy="choose another format",
+        )
+    world = np.column_stack([flat, np.zeros(len(flat))])
+    return np.asarray(np.einsum("nji,nj->ni", rotations, world - position))
+
+
+# OpenSim motions of people.
+
+
+class OpenSimExporter(Exporter):
+    """A ``.mot`` with the coordinates of the ``.osim`` that ``excite human`` writes of a person: radians and metres.
+
+    Angles of joints are those of the robot; the pelvis' tilt, list and rotation are turns about its own z, x and y, in
+    OpenSim's axes (x forward, y up, z to the right), and its translation is in these axes too.
+    """
+
+    name = "opensim"
+    suffix = ".mot"
+    summary = "OpenSim motion (.mot) of a person that excite human measured"
+    # Neither velocities nor the pelvis' twist stand in it.
+    readable = False
+    exact = False
+    holds_base = False
+
+    def refuse(self, motion: Motion) -> None:
+        """Raise InputError for robots that are no person measured by ``excite human``."""
+        known = set(coordinate_names())
+        other = [joint for joint in self.robot.joint_names if joint not in known]
+        if other or not self.robot.floating:
+            what = f"joint {other[0]!r}" if other else "a fixed base"
+            raise InputError(
+                f"robot {self.robot.name!r} has {what}, which no person of excite human has",
+                source=motion.name,
+                field=self.name,
+                remedy="choose another format",
+            )
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """See :class:`Exporter`; numbers are written with all their digits."""
+        names = ["time", *PELVIS, *motion.joint_names]
+        rows = np.hstack([motion.time[:, None], _pelvis_coordinates(motion), motion.joint_positions()])
+        head = [
+            motion.name,
+            "version=1",
+            f"nRows={len(rows)}",
+            f"nColumns={len(names)}",
+            "inDegrees=no",
+            *motion_remarks(motion),
+            "endheader",
+            "\t".join(names),
+        ]
+        with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
+            stream.writelines(f"{line}\n" for line in head)
+            stream.writelines("\t".join(map(repr, row)) + "\n" for row in rows.tolist())
+
+
+def _pelvis_coordinates(motion: Motion) -> Array:
+    """Tilt, list, rotation [rad] and translation [m] of the pelvis in OpenSim's axes, ``(n, 6)``."""
+    turns = np.array([TO_ISB @ pin.Quaternion(row).matrix() @ TO_ISB.T for row in motion.q[:, 3:7]])
+    angles = np.unwrap(Rotation.from_matrix(turns).as_euler("ZXY"), axis=0)
+    return np.hstack([angles, motion.q[:, :3] @ TO_ISB.T])
+
+
+# In which place of Unitree's ``motor_cmd`` each joint stands.
+#
+# As in the vendor's SDK (unitree_sdk2: ``example/go2``, ``example/h1``, ``example/g1``) and, for G1s of 23
+# joints, its page "Joint Motor Sequence": those have the places of the 29 and leave some empty.
+
+MODEL = "model"
+"""Setting for the order of the robot's own joints."""
+
+_QUADRUPED = tuple(f"{leg}_{joint}" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf"))
+_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
+_G1 = (
+    *(f"{side}_{joint}" for side in ("left", "right") for joint in _LEG),
+    *("waist_yaw", "waist_roll", "waist_pitch"),
+    *(f"{side}_{joint}" for side in ("left", "right") for joint in _ARM),
+)
+_H1 = (
+    *("right_hip_roll", "right_hip_pitch", "right_knee", "left_hip_roll", "left_hip_pitch", "left_knee"),
+    *("torso", "left_hip_yaw", "right_hip_yaw", "", "left_ankle", "right_ankle"),
+    *(f"{side}_{joint}" for side in ("right", "left") for joint in _ARM[:4]),
+)
+KNOWN = {"quadruped": _QUADRUPED, "g1": _G1, "h1": _H1}
+"""Joints by place, without ``_joint`` at their ends; an empty name where no motor is."""
+
+
+def motor_places(robot: Robot, order: str) -> dict[str, int]:
+    """By joint of the robot, its place in ``motor_cmd``.
+
+    Args:
+        robot: the robot.
+        order: joints between commas in the motors' order, ``-`` for a motor that the robot does not have; ``model`` for
+            the robot's own order; empty for what is known of its joints' names.
+
+    Raises:
+        InputError: a joint has no place, or two; nobody knows the robot's motors and nothing is said.
+    """
+    joints = robot.driven_names
+    if order == MODEL:
+        return {joint: place for place, joint in enumerate(joints)}
+    if order:
+        return _stated_motors(robot, [name.strip() for name in order.split(",")])
+    short = [joint.removesuffix("_joint") for joint in joints]
+    found = [
+        tuple(names.index(name) for name in short)
+        for names in KNOWN.values()
+        if all(name in names for name in short)
+    ]
+    if len(set(found)) != 1:
+        raise InputError(
+            f"nobody knows the order of the motors of {robot.name!r}",
+            source="unitree",
+            field="motors",
+            remedy=f"give --set motors=JOINT,JOINT,… as motor_cmd has them, or motors={MODEL} for the model's order",
+        )
+    return dict(zip(joints, found[0], strict=True))
+
+
+def _stated_motors(robot: Robot, names: list[str]) -> dict[str, int]:
+    places = {joint: [k for k, name in enumerate(names) if name == joint] for joint in robot.driven_names}
+    for joint, found in places.items():
+        if len(found) != 1:
+            raise InputError(
+                f"has {len(found)} places for joint {joint!r}",
+                source="unitree",
+                field="motors",
+                remedy="name each joint of the robot once",
+            )
+    for name in names:
+        if name != "-" and name not in places:
+            raise InputError(
+                f"names {name[:40]!r}, which robot {robot.name!r} does not have",
+                source="unitree",
+                field="motors",
+                remedy="write - for a motor that it does not have",
+            )
+    return {joint: found[0] for joint, found in places.items()}
+
+
+# Sequences of Unitree's LowCmd: what every motor is commanded at every instant.
+
+# At which the vendor's examples of low-level control publish.
+_RATE_HZ = 500.0
+_WHOSE = f"all motors, or of each in their order, with commas; {MODEL}: of the robot's description"
+# Beyond what any of the vendor's motors takes.
+_GAINS = {
+    "kp": Setting("kp", 0.0, "", 0.0, 5000.0, "N·m/rad"),
+    "kd": Setting("kd", 0.0, "", 0.0, 500.0, "N·m·s/rad"),
+}
+
+
+class UnitreeExporter(Exporter):
+    """JSON lines: what the file is, then an object an instant with ``t`` [s] and ``motor_cmd``.
+
+    Each command has the motor's ``index`` and LowCmd's fields of that motor: ``mode`` 1 (the servo runs), ``q`` [rad],
+    ``dq`` [rad/s], ``tau`` [N·m], which is zero, ``kp`` [N·m/rad] and ``kd`` [N·m·s/rad]. Gains have to be
+    given: those of the robot's description are a virtual robot's, of a G1's knee a hundred times those of the vendor's
+    examples, unless somebody wrote the machine's own there. Motors that the robot's model does not have are left out:
+    whoever sends the message has to hold them. Ankles and waists behind linkages are commanded as pitch and roll
+    (``mode_pr`` 0). A free base has no place in it: nothing balances the robot but the motion.
+    """
+
+    name = "unitree"
+    suffix = ".jsonl"
+    summary = "Unitree LowCmd sequence in JSON lines: q, dq, kp, kd, tau by motor index"
+    exact = False
+    holds_base = False
+    settings = (
+        Setting(
+            "motors", "", "joints in the motors' order, - for none; or model; known robots' where left out"
+        ),
+        Setting("kp", "", f"position gain [N·m/rad] of {_WHOSE}", example="60"),
+        Setting("kd", "", f"velocity gain [N·m·s/rad] of {_WHOSE}", example="2"),
+    )
+
+    def rate(self, motion: Motion, asked_hz: float | None) -> float | None:
+        """The rate of the vendor's examples where none is asked for."""
+        return _RATE_HZ if asked_hz is None else asked_hz
+
+    def refuse(self, motion: Motion) -> None:
+        """Raise InputError where nobody says which motor a joint is, or with what gains it is to run."""
+        self._gains("kp", self._order(motion))
+        self._gains("kd", self._order(motion))
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """See :class:`Exporter`; numbers are written with all their digits."""
+        places = motor_places(self.robot, self.word("motors"))
+        order = self._order(motion)
+        gains = {name: self._gains(name, order) for name in _GAINS}
+        said = motion_statement(motion) | {
+            "motors": {str(places[motion.joint_names[k]]): motion.joint_names[k] for k in order},
+            "mode_pr": 0,
+            "remarks": motion_remarks(motion),
+        }
+        q, dq = motion.joint_positions(), motion.joint_velocities()
+        with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
+            stream.write(json.dumps({HEADER: said}, ensure_ascii=False) + "\n")
+            for row, time in enumerate(motion.time - motion.time[0]):
+                commands = [
+                    {
+                        "index": places[motion.joint_names[k]],
+                        "mode": 1,
+                        "q": float(q[row, k]),
+                        "dq": float(dq[row, k]),
+                        "tau": 0.0,
+                        "kp": float(gains["kp"][k]),
+                        "kd": float(gains["kd"][k]),
+                    }
+                    for k in order
+                ]
+                stream.write(json.dumps({"t": float(time), "motor_cmd": commands}) + "\n")
+
+    def _order(self, motion: Motion) -> list[int]:
+        """Columns of the motion's joints in the motors' order."""
+        places = motor_places(self.robot, self.word("motors"))
+        return sorted(range(len(motion.joint_names)), key=lambda k: places[motion.joint_names[k]])
+
+    def _gains(self, name: str, order: list[int]) -> Array:
+        """Gains by column of the motion, ``(n_joints,)``."""
+        text = self.word(name)
+        if text == MODEL:
+            return self._own_gains(name)
+        values = [float(_GAINS[name].read(part, self.name)) for part in text.split(",")] if text else []
+        if len(values) not in {1, len(order)}:
+            found = f"has {len(values)} values for {len(order)} motors" if values else "is not given"
+            raise InputError(
+                found,
+                source=self.name,
+                field=name,
+                remedy=f"give --set {name}=NUMBER as the machine is to run, or one a motor with commas; {name}={MODEL} "
+                "takes those of the robot's description, a virtual robot's unless you wrote them",
+            )
+        gains = np.empty(len(order))
+        gains[order] = values
+        return gains
+
+    def _own_gains(self, name: str) -> Array:
+        """Gains of the robot's description; raises InputError where one is more than may be given as a number."""
+        drives, cap = nominal_drives(self.robot), _GAINS[name]
+        gains = drives.kp if name == "kp" else drives.kd
+        above = np.flatnonzero(gains > cap.high)
+        if len(above):
+            raise InputError(
+                f"is {gains[above[0]]:g} {cap.unit} at {self.robot.joint_names[above[0]]} in the robot's description, "
+                f"a virtual robot's, and may be at most {cap.high:g}",
+                source=self.name,
+                field=name,
+                remedy=f"write the machine's own under controller in robot.yaml, or give --set {name}=NUMBER",
+            )
+        return gains

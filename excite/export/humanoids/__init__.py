@@ -1,1 +1,0 @@
-"""Sequences for humanoids and quadrupeds, and motions of people."""

@@ -1,1 +1,0 @@
-"""Motions for MuJoCo: keyframes of any model."""

@@ -1,1 +1,0 @@
-"""SDF, the format of Gazebo: how it is written and how it is read."""

@@ -1,1 +1,0 @@
-"""Robots as bodies and joints, on the way into files and out of them again."""

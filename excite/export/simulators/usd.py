@@ -1,0 +1,515 @@
+"""USD, the format of Isaac Sim, Isaac Lab and Newton: how it is written as text and how it is read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
+from excite.errors import InputError
+from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered, Subject
+from excite.export.simulators.tree import Body, Joint, LoadedTree, ReadBody, ReadJoint, Tree, described_tree
+from excite.robot.robot import Robot
+from excite.robot.shapes.shape import Shape
+
+# USD as text, its own grammar: prims with metadata and attributes, and the shapes of a body.
+
+_SOLIDS = {"sphere": "Sphere", "capsule": "Capsule", "cylinder": "Cylinder", "box": "Cube", "convex": "Mesh"}
+
+
+@dataclass(eq=False)
+class Prim:
+    """A prim: what it is, what is said of it, what is inside.
+
+    Attributes:
+        kind: type, such as ``Xform``.
+        name: name.
+        schemas: API schemas that are applied to it.
+        lines: attributes and relationships, as text.
+        inside: prims in it.
+    """
+
+    kind: str
+    name: str
+    schemas: Sequence[str] = ()
+    lines: list[str] = field(default_factory=list)
+    inside: list[Prim] = field(default_factory=list)
+
+    def text(self, indent: str = "") -> Iterable[str]:
+        """Its lines."""
+        yield f'{indent}def {self.kind} "{self.name}"' + (" (" if self.schemas else "")
+        if self.schemas:
+            named = ", ".join(f'"{name}"' for name in self.schemas)
+            yield f"{indent}    prepend apiSchemas = [{named}]"
+            yield f"{indent})"
+        yield indent + "{"
+        yield from (f"{indent}    {line}" for line in self.lines)
+        for prim in self.inside:
+            yield ""
+            yield from prim.text(indent + "    ")
+        yield indent + "}"
+
+
+def format_single(value: float) -> str:
+    """A number with the digits of single precision, which is what USD keeps of most."""
+    single = np.float32(value)
+    return (
+        "inf"
+        if np.isposinf(single)
+        else "-inf"
+        if np.isneginf(single)
+        else np.format_float_positional(single, trim="-")
+        if 1e-5 <= abs(single) < 1e7 or single == 0
+        else np.format_float_scientific(single, trim="-")
+    )
+
+
+def format_several(values: Iterable[float]) -> str:
+    """Numbers in brackets."""
+    return "(" + ", ".join(format_single(value) for value in values) + ")"
+
+
+def format_quaternion(rotation: Array) -> str:
+    """A rotation ``(3, 3)``, real part first."""
+    x, y, z, w = pin.Quaternion(rotation).normalized().coeffs()
+    return format_several((w, x, y, z))
+
+
+def pose_attributes(pose: pin.SE3, scale: Array | None = None) -> list[str]:
+    """Attributes that put a prim somewhere."""
+    lines = [
+        f"double3 xformOp:translate = {format_several(pose.translation)}",
+        f"quatf xformOp:orient = {format_quaternion(pose.rotation)}",
+    ]
+    order = ["xformOp:translate", "xformOp:orient"]
+    if scale is not None:
+        lines.append(f"double3 xformOp:scale = {format_several(scale)}")
+        order.append("xformOp:scale")
+    named = ", ".join(f'"{name}"' for name in order)
+    return [*lines, f"uniform token[] xformOpOrder = [{named}]"]
+
+
+def shape_prim(shape: Shape) -> Prim:
+    """A collision shape, which is also what is seen."""
+    schemas = ["PhysicsCollisionAPI"]
+    if shape.vertices is None or shape.faces is None:
+        scale = np.array(shape.size) if shape.kind == "box" else None
+        lines = pose_attributes(shape.placement, scale)
+        if shape.kind == "box":
+            lines.append("double size = 1")
+        else:
+            lines.append(f"double radius = {format_single(shape.size[0])}")
+        if shape.kind in ("capsule", "cylinder"):
+            lines += ['uniform token axis = "Z"', f"double height = {format_single(shape.size[1])}"]
+        return Prim(_SOLIDS[shape.kind], prim_name(shape.name), schemas, lines)
+    points = ", ".join(format_several(corner) for corner in np.round(shape.vertices, 6))
+    return Prim(
+        "Mesh",
+        prim_name(shape.name),
+        [*schemas, "PhysicsMeshCollisionAPI"],
+        [
+            *pose_attributes(shape.placement),
+            f"point3f[] points = [{points}]",
+            f"int[] faceVertexCounts = [{', '.join(['3'] * len(shape.faces))}]",
+            f"int[] faceVertexIndices = [{', '.join(str(int(corner)) for corner in shape.faces.ravel())}]",
+            'uniform token subdivisionScheme = "none"',
+            'uniform token physics:approximation = "convexHull"',
+        ],
+    )
+
+
+# Names of USD's attributes for joints, and the unit that each counts in.
+
+DEGREE = np.pi / 180.0
+
+PHYSX = {
+    "armature": "physxJointAxis:{axis}:armature",
+    "coulomb": "physxJointAxis:{axis}:dynamicFrictionEffort",
+    "viscous": "physxJointAxis:{axis}:viscousFrictionCoefficient",
+    "velocity_limit": "physxJointAxis:{axis}:maxJointVelocity",
+}
+"""PhysX's own, of an articulation's joint; ``axis`` is angular or linear."""
+
+STATIC = "physxJointAxis:{axis}:staticFrictionEffort"
+"""PhysX's friction at rest, which it wants no smaller than that of motion."""
+
+NEWTON = {
+    "armature": "newton:armature",
+    "coulomb": "newton:friction",
+    "viscous": "newton:damping",
+    "velocity_limit": "newton:velocityLimit",
+}
+"""Newton's, which its solvers read, and PhysX where its own are not there."""
+
+DRIVE = {
+    "kp": "drive:{axis}:physics:stiffness",
+    "kd": "drive:{axis}:physics:damping",
+    "torque_limit": "drive:{axis}:physics:maxForce",
+}
+"""USD physics' drive."""
+
+# Of a hinge USD counts angles in degrees: gains and viscous friction are for each degree, speeds in degrees.
+_PER_ANGLE, _ANGLE = ("kp", "kd", "viscous"), ("velocity_limit",)
+
+
+def unit_factor(term: str, *, slides: bool) -> float:
+    """What a value in SI is multiplied by to be in USD's unit."""
+    if slides:
+        return 1.0
+    return DEGREE if term in _PER_ANGLE else 1.0 / DEGREE if term in _ANGLE else 1.0
+
+
+def prim_name(name: str, taken: Collection[str] = ()) -> str:
+    """A name that USD takes (letters, digits and underscores, no digit first) and that is not taken."""
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    plain = f"_{plain}" if not plain or plain[0].isdigit() else plain
+    while plain in taken:
+        plain += "_"
+    return plain
+
+
+# USD's text as a simulator reads it: a small reader of the grammar, and what the physics in it means.
+
+_TOKEN = re.compile(r'#[^\n]*|"(?:[^"\\]|\\.)*"|<[^>]*>|[{}()\[\],=;]|[^\s{}()\[\],=;"<]+')
+_JOINTS = {
+    "PhysicsRevoluteJoint": "revolute",
+    "PhysicsPrismaticJoint": "prismatic",
+    "PhysicsFixedJoint": "fixed",
+}
+_AXES = {"X": 0, "Y": 1, "Z": 2}
+
+
+@dataclass(eq=False)
+class UsdPrim:
+    """A prim of a text.
+
+    Attributes:
+        kind: its type.
+        name: its name.
+        path: from the top.
+        metadata: what stands in brackets behind its name.
+        values: attributes and relationships by name.
+        inside: prims in it.
+    """
+
+    kind: str
+    name: str
+    path: str
+    metadata: dict[str, Any] = field(default_factory=dict)
+    values: dict[str, Any] = field(default_factory=dict)
+    inside: list[UsdPrim] = field(default_factory=list)
+
+    def everywhere(self) -> Iterator[UsdPrim]:
+        """It and all in it."""
+        yield self
+        for prim in self.inside:
+            yield from prim.everywhere()
+
+
+class _Reader:
+    """Reads one text, token by token."""
+
+    def __init__(self, text: str) -> None:
+        found = (match[0] for match in _TOKEN.finditer(text))
+        self._tokens = [token for token in found if not token.startswith("#")]
+        self._at = 0
+
+    def _next(self) -> str:
+        self._at += 1
+        return self._tokens[self._at - 1]
+
+    def _peek(self) -> str:
+        return self._tokens[self._at] if self._at < len(self._tokens) else ""
+
+    def stage(self) -> UsdPrim:
+        """The whole text as a prim without a name."""
+        top = UsdPrim("", "", "")
+        if self._peek() == "(":
+            top.metadata = self._assignments(")")
+        while self._peek():
+            top.inside.append(self._prim(""))
+        return top
+
+    def _prim(self, above: str) -> UsdPrim:
+        self._next()  # def, over or class
+        kind = self._next() if not self._peek().startswith('"') else ""
+        name = self._next().strip('"')
+        prim = UsdPrim(kind, name, f"{above}/{name}")
+        if self._peek() == "(":
+            prim.metadata = self._assignments(")")
+        self._next()  # {
+        while self._peek() != "}":
+            if self._peek() in ("def", "over", "class"):
+                prim.inside.append(self._prim(prim.path))
+            else:
+                name, value = self._assignment()
+                prim.values[name] = value
+        self._next()
+        return prim
+
+    def _assignments(self, end: str) -> dict[str, Any]:
+        self._next()
+        found = {}
+        while self._peek() != end:
+            name, value = self._assignment()
+            found[name] = value
+        self._next()
+        return found
+
+    def _assignment(self) -> tuple[str, Any]:
+        """``uniform token NAME = value``: the word before the sign is the name."""
+        words = [self._next()]
+        while self._peek() != "=":
+            words.append(self._next())
+        self._next()
+        words = [word for word in words if word not in "[]"]
+        return words[-1], self._value()
+
+    def _value(self) -> Any:
+        token = self._next()
+        if token in "([":
+            end = {"(": ")", "[": "]"}[token]
+            items = []
+            while self._peek() != end:
+                if self._peek() == ",":
+                    self._next()
+                else:
+                    items.append(self._value())
+            self._next()
+            return items
+        if token[0] in '"<':
+            return token[1:-1]
+        return float(token)
+
+
+def parse_usda(text: str) -> UsdPrim:
+    """The prims of a USD text, under a prim without a name; raises InputError where it is none."""
+    if not text.startswith("#usda 1.0"):
+        raise InputError("is no USD text", source="written model")
+    try:
+        return _Reader(text).stage()
+    except (IndexError, ValueError, KeyError) as error:
+        raise InputError(f"is no USD text that can be read ({error})", source="written model") from error
+
+
+def read_usda(robot: Robot, text: str) -> LoadedTree:
+    """The articulation of a USD text; raises InputError where its joints are not the robot's."""
+    prims = [prim for prim in parse_usda(text).everywhere()]
+    bodies = {
+        prim.path: _read_body(prim) for prim in prims if "PhysicsRigidBodyAPI" in _applied_schemas(prim)
+    }
+    joints = {_joint_name(prim): prim for prim in prims if prim.kind in _JOINTS}
+    missing = [name for name in robot.joint_names if name not in joints]
+    if missing:
+        raise InputError(f"joint {missing[0]!r} is not in it", source="written model")
+    own = [joints[name] for name in robot.joint_names]
+    return LoadedTree(
+        robot,
+        bodies,
+        [_read_joint(name, prim) for name, prim in joints.items()],
+        {
+            "viscous": _read_attribute(
+                own, "PhysxJointAxisAPI", "physxJointAxis:%s:viscousFrictionCoefficient", "per"
+            ),
+            "coulomb": _read_attribute(own, "PhysxJointAxisAPI", "physxJointAxis:%s:dynamicFrictionEffort"),
+            "armature": _read_attribute(own, "PhysxJointAxisAPI", "physxJointAxis:%s:armature"),
+        },
+        {
+            "kp": _read_attribute(own, "PhysicsDriveAPI", "drive:%s:physics:stiffness", "per"),
+            "kd": _read_attribute(own, "PhysicsDriveAPI", "drive:%s:physics:damping", "per"),
+            "torque_limit": _read_attribute(own, "PhysicsDriveAPI", "drive:%s:physics:maxForce"),
+            "velocity_limit": _read_attribute(
+                own, "PhysxJointAxisAPI", "physxJointAxis:%s:maxJointVelocity", "of"
+            ),
+        },
+    )
+
+
+def _applied_schemas(prim: UsdPrim) -> list[str]:
+    found = prim.metadata.get("apiSchemas", [])
+    return [str(name) for name in found]
+
+
+def _joint_name(prim: UsdPrim) -> str:
+    return str(prim.values.get("excite:joint", prim.name))
+
+
+def _to_single_precision(values: Any) -> Array:
+    """Numbers as single precision keeps them."""
+    return np.asarray(values, dtype=np.float32).astype(float)
+
+
+def _quaternion_rotation(values: Any) -> Array:
+    w, x, y, z = _to_single_precision(values)
+    return np.asarray(pin.Quaternion(w, x, y, z).normalized().matrix())
+
+
+def _read_body(prim: UsdPrim) -> ReadBody:
+    """A body by its mass properties; without them a base that is held, whose mass nothing feels."""
+    if "PhysicsMassAPI" not in _applied_schemas(prim):
+        return ReadBody(0.0, np.zeros(3), np.zeros((3, 3)))
+    turn = _quaternion_rotation(prim.values["physics:principalAxes"])
+    moments = np.diag(_to_single_precision(prim.values["physics:diagonalInertia"]))
+    return ReadBody(
+        float(_to_single_precision(prim.values["physics:mass"])),
+        _to_single_precision(prim.values["physics:centerOfMass"]),
+        turn @ moments @ turn.T,
+    )
+
+
+def _read_joint(name: str, prim: UsdPrim) -> ReadJoint:
+    kind, values = _JOINTS[prim.kind], prim.values
+    poses = [
+        pin.SE3(
+            _quaternion_rotation(values.get(f"physics:localRot{side}", [1.0, 0.0, 0.0, 0.0])),
+            _to_single_precision(values.get(f"physics:localPos{side}", [0.0, 0.0, 0.0])),
+        )
+        for side in (0, 1)
+    ]
+    axis = np.eye(3)[_AXES[values.get("physics:axis", "X")]] if kind != "fixed" else None
+    parent, child = str(values.get("physics:body0", "")), str(values["physics:body1"])
+    return ReadJoint(name, kind, parent, child, poses[0], poses[1], axis)
+
+
+def _read_attribute(joints: list[UsdPrim], schema: str, attribute: str, angle: str = "") -> Array:
+    """An attribute of all joints in SI: ``per`` degree, or ``of`` degrees; NaN where it or its schema is missing."""
+    found = []
+    for prim in joints:
+        axis = "linear" if prim.kind == "PhysicsPrismaticJoint" else "angular"
+        value = (
+            prim.values.get(attribute % axis, np.nan)
+            if f"{schema}:{axis}" in _applied_schemas(prim)
+            else np.nan
+        )
+        turn = {"per": 180.0 / np.pi, "of": np.pi / 180.0}.get(angle, 1.0) if axis == "angular" else 1.0
+        found.append(float(_to_single_precision(value)) * turn)
+    return np.array(found)
+
+
+# USD as text: the robot as an articulation of USD physics, made anew.
+
+_HEAD = """#usda 1.0
+(
+    defaultPrim = "{name}"
+    kilogramsPerUnit = 1
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+"""
+
+
+class UsdaFormat(ModelFormat):
+    """Rigid bodies with mass properties, joints with drives, friction for PhysX and for Newton, and convex shapes.
+
+    Numbers are in USD's units: angles in degrees, so that gains and viscous friction are for each degree.
+    """
+
+    name = "usda"
+    summary = "USD as text, an articulation made anew (Isaac Sim, Newton)"
+    servo_terms = ("kp", "kd", "torque_limit", "velocity_limit")
+    lacks: ClassVar[Mapping[str, str]] = {"delay": "USD's drives have no delay; the format isaaclab has one"}
+    # Single precision of masses, places and turns, in the torques of a whole robot: 3e-9 (Go2), 6e-9 (G1), 2e-8 (a
+    # person), 3e-8 (UR10).
+    tolerance = 2e-7
+
+    def render(self, subject: Subject) -> Rendered:
+        """See :class:`ModelFormat`."""
+        tree = described_tree(subject)
+        name = prim_name(subject.stem)
+        names = _prim_names(tree)
+        top = Prim("Xform", name, ["PhysicsArticulationRootAPI", "PhysxArticulationAPI"])
+        top.lines.append("bool physxArticulation:enabledSelfCollisions = 0")
+        top.inside = [_body_prim(body, own) for body, own in zip(tree.bodies, names, strict=True)]
+        paths = [f"/{name}/{own}" for own in names]
+        joints = Prim("Scope", prim_name("joints", names))
+        if not tree.free:
+            anchor = Prim("PhysicsFixedJoint", "world_to_base")
+            anchor.lines.append(f"rel physics:body1 = <{paths[0]}>")
+            joints.inside.append(anchor)
+        taken = ["world_to_base"]
+        for joint in tree.joints:
+            taken.append(prim_name(joint.name, taken))
+            joints.inside.append(_joint_prim(joint, taken[-1], paths))
+        top.inside.append(joints)
+        text = _HEAD.format(name=name) + "\n" + "\n".join(top.text()) + "\n"
+        return Rendered({f"{subject.stem}.usda": text.encode()}, tree.notes)
+
+    def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
+        """Read by a reader of USD's text, in single precision where USD is."""
+        return read_usda(subject.robot, rendered.files[rendered.main].decode())
+
+
+def _prim_names(tree: Tree) -> list[str]:
+    names: list[str] = []
+    for body in tree.bodies:
+        names.append(prim_name(body.name, names))
+    return names
+
+
+def _body_prim(body: Body, name: str) -> Prim:
+    prim = Prim("Xform", name, ["PhysicsRigidBodyAPI"], pose_attributes(body.pose))
+    if body.inertia is not None:
+        prim.schemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
+        prim.lines += [
+            f"float physics:mass = {format_single(body.inertia.mass)}",
+            f"point3f physics:centerOfMass = {format_several(body.inertia.com)}",
+            f"float3 physics:diagonalInertia = {format_several(_single_moments(body.inertia.moments))}",
+            f"quatf physics:principalAxes = {format_quaternion(body.inertia.rotation)}",
+        ]
+    prim.inside = [shape_prim(shape) for shape in body.shapes]
+    return prim
+
+
+def _single_moments(moments: Array) -> Array:
+    """Principal moments in single precision, of a flat body too none larger than the two others together."""
+    single = np.array(moments, dtype=np.float32)
+    largest = int(np.argmax(single))
+    others = float(single.astype(float).sum() - single[largest])
+    while float(single[largest]) >= others > 0.0:
+        single[largest] = np.nextafter(single[largest], np.float32(0.0))
+    return single.astype(float)
+
+
+def _joint_prim(joint: Joint, name: str, paths: list[str]) -> Prim:
+    kind = "PhysicsPrismaticJoint" if joint.slides else "PhysicsRevoluteJoint"
+    axis = "linear" if joint.slides else "angular"
+    schemas = [f"PhysicsDriveAPI:{axis}", f"PhysxJointAxisAPI:{axis}", "NewtonJointAPI"]
+    turn = _along_x(joint.axis)
+    angle = 1.0 if joint.slides else 180.0 / np.pi
+    lower, upper = (angle * value for value in joint.range)
+    lines = [
+        f"rel physics:body0 = <{paths[joint.parent]}>",
+        f"rel physics:body1 = <{paths[joint.child]}>",
+        'uniform token physics:axis = "X"',
+        f"point3f physics:localPos0 = {format_several(joint.placement.translation)}",
+        f"quatf physics:localRot0 = {format_quaternion(joint.placement.rotation @ turn)}",
+        "point3f physics:localPos1 = (0, 0, 0)",
+        f"quatf physics:localRot1 = {format_quaternion(turn)}",
+        f"float physics:lowerLimit = {format_single(lower)}",
+        f"float physics:upperLimit = {format_single(upper)}",
+        f'uniform token drive:{axis}:physics:type = "force"',
+    ]
+    values = {**joint.terms, **joint.servo}
+    for table in (DRIVE, PHYSX, NEWTON):
+        for term, attribute in table.items():
+            if term in values:
+                value = format_single(values[term] * unit_factor(term, slides=joint.slides))
+                lines.append(f"float {attribute.format(axis=axis)} = {value}")
+    lines.append(f"float {STATIC.format(axis=axis)} = {format_single(joint.terms['coulomb'])}")
+    # The name that the robot's description has, where USD takes no such name.
+    if name != joint.name:
+        lines.append(f'custom string excite:joint = "{joint.name}"')
+    return Prim(kind, name, schemas, lines)
+
+
+def _along_x(axis: Array) -> Array:
+    """A rotation whose first column is an axis: USD's joints turn about one of three."""
+    start = np.array([1.0, 0.0, 0.0])
+    if axis @ start < -1.0 + 1e-9:
+        return np.diag([-1.0, -1.0, 1.0])
+    return np.asarray(pin.Quaternion.FromTwoVectors(start, axis).matrix())

@@ -1,1 +1,0 @@
-"""Force plates: their readings, their moments about the ground, the ground reaction."""

@@ -1,1 +1,0 @@
-"""Postures of a person from markers."""

@@ -1,1 +1,0 @@
-"""A virtual person in a virtual motion laboratory, whose every number is known."""

@@ -1,1 +1,0 @@
-"""The weight of a person, and a weight that is worn."""

@@ -1,0 +1,265 @@
+"""Added weights on segments: candidates, their likelihood, and a worn weight (Jovic et al., T-RO 2016, table IV)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from excite.arrays import Array
+from excite.errors import LogError
+from excite.human.segments import NAMES
+from excite.identification.problem import IdentificationProblem, build_problem
+from excite.identification.regression import condense_problem, iterate_weights, prior_std
+from excite.logs.log import Log
+from excite.logs.robot import robot_in_log
+from excite.robot.robot import Robot
+from excite.rows.kinematics import filtered_rows, trial_kinematics
+from excite.rows.settings import ProblemSettings
+from excite.threads import one_blas_thread
+
+# A weight on each segment as a hypothesis: the best fit, and how likely it makes the data.
+
+BELT_RADIUS = 0.06
+"""A belt is worn around a segment: its mass lies at this radius of gyration about its own centre [m]."""
+_MARGIN = 0.03
+_MOST, _MASS_SPREAD = 0.5, 10.0
+# Twenty times as likely, in the natural logarithm.
+_CLEAR = 3.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A weight on one segment.
+
+    Attributes:
+        segment: segment that carries it.
+        mass: [kg].
+        std: of the mass [kg].
+        place: of its centre in the joint frame of the segment [m].
+        cost: squared residual that it leaves, in units of the noise.
+        evidence: logarithm of the probability of the data with a weight on this segment, up to a constant: the
+            fit, less what a place at the segment's edge and parameters that have to be just so take away.
+    """
+
+    segment: str
+    mass: float
+    std: float
+    place: tuple[float, float, float]
+    cost: float
+    evidence: float
+
+
+@dataclass(frozen=True)
+class AddedMass:
+    """The likeliest weight and the other segments' best.
+
+    Attributes:
+        best: the likeliest.
+        candidates: one for each segment, likeliest first.
+        nothing: squared residual without any weight.
+    """
+
+    best: Candidate
+    candidates: tuple[Candidate, ...]
+    nothing: float
+
+    @property
+    def tied(self) -> tuple[str, ...]:
+        """Segments that the data do not tell from the likeliest one, which comes first."""
+        return tuple(c.segment for c in self.candidates if self.best.evidence - c.evidence < _CLEAR)
+
+    def to_json(self) -> dict[str, Any]:
+        """``{"segment", "tied_segments", "mass_kg", "std_kg", "place_m", "candidates"}``."""
+        listed = [
+            {
+                "segment": c.segment,
+                "mass_kg": c.mass,
+                "std_kg": c.std,
+                "cost": c.cost,
+                "evidence": c.evidence,
+            }
+            for c in self.candidates
+        ]
+        return {
+            "segment": self.best.segment,
+            "tied_segments": list(self.tied),
+            "mass_kg": self.best.mass,
+            "std_kg": self.best.std,
+            "place_m": list(self.best.place),
+            "candidates": listed,
+        }
+
+    def summary(self) -> str:
+        """One line."""
+        best, second = self.best, self.candidates[1]
+        others = ", ".join(self.tied[1:])
+        doubt = (
+            f"or {others}, which look alike" if others else f"next: {second.segment}, {second.mass:.2f} kg"
+        )
+        return f"weight worn: {best.mass:.2f} ± {best.std:.2f} kg on {best.segment} ({doubt})"
+
+
+def best_fit(columns: Array, target: Array, box: Array, body_mass: float) -> Any:
+    """Mass and place on a segment that explain the most."""
+    lower, upper = box[0] - _MARGIN, box[1] + _MARGIN
+
+    def residual(x: Array) -> Array:
+        return columns @ _belt_parameters(x[0], x[1:]) - target
+
+    fits = [
+        least_squares(
+            residual,
+            np.concatenate([[1.0], start]),
+            bounds=(np.concatenate([[0.0], lower]), np.concatenate([[_MOST * body_mass], upper])),
+            x_scale=np.array([1.0, 0.1, 0.1, 0.1]),
+        )
+        for start in (0.5 * (lower + upper), np.clip(np.zeros(3), lower + 1e-6, upper - 1e-6))
+    ]
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def weight_candidate(link: str, fit: Any, box: Array, noise: float) -> Candidate:
+    """A fit as a candidate; its evidence by Laplace's approximation.
+
+    A weight is worn about the middle of a segment: its place is normal about the box's centre with half the box's
+    size as deviation. Masses are as likely as each other.
+    """
+    half = 0.5 * (box[1] - box[0])
+    curvature = fit.jac.T @ fit.jac / noise
+    off = (fit.x[1:] - box.mean(axis=0)) / half
+    total = curvature + np.diag(np.append(_MASS_SPREAD**-2.0, half**-2.0))
+    volume = np.linalg.slogdet(total)[1] + 2.0 * float(np.log(half).sum())
+    evidence = -0.5 * (2.0 * fit.cost / noise + float(off @ off) + float(volume))
+    std = float(np.sqrt(np.linalg.pinv(curvature)[0, 0]))
+    x, y, z = (float(value) for value in fit.x[1:])
+    return Candidate(link, float(fit.x[0]), std, (x, y, z), 2.0 * float(fit.cost), evidence)
+
+
+def _belt_parameters(mass: float, place: Array) -> Array:
+    """Ten parameters of a belt about the joint frame's origin, pinocchio's order."""
+    inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
+    six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return np.concatenate([[mass], mass * place, six])
+
+
+# Where a weight is worn, and how heavy it is, from trials without and with it.
+#
+# The trials without say what the body is like, as far as its motions show it and the tables elsewhere; the
+# trials with it are then explained by that body and one more mass on one segment. The body's parameters are
+# eliminated, so that whatever is as wrong with the one as with the other - skin, joints, filters - does not
+# look like a weight.
+
+_PRIOR_SPREAD = 0.3
+# Plates' zeros wander from trial to trial by about this much, in force [N] and moment [N·m].
+_ZERO = np.repeat([3.0, 1.0], 3)
+
+
+@one_blas_thread
+def locate_added_mass(
+    robot: Robot,
+    without: Log,
+    loaded: Log,
+    boxes: Array,
+    *,
+    settings: ProblemSettings | None = None,
+    segments: Sequence[str] = NAMES,
+) -> AddedMass:
+    """Find the weight that makes two logs of one person agree.
+
+    Args:
+        robot: the person's model, calibrated.
+        without: trials without the weight.
+        loaded: trials with it, the same motions for the best result.
+        boxes: where the weight's centre may lie on each of the robot's segments, joint frames
+            ``(n_segments, 2, 3)`` [m].
+        settings: filters.
+        segments: links that may carry it.
+
+    Raises:
+        LogError: a log leaves no rows, or no segment may carry the weight.
+    """
+    first = build_problem(robot, without, settings, role=None)
+    second = build_problem(robot, loaded, settings, role=None)
+    std = np.asarray(iterate_weights(condense_problem(first)).std)
+    rows_without, rows_loaded = (
+        _condense_rows(problem, std, _plate_zeros(robot, log, settings))
+        for problem, log in ((first, without), (second, loaded))
+    )
+    projected, target = _eliminate_body(first, rows_without, rows_loaded)
+    links = [segment.link for segment in robot.segments]
+    carriers = [k for k, link in enumerate(links) if link in segments]
+    if not carriers:
+        raise LogError("no segment may carry the weight", field="segments")
+    fits = {k: best_fit(projected[:, 10 * k : 10 * k + 10], target, boxes[k], robot.mass) for k in carriers}
+    degrees = max(len(target) - 4, 1)
+    noise = max(1.0, min(2.0 * fit.cost for fit in fits.values()) / degrees)
+    found = [weight_candidate(links[k], fit, boxes[k], noise) for k, fit in fits.items()]
+    ranked = tuple(sorted(found, key=lambda item: -item.evidence))
+    return AddedMass(ranked[0], ranked, float(target @ target))
+
+
+def _condense_rows(problem: IdentificationProblem, std: Array, zeros: Array) -> Array:
+    """Triangular factor of weighted rows: body's columns, measurement, the plates' zeros eliminated."""
+    rows = np.column_stack([zeros, problem.Y, problem.y]) / std[problem.channel, None]
+    n = zeros.shape[1]
+    known = np.hstack([np.eye(n), np.zeros((n, rows.shape[1] - n))])
+    r = np.asarray(np.linalg.qr(np.vstack([known, rows]), mode="r"))
+    return r[n:, n:]
+
+
+def _plate_zeros(robot: Robot, log: Log, settings: ProblemSettings | None) -> Array:
+    """What wrong zeros of the plates add to each row, six columns a trial, in units of their usual size.
+
+    All plates stand still in one world, so their zeros together are one constant wrench.
+    """
+    settings = settings or ProblemSettings()
+    filters = settings.filters(floating=True, lowpass_hz=log.header.lowpass_hz)
+    inside = robot_in_log(robot, log.header, log.folder)
+    place = np.asarray(inside.sensors[0].placement.translation)
+    blocks = []
+    for trial in log.trials:
+        k = trial_kinematics(inside, log.header, trial, settings, filters)
+        columns = _constant_wrench(k.q[:, :7], place) * _ZERO
+        use = np.repeat(k.valid[:, None], 6, axis=1)
+        rows = filtered_rows(columns.__getitem__, k, filters, use)
+        blocks.append(rows.values[rows.use])
+    return np.asarray(block_diag(*blocks))
+
+
+def _constant_wrench(base: Array, place: Array) -> Array:
+    """Each component of a wrench at a place in the world, about the base in its axes, ``(n, 6, 6)``."""
+    turn = Rotation.from_quat(base[:, 3:]).as_matrix().transpose(0, 2, 1)
+    x, y, z = (place - base[:, :3]).T
+    lever = np.zeros((len(base), 3, 3))
+    lever[:, 0, 1], lever[:, 0, 2], lever[:, 1, 2] = -z, y, -x
+    lever -= lever.transpose(0, 2, 1)
+    columns = np.zeros((len(base), 6, 6))
+    columns[:, :3, :3] = columns[:, 3:, 3:] = turn
+    columns[:, 3:, :3] = turn @ lever
+    return columns
+
+
+def _eliminate_body(problem: IdentificationProblem, without: Array, loaded: Array) -> tuple[Array, Array]:
+    """Rows of the loaded trials with the body's parameters eliminated: columns and target."""
+    scale = prior_std(problem, _PRIOR_SPREAD)
+    for k in problem.unmeasured:
+        scale[10 * k : 10 * k + 10] = 1e-9
+    n = problem.n_params
+    body = np.vstack([np.eye(n), without[:, :n] * scale, loaded[:, :n] * scale])
+    measured = np.concatenate(
+        [
+            np.zeros(n),
+            without[:, n] - without[:, :n] @ problem.prior,
+            loaded[:, n] - loaded[:, :n] @ problem.prior,
+        ]
+    )
+    extra = np.vstack([np.zeros((n + len(without), n)), loaded[:, :n]])
+    q, _ = np.linalg.qr(body, mode="complete")
+    rest = q[:, n:]
+    return rest.T @ extra, rest.T @ measured

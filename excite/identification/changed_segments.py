@@ -1,0 +1,488 @@
+"""Segments that differ from the model, and the ranges in which their parameters are possible."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from math import lgamma
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from scipy.linalg import cho_factor, cho_solve, qr
+from scipy.special import ndtri
+
+from excite.arrays import Array
+from excite.atomic import write_text
+from excite.identification.inertia import FILE_ORDER, pseudo_inertia_matrices
+from excite.identification.noise import NoiseModel, whitened_factor
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import RANK_TOLERANCE, Regression, prior_std
+from excite.identification.sessions.pooling import Pooled
+from excite.json_document import to_json
+from excite.regressor.base_parameters import BaseParameters
+
+# Which segments are not what the model says.
+#
+# Masses of single segments are determined only in combinations: a revolute joint lets three parameters move
+# from one side to the other. What can be asked is which smallest set of bodies, changed in all ten
+# parameters, explains what the nominal model leaves.
+
+# Twice the natural logarithm of 20: sets whose criteria lie closer are not told apart.
+_TIE = 6.0
+_MOST_SEGMENTS = 12
+_BEAM = 6
+# A body is named only where that makes the measurement e¹⁵ times likelier than the criterion alone asks:
+# errors that are no noise (filters, joints that lag, sensors that sit askew) imitate small changes.
+_LEAST_EVIDENCE = 15.0
+# Deviations by which a change of mass has to differ from zero, so that a quotient by it is near Gaussian.
+_SURE = 5.0
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ChangedSegment:
+    """A segment whose inertial parameters differ from the model's.
+
+    Attributes:
+        segment: readable name.
+        link: its link.
+        mass_change_kg: identified minus nominal mass [kg].
+        std_kg: its standard deviation [kg].
+        evidence: how much more likely the measurement is with this segment changed than without, natural
+            logarithm (half the difference of the criterion).
+        tied_with: links that would explain the measurement as well in its place.
+        centre_m: centre of mass of what came or went, in the frame of the segment's joint [m]; None where the rows do
+            not say how heavy it is.
+        centre_std_m: its standard deviations [m].
+    """
+
+    segment: str
+    link: str
+    mass_change_kg: float
+    std_kg: float
+    evidence: float
+    tied_with: tuple[str, ...]
+    centre_m: tuple[float, float, float] | None = None
+    centre_std_m: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Changes:
+    """The changed segments and what they leave unexplained.
+
+    Attributes:
+        segments: by falling evidence.
+        explained: share of the nominal model's excess residual power that they explain, 0 to 1.
+        dispersion: what remains, per base parameter, in units of the noise's variance: 1 means nothing but
+            noise; far above it, something else is wrong with the model or the log.
+    """
+
+    segments: tuple[ChangedSegment, ...]
+    explained: float
+    dispersion: float
+
+
+def find_changes(rows: Regression, noise: NoiseModel) -> Changes:
+    """Find the changed segments by growing sets of whole bodies (a beam of the best), exchange and removal.
+
+    The whitened rows condense to as many independent numbers as there are base parameters; a set of ``k``
+    segments is judged by the extended information criterion of Chen and Chen (2008),
+    ``b·ln σ² + G/σ² + 10·k·ln b + 2·ln C(n, k) + 30·k``, with ``G`` the whitened residual power above that of
+    the full model and ``σ² = max(1, G/b)``: what no set explains widens the noise instead of naming bodies.
+    The last term asks for more than chance as the reason of a change.
+
+    Args:
+        rows: weighted rows.
+        noise: noise of the residuals of the full model.
+    """
+    search = _Search(rows, noise)
+    best: tuple[int, ...] = ()
+    beam: list[tuple[int, ...]] = [()]
+    # One more level is looked at after the first that brings nothing: two bodies can need each other.
+    fruitless = 0
+    for _ in range(min(_MOST_SEGMENTS, len(search.candidates))):
+        beam = search.grown(beam)
+        if search.criterion(beam[0]) < search.criterion(best):
+            best, fruitless = beam[0], 0
+        elif (fruitless := fruitless + 1) > 1:
+            break
+    return search.result(search.exchanged(best))
+
+
+class _Search:
+    def __init__(self, rows: Regression, noise: NoiseModel):
+        problem = rows.problem
+        self.rows = rows
+        residual = problem.residual(problem.prior)
+        factor = whitened_factor(problem, rows.grids, np.column_stack([problem.Y, residual]), noise)
+        n = problem.n_params
+        self.matrix, self.target = self._without_drives(factor[:, :n], factor[:, n], problem.n_inertial)
+        self.scales = prior_std(problem, 1.0)[: problem.n_inertial]
+        norms = np.linalg.norm(self.matrix.reshape(len(self.matrix), -1, 10), axis=(0, 2))
+        self.candidates = tuple(int(s) for s in np.flatnonzero(norms > 0.0))
+        # Only what some change of parameters could explain is of interest here.
+        u = _range(self.matrix * self.scales)
+        self.rank = u.shape[1]
+        self.matrix, self.target = u.T @ self.matrix, u.T @ self.target
+        self._known: dict[tuple[int, ...], float] = {}
+
+    @staticmethod
+    def _without_drives(matrix: Array, target: Array, n_inertial: int) -> tuple[Array, Array]:
+        drives = matrix[:, n_inertial:]
+        if drives.shape[1] == 0:
+            return matrix, target
+        u = _range(drives)
+        inertial = matrix[:, :n_inertial]
+        return inertial - u @ (u.T @ inertial), target - u @ (u.T @ target)
+
+    def gap(self, chosen: tuple[int, ...]) -> float:
+        """Whitened residual power that the full model would remove and the set does not."""
+        key = tuple(sorted(chosen))
+        if key not in self._known:
+            rest = self.target
+            if key:
+                columns = self._columns(key)
+                rest = rest - self.matrix[:, columns] @ self._changes(key)[0]
+            self._known[key] = float(rest @ rest)
+        return self._known[key]
+
+    def criterion(self, chosen: tuple[int, ...]) -> float:
+        gap, b, k, n = self.gap(chosen), self.rank, len(chosen), len(self.candidates)
+        variance = max(1.0, gap / b)
+        sets = lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
+        penalty = 10 * k * np.log(b) + 2.0 * sets + 2.0 * _LEAST_EVIDENCE * k
+        return float(b * np.log(variance) + gap / variance + penalty)
+
+    def grown(self, beam: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+        """The best sets with one member more than those of the beam, best first."""
+        sets = {tuple(sorted((*chosen, s))) for chosen in beam for s in self.candidates if s not in chosen}
+        return sorted(sets, key=lambda key: (self.criterion(key), key))[:_BEAM]
+
+    def exchanged(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """Replace or drop members, one at a time, while that improves the criterion."""
+        while chosen:
+            sets = list(combinations(chosen, len(chosen) - 1))
+            sets += [tuple(sorted((*rest, s))) for rest in sets for s in self.candidates if s not in rest]
+            best = min(sets, key=lambda key: (self.criterion(key), key))
+            if self.criterion(best) >= self.criterion(chosen):
+                break
+            chosen = best
+        return chosen
+
+    def result(self, chosen: tuple[int, ...]) -> Changes:
+        dispersion = max(1.0, self.gap(chosen) / self.rank)
+        found = []
+        if chosen:
+            key = tuple(sorted(chosen))
+            change, covariance = self._changes(key)
+            for place, s in enumerate(key):
+                others = tuple(t for t in key if t != s)
+                best = self.criterion(key)
+                ties = (t for t in self.candidates if t not in key)
+                segment = self.rows.problem.robot.segments
+                own = slice(10 * place, 10 * place + 4)
+                body, spread = change[own], dispersion * covariance[own, own]
+                centre, centre_std = _centre(body, spread)
+                found.append(
+                    ChangedSegment(
+                        segment=segment[s].name,
+                        link=segment[s].link,
+                        mass_change_kg=float(body[0]),
+                        std_kg=float(np.sqrt(spread[0, 0])),
+                        evidence=0.5 * float(self.criterion(others) - best),
+                        tied_with=tuple(
+                            segment[t].link for t in ties if self.criterion((*others, t)) < best + _TIE
+                        ),
+                        centre_m=centre,
+                        centre_std_m=centre_std,
+                    )
+                )
+        nothing = self.gap(())
+        return Changes(
+            segments=tuple(sorted(found, key=lambda item: (-item.evidence, item.link))),
+            explained=1.0 - self.gap(chosen) / nothing if nothing > 0.0 else 0.0,
+            dispersion=self.gap(chosen) / self.rank,
+        )
+
+    def _columns(self, key: tuple[int, ...]) -> Array:
+        return np.concatenate([np.arange(10 * s, 10 * s + 10) for s in key])
+
+    def _changes(self, key: tuple[int, ...]) -> tuple[Array, Array]:
+        """Changes of a set's parameters and their covariance.
+
+        Neighbours in the set share directions that no motion tells apart; a very wide prior (a body as heavy
+        as a hundred of the segment) keeps those finite.
+        """
+        columns = self._columns(key)
+        wide = np.diag(1.0 / (100.0 * self.scales[columns]))
+        matrix = np.vstack([self.matrix[:, columns], wide])
+        target = np.concatenate([self.target, np.zeros(len(columns))])
+        scaled = matrix * self.scales[columns]
+        q, r = np.linalg.qr(scaled)
+        inverse = np.linalg.inv(r) * self.scales[columns, None]
+        return inverse @ (q.T @ target), inverse @ inverse.T
+
+
+def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]:
+    """Where the centre of a change of mass and first moments ``(4,)`` lies, and its standard deviations [m]."""
+    if abs(body[0]) < _SURE * np.sqrt(covariance[0, 0]):
+        return None, None
+    centre = body[1:] / body[0]
+    slope = np.column_stack([-centre, np.eye(3)]) / body[0]
+    std = np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope))
+    return _point(centre), _point(std)
+
+
+def _point(values: Array) -> Point:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+def _range(matrix: Array) -> Array:
+    """Orthonormal basis of the columns' span, ``(n_rows, rank)``."""
+    q, r, _ = qr(matrix, mode="economic", pivoting=True, check_finite=False)
+    diagonal = np.abs(np.diag(r))
+    return np.asarray(q[:, : int((diagonal > RANK_TOLERANCE * max(float(diagonal[0]), 1e-300)).sum())])
+
+
+# Between which ends a base parameter of any robot lies, whatever its bodies and drives are.
+
+# Terms that take power out, and rotors: below zero is no robot.
+NEVER_NEGATIVE = ("viscous", "coulomb", "armature")
+# An eigenvalue this far below zero, of the largest, is rounding, and so is a coefficient of that size.
+_ROUNDING = 1e-9
+
+
+def possible_ends(base: BaseParameters, names: Sequence[str], n_inertial: int) -> Array:
+    """Lower and upper end of each base parameter, 0 or infinite, ``(2, n_base)``.
+
+    Pseudo-inertias of bodies are positive semidefinite, a cone that is its own dual: a combination of one body's
+    parameters is at least zero for every body exactly where the symmetric matrix ``C`` of ``tr(C J(φ)) = c·φ`` is
+    positive semidefinite (Wensing, Kim and Slotine, IEEE RA-L 2018, section III). Friction and rotors are at least
+    zero, other terms of drives may be anything.
+
+    Args:
+        base: base parameters of all columns.
+        names: of all parameters, a drive's as ``TERM.JOINT``.
+        n_inertial: how many of them are bodies', ten a segment in pinocchio's order.
+    """
+    # What rounding left of a column that is none of the combination's is nothing.
+    largest = np.abs(base.matrix).max(axis=1, keepdims=True, initial=1e-300)
+    matrix = np.where(np.abs(base.matrix) > _ROUNDING * largest, base.matrix, 0.0)
+    unit = pseudo_inertia_matrices(np.eye(10).reshape(-1))
+    upper = np.triu_indices(4)
+    # Entries off the diagonal stand twice in the trace.
+    pairs = unit[:, upper[0], upper[1]] * np.where(upper[0] == upper[1], 1.0, 2.0)
+    solution = np.linalg.solve(pairs, matrix[:, :n_inertial].reshape(-1, 10).T).T
+    dual = np.zeros((len(solution), 4, 4))
+    dual[:, upper[0], upper[1]] = dual[:, upper[1], upper[0]] = solution
+    values = np.linalg.eigvalsh(dual).reshape(base.rank, -1, 4)
+    size = np.abs(values).max(axis=(1, 2), initial=1e-300)[:, None, None]
+    positive = np.array([name.partition(".")[0] in NEVER_NEGATIVE for name in names[n_inertial:]], dtype=bool)
+    drives = matrix[:, n_inertial:]
+    free = (drives[:, ~positive] == 0.0).all(axis=1)
+    low = free & (values >= -_ROUNDING * size).all(axis=(1, 2)) & (drives[:, positive] >= 0.0).all(axis=1)
+    high = free & (values <= _ROUNDING * size).all(axis=(1, 2)) & (drives[:, positive] <= 0.0).all(axis=1)
+    return np.array([np.where(low, 0.0, -np.inf), np.where(high, 0.0, np.inf)])
+
+
+# Ranges of links' and drives' parameters, for domain randomisation in simulators.
+
+SCHEMA = "excite.ranges/1"
+_QUANTITIES = (
+    ("mass", "kg"),
+    *((f"com_{axis}", "m") for axis in "xyz"),
+    *((f"inertia_{pair}", "kg·m²") for pair in ("xx", "yy", "zz", "xy", "xz", "yz")),
+)
+# Mass and moments of inertia are positive: none is less than this share of the nominal one.
+_POSITIVE = [0, 4, 5, 6]
+_LEAST_SHARE = 0.05
+# Moments of inertia, and each product with the moment that its double cannot exceed: 2|Ixy| ≤ Izz, as x² + y² ≥ 2|xy|.
+_MOMENTS = [4, 5, 6]
+_PRODUCT_BELOW = {7: 6, 8: 5, 9: 4}
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class ParameterRange:
+    """Range of one parameter.
+
+    Attributes:
+        link: the link, or the joint for a drive's parameter.
+        parameter: ``mass``, ``com_x`` … in the link's joint frame, ``inertia_xx`` … about the centre of mass
+            along the axes of that frame, or the name of a drive term.
+        low: lower end [SI].
+        value: middle [SI].
+        high: upper end [SI].
+        unit: SI unit.
+        measured: share of the nominal model's spread that the data have taken away, 0 to 1.
+        clipped: whether the data's interval went on to values that no body has, which are left out.
+    """
+
+    link: str
+    parameter: str
+    low: float
+    value: float
+    high: float
+    unit: str
+    measured: float
+    clipped: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """All fields."""
+        return asdict(self)
+
+
+def parameter_ranges(
+    problem: IdentificationProblem, base: BaseParameters, pooled: Pooled, spread: Array
+) -> tuple[ParameterRange, ...]:
+    """Ranges that hold the parameters of a session yet to come, with the level of ``pooled``.
+
+    Base parameters are what the data show; a link's own parameters follow from them and from the nominal model
+    scattered by ``spread``: the posterior of a Gaussian prior, ``P − P Kᵀ (K P Kᵀ + C)⁻¹ K P`` with ``C`` the
+    covariance of the base parameters in another session. Mass, centre of mass and central inertia are
+    linearised about the posterior's mean.
+
+    Args:
+        problem: rows of one session; for the prior.
+        base: base parameters.
+        pooled: what the sessions say of them.
+        spread: of each segment's mass about nominal, as share of it, ``(n_segments,)``.
+    """
+    prior = prior_std(problem, spread)
+    scaled = base.matrix * prior
+    extra = np.maximum(pooled.next_std**2 - np.diag(pooled.covariance), 0.0)
+    noise = pooled.covariance + np.diag(extra)
+    own = np.sqrt(np.diag(noise))
+    scaled, noise = scaled / own[:, None], noise / np.outer(own, own)
+    factor = cho_factor(scaled @ scaled.T + noise)
+    gap = (pooled.mean - base.matrix @ problem.prior) / own
+    mean = problem.prior + prior * (scaled.T @ cho_solve(factor, gap))
+    quantile = float(ndtri(0.5 * (1.0 + pooled.level)))
+    found: list[ParameterRange] = []
+    for s, segment in enumerate(problem.robot.segments):
+        if s in problem.unmeasured:
+            continue
+        part = slice(10 * s, 10 * s + 10)
+        block = scaled[:, part]
+        whitened = np.eye(10) - block.T @ cho_solve(factor, block)
+        covariance = whitened * np.outer(prior[part], prior[part])
+        nominal = problem.prior[part]
+        if nominal[0] <= 0.0:
+            continue
+        if mean[10 * s] <= 0.0:
+            # No body: the data contradict the nominal model here, and what is left is its own spread.
+            free = np.diag(prior[part] ** 2)
+            found += _of_link(segment.link, nominal, nominal, free, prior[part], quantile)
+            continue
+        found += _of_link(segment.link, nominal, mean[part], covariance, prior[part], quantile)
+    drives = range(problem.n_inertial, problem.n_params)
+    return (*found, *_of_drives(problem, base, pooled, drives))
+
+
+def ranges_document(ranges: Sequence[ParameterRange], level: float) -> dict[str, Any]:
+    """Ranges as ``excite.ranges/1``: ``links`` and ``joints`` by name, each quantity with low and high."""
+    document: dict[str, Any] = {"schema": SCHEMA, "level": level, "links": {}, "joints": {}}
+    quantities = {name for name, _ in _QUANTITIES}
+    for item in ranges:
+        group = document["links" if item.parameter in quantities else "joints"]
+        group.setdefault(item.link, {})[item.parameter] = {
+            "low": item.low, "high": item.high, "value": item.value, "unit": item.unit, "measured": item.measured,
+        }  # fmt: skip
+        if item.clipped:
+            group[item.link][item.parameter]["clipped"] = True
+    return document
+
+
+def write_document(document: dict[str, Any], path: Path) -> Path:
+    """Write a document as YAML, or as JSON where the name ends in ``.json``."""
+    if path.suffix == ".json":
+        return write_text(path, to_json(document) + "\n")
+    return write_text(path, yaml.safe_dump(document, sort_keys=False, allow_unicode=True))
+
+
+def _of_link(
+    link: str, nominal: Array, ten: Array, covariance: Array, prior: Array, quantile: float
+) -> list[ParameterRange]:
+    """Ten ranges of a link; a parameter that the data say nothing of has that of the nominal model's spread."""
+    steps = _STEP * prior
+    slopes = np.stack(
+        [
+            (_quantities(ten + step) - _quantities(ten - step)) / (2.0 * size)
+            for step, size in zip(np.diag(steps), steps, strict=True)
+        ],
+        axis=1,
+    )
+    std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
+    loose = np.sqrt(slopes**2 @ prior**2)
+    middle = _quantities(ten)
+    floor = np.full(len(_QUANTITIES), -np.inf)
+    floor[_POSITIVE] = _LEAST_SHARE * np.abs(_quantities(nominal)[_POSITIVE])
+    middle = np.maximum(middle, floor)
+    wide = np.array([middle - quantile * std, middle + quantile * std])
+    low, middle, high = _of_a_body(np.maximum(wide[0], floor), middle, wide[1])
+    found = []
+    for i, (name, unit) in enumerate(_QUANTITIES):
+        measured = float(np.clip(1.0 - (std[i] / max(loose[i], 1e-300)) ** 2, 0.0, 1.0))
+        clipped = bool(low[i] > wide[0, i] or high[i] < wide[1, i])
+        found.append(
+            ParameterRange(
+                link, name, float(low[i]), float(middle[i]), float(high[i]), unit, measured, clipped
+            )
+        )
+    return found
+
+
+class _Ends(NamedTuple):
+    """Ends of ranges, and what lies in their middle."""
+
+    low: Array
+    middle: Array
+    high: Array
+
+
+def _of_a_body(low: Array, middle: Array, high: Array) -> _Ends:
+    """Ends and middles without what no body's inertia can be, whatever the others are within their ranges."""
+    low, middle, high = low.copy(), middle.copy(), high.copy()
+    for i in _MOMENTS:
+        # Each moment is at most the sum of the other two.
+        first, second = (k for k in _MOMENTS if k != i)
+        high[i] = min(high[i], high[first] + high[second])
+        middle[i] = min(middle[i], middle[first] + middle[second])
+        low[i] = min(low[i], middle[i])
+    for i, moment in _PRODUCT_BELOW.items():
+        most = 0.5 * middle[moment]
+        middle[i] = np.clip(middle[i], -most, most)
+        most = 0.5 * high[moment]
+        low[i], high[i] = max(low[i], -most), min(high[i], most)
+    return _Ends(low, middle, high)
+
+
+def _quantities(ten: Array) -> Array:
+    """Mass, centre of mass, and inertia about it, xx yy zz xy xz yz, ``(10,)``."""
+    center = ten[1:4] / ten[0]
+    shift = ten[0] * (float(center @ center) * np.eye(3) - np.outer(center, center))
+    central = ten[4:] - shift[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return np.concatenate([ten[:1], center, central[list(FILE_ORDER)]])
+
+
+def _of_drives(
+    problem: IdentificationProblem, base: BaseParameters, pooled: Pooled, columns: range
+) -> list[ParameterRange]:
+    """Drives' parameters that are base parameters by themselves."""
+    place = {int(column): i for i, column in enumerate(base.independent)}
+    found = []
+    for column in columns:
+        alone = column in place and np.count_nonzero(base.matrix[place[column]]) == 1
+        if not alone:
+            continue
+        i = place[column]
+        term, _, joint = problem.parameter_names[column].partition(".")
+        low, high = (float(x) for x in pooled.next_interval[:, i])
+        least = 0.0 if term in NEVER_NEGATIVE else -np.inf
+        ends = (max(low, least), max(float(pooled.mean[i]), least), max(high, least))
+        found.append(ParameterRange(joint, term, *ends, "SI", 1.0, clipped=low < least))
+    return found

@@ -1,0 +1,634 @@
+"""Estimators by cone programs: bodies that exist, within bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import ClassVar
+
+import clarabel
+import numpy as np
+from scipy import sparse
+from scipy.linalg import LinAlgError, lu_factor, lu_solve
+
+from excite.arrays import Array
+from excite.identification.constraints.cones import (
+    Cones,
+    ParameterCones,
+    body_ellipsoids,
+    com_ellipsoids,
+    com_in_ellipsoids,
+    feasibility_cones,
+    mass_in_ellipsoids,
+    pseudo_inertia_cones,
+)
+from excite.identification.constraints.linear import (
+    MASS_AND_FIRST_MOMENT,
+    LinearConstraints,
+    equivalent_boxes,
+    known_total_mass,
+    model_constraints,
+    non_negative_masses,
+    stack_constraints,
+    stated_bounds,
+    total_mass,
+)
+from excite.identification.estimators.entropic import (
+    EntropicSolver,
+    entropic_estimate,
+    newton_steps,
+    pullback_metric,
+)
+from excite.identification.estimators.estimator import (
+    VIOLATION_TOLERANCE,
+    Estimate,
+    Estimator,
+    SolveStatus,
+    best_known,
+    checked_estimate,
+    no_solution,
+)
+from excite.identification.estimators.quadratic import bound_rows
+from excite.identification.estimators.scaled_problem import Ridge, ridge
+from excite.identification.estimators.settings import (
+    BodySettings,
+    EstimatorSettings,
+    ParameterBoundsSettings,
+    PullSettings,
+    StatedBoundsSettings,
+    SymmetrySettings,
+    number,
+    stated,
+    word,
+)
+from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.physical.default_bounds import default_bounds
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std
+
+# Nearest points under linear constraints and cones: clarabel's answer, refined and judged without its word.
+
+_TOLERANCE = 1e-10
+_REFINEMENTS = 12
+# Keeps redundant constraints, whose multipliers are not unique, from making the refinement's matrix singular.
+_REGULAR = 1e-11
+_SHARES = (1.0, 0.3, 0.1, 0.03)
+
+
+@dataclass(frozen=True, eq=False)
+class ConicProblem:
+    """``min ½ Σ w (z − target)²`` with linear constraints and cones.
+
+    Attributes:
+        target: ``(n,)``.
+        linear: rows on ``z``, of unit length.
+        cones: blocks on ``z``.
+        weights: ``w``, ``(n,)``; ones where None.
+    """
+
+    target: Array
+    linear: LinearConstraints
+    cones: tuple[Cones, ...]
+    weights: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ConicAnswer:
+    """What a solver says.
+
+    Attributes:
+        z: ``(n,)``.
+        multipliers: of the linear rows, then of the cones' entries.
+        infeasible: whether it says that there is no point.
+    """
+
+    z: Array
+    multipliers: Array
+    infeasible: bool = False
+
+
+ConicSolver = Callable[[ConicProblem], ConicAnswer]
+
+
+def stack_rows(problem: ConicProblem) -> tuple[Array, Array]:
+    """All rows ``M`` and offsets ``c``: ``M z + c`` lies in ``{0} × ℝ₊ × cones``."""
+    matrices = [
+        problem.linear.matrix,
+        *(cones.matrix.reshape(-1, cones.matrix.shape[2]) for cones in problem.cones),
+    ]
+    bounds = [-problem.linear.bound, *(cones.bound.ravel() for cones in problem.cones)]
+    return np.vstack(matrices), np.concatenate(bounds)
+
+
+def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> ConicAnswer:
+    """Clarabel (Goulart and Chen 2024) on one thread.
+
+    Centred at the unconstrained optimum, where the objective is small: relative tolerances then mean
+    something.
+    """
+    matrix, offset = stack_rows(problem)
+    linear, n = problem.linear, len(problem.target)
+    kinds = [
+        clarabel.ZeroConeT(linear.n_equal),
+        clarabel.NonnegativeConeT(len(linear.bound) - linear.n_equal),
+    ]
+    for cones in problem.cones:
+        kind = clarabel.PSDTriangleConeT(cones.order) if cones.order else clarabel.SecondOrderConeT(4)
+        kinds += [kind] * len(cones.bound)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    # Rows and blocks have unit length already; another scaling makes multipliers of redundant rows diverge.
+    settings.equilibrate_enable = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    weights = np.ones(n) if problem.weights is None else problem.weights
+    solver = clarabel.DefaultSolver(
+        sparse.diags(weights, format="csc"),
+        np.zeros(n),
+        sparse.csc_matrix(-matrix),
+        matrix @ problem.target + offset,
+        kinds,
+        settings,
+    )
+    solution = solver.solve()
+    return ConicAnswer(
+        problem.target + np.array(solution.x), np.array(solution.z), "Infeasible" in str(solution.status)
+    )
+
+
+def refine_answer(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
+    """Newton's steps on ``λ = Π(λ − M z(λ) − c)`` with ``z = target + Mᵀλ`` (Qi and Sun 1993).
+
+    From an interior-point answer they converge quadratically to rounding where the constraints are not
+    redundant; a shorter step is taken where the full one does not help. The answer whose recomputed
+    distance to the optimum is smaller is returned.
+    """
+    matrix, offset = stack_rows(problem)
+    gram = matrix @ matrix.T
+    start = matrix @ problem.target + offset
+
+    def residual_of(dual: Array) -> tuple[Array, Array]:
+        value = dual - start - gram @ dual
+        return value, dual - _project_dual(problem, value)
+
+    dual = _project_dual(problem, answer.multipliers)
+    value, residual = residual_of(dual)
+    error = float(np.linalg.norm(residual))
+    for _ in range(_REFINEMENTS):
+        if error < 1e-14 * max(1.0, float(np.linalg.norm(dual))):
+            break
+        factor = lu_factor(_projection_jacobian(problem, value, gram), overwrite_a=True, check_finite=False)
+        change = lu_solve(factor, residual, check_finite=False)
+        for share in _SHARES:
+            tried = dual - share * change
+            value_there, residual_there = residual_of(tried)
+            size = float(np.linalg.norm(residual_there))
+            if size < error:
+                break
+        else:
+            break
+        dual, value, residual, error = tried, value_there, residual_there, size
+    better = ConicAnswer(problem.target + matrix.T @ dual, dual)
+    return better if conic_distance(problem, better) < conic_distance(problem, answer) else answer
+
+
+def _split_vector(problem: ConicProblem, vector: Array) -> tuple[Array, list[Array]]:
+    place = len(problem.linear.bound)
+    head, rest = vector[:place], []
+    for cones in problem.cones:
+        rest.append(vector[place : place + cones.bound.size].reshape(cones.bound.shape))
+        place += cones.bound.size
+    return head, rest
+
+
+def _project_dual(problem: ConicProblem, vector: Array) -> Array:
+    """Nearest point of the dual cone; multipliers of equalities are free."""
+    head, rest = _split_vector(problem, vector)
+    flat = np.maximum(head, 0.0)
+    flat[: problem.linear.n_equal] = head[: problem.linear.n_equal]
+    blocks = (cones.projected(part).ravel() for cones, part in zip(problem.cones, rest, strict=True))
+    return np.concatenate([flat, *blocks])
+
+
+def _projection_jacobian(problem: ConicProblem, vector: Array, gram: Array) -> Array:
+    """Derivative of ``λ − Π(λ − c − gram·λ)``, block by block."""
+    head, rest = _split_vector(problem, vector)
+    flat = (head > 0.0).astype(float)
+    flat[: problem.linear.n_equal] = 1.0
+    full = np.eye(len(vector))
+    part = np.arange(len(head))
+    full[part] += flat[:, None] * gram[: len(head)]
+    full[part, part] -= flat
+    place = len(head)
+    for cones, values in zip(problem.cones, rest, strict=True):
+        for block in cones.derivative(values):
+            rows = slice(place, place + cones.size)
+            full[rows] += block @ gram[rows]
+            full[rows, rows] -= block
+            place += cones.size
+    full[np.diag_indices_from(full)] += _REGULAR
+    return full
+
+
+def conic_violations(problem: ConicProblem, z: Array) -> dict[str, float]:
+    """Largest violation of each kind of constraint at a point, from the point alone."""
+    worst: dict[str, float] = {}
+    values = list(zip(problem.linear.labels, problem.linear.violations(z), strict=True))
+    for cones in problem.cones:
+        values += list(zip(cones.labels, np.maximum(-cones.margin(cones.values(z)), 0.0), strict=True))
+    for label, value in values:
+        kind = label.split(":")[0]
+        worst[kind] = max(worst.get(kind, 0.0), float(value))
+    return worst
+
+
+def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
+    """Bound on the distance from an answer to the optimum, from its duality gap; ``weights`` must be None.
+
+    Multipliers are put into their cones first; nothing that the solver says of itself is used. Infinite where they are
+    not finite.
+    """
+    if not np.isfinite(answer.multipliers).all():
+        return np.inf
+    matrix, offset = stack_rows(problem)
+    dual = _project_dual(problem, answer.multipliers)
+    stationarity = answer.z - problem.target - matrix.T @ dual
+    slack = float(dual @ (matrix @ answer.z + offset))
+    return float(np.sqrt(stationarity @ stationarity + 2.0 * abs(slack)))
+
+
+# The default: bodies that can exist, believed as far as the log supports the nominal model.
+
+
+@dataclass(frozen=True)
+class AdaptiveSettings(EstimatorSettings):
+    """Settings of ``adaptive``.
+
+    Attributes:
+        alpha: the α of eq. (4) of Jovic et al. 2015, in units in which prior and noise have unit variance; None has
+            :func:`~excite.identification.identify.identify` choose it for an arm, and is 1 elsewhere.
+        terms: whether identify may add terms of drives and sensors to an arm's equations.
+        inertia_floor: relative, so that it fits hands and trunks.
+    """
+
+    alpha: float | None = number(
+        None, "1", 1e-12, 1e12, "weight of the nominal model against the data", optional=True
+    )
+    terms: str = word(
+        "chosen",
+        ("chosen", "stated"),
+        "terms beside rigid bodies: those that the log asks for, or stated ones only",
+    )
+    inertia_floor: float = number(
+        0.01, "1", 0.0, 0.9, "least moment of inertia, as share of the nominal least one of the segment"
+    )
+
+
+class Adaptive(Estimator[AdaptiveSettings]):
+    """Pseudo-inertias positive definite (Wensing, Kim and Slotine 2018), near the nominal ones, and nothing else.
+
+    Unlike ``lmi`` it keeps no centre of mass in a box of the link's shape, since people hang things on links, and no
+    sign of a friction. What rigid bodies cannot explain is left to terms of drives and sensors where blocks of the
+    log that are left out ask for them (:mod:`excite.identification.adaptation`): without these, bodies that can
+    exist predict worse than least squares, and bodies that cannot take their place.
+    """
+
+    name: ClassVar[str] = "adaptive"
+    title: ClassVar[str] = (
+        "bodies that can exist, with the nominal model's weight and terms of drives and sensors that the log asks for"
+    )
+    consistent: ClassVar[bool] = True
+    adapts: ClassVar[bool] = True
+    use: ClassVar[str] = (
+        "most logs: bodies that can exist, so that a model is always written, and predictions at least as good as "
+        "least squares'"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = AdaptiveSettings
+    guarantees: ClassVar[str] = (
+        "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
+        "pseudo-inertia at least -1e-9, recomputed), and the total mass holds where it was weighed or the "
+        "record tells it"
+    )
+
+    def __init__(self, solver: ConicSolver = interior_point):
+        self._solver = solver
+
+    def estimate(self, problem: IdentificationProblem, settings: AdaptiveSettings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
+
+    def solve(self, rows: Regression, settings: AdaptiveSettings) -> Estimate:
+        """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
+
+        Raises:
+            NoSolutionError: no bodies meet the constraints, or an answer fails its recomputation.
+        """
+        alpha = 1.0 if settings.alpha is None else settings.alpha
+        rows = replace(rows, problem=_steady_drives(rows.problem, alpha))
+        problem = rows.problem
+        pull = PullSettings(
+            prior_spread=settings.prior_spread, segment_spread=settings.segment_spread, alpha=alpha
+        )
+        mass = known_total_mass(rows, settings)
+        linear = stack_constraints([] if mass is None else [total_mass(problem, mass)], problem.n_params)
+        cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
+        best = conic_estimate(self.name, rows, ridge(rows, pull), linear, cones, self._solver)
+        return replace(consistent_or_raised(best), total_mass=mass)
+
+
+def _steady_drives(problem: IdentificationProblem, alpha: float) -> IdentificationProblem:
+    """The problem whose drives keep their expected spread whatever the weight of the nominal bodies is."""
+    if problem.drive_spread is None:
+        return problem
+    return replace(problem, drive_spread=np.sqrt(alpha) * problem.drive_spread)
+
+
+# From an objective, constraints and a conic solver to an estimate that has been checked.
+
+# What rounding may leave of a pseudo-inertia that must be positive semidefinite (kg, kg·m, kg·m²).
+EIGENVALUE_TOLERANCE = 1e-9
+_RAY = 1e-6
+
+
+def conic_estimate(
+    method: str,
+    rows: Regression,
+    objective: Ridge,
+    linear: LinearConstraints,
+    cones: tuple[ParameterCones, ...],
+    solver: ConicSolver,
+) -> Estimate:
+    """The objective's least value under linear constraints and cones on the parameters.
+
+    Args:
+        method: name of the estimator.
+        rows: the rows as weighted.
+        objective: the objective.
+        linear: on the parameters.
+        cones: on the parameters.
+        solver: finds the optimum; not trusted.
+
+    Raises:
+        NoSolutionError: no point, or an answer that its recomputation refuses; ``best`` is the best point known
+            that meets the constraints, the unconstrained optimum where there is none.
+    """
+    problem = ConicProblem(
+        objective.target, objective.constraints(linear), tuple(objective.cones(part) for part in cones)
+    )
+    answer = solver(problem)
+    if answer.infeasible:
+        proven = _is_ray(problem, answer)
+        status = SolveStatus.INFEASIBLE if proven else SolveStatus.NOT_OPTIMAL
+        known = best_known(method, rows, objective, linear, [], partial(conic_violations, problem))
+        raise no_solution(status, replace(known, status=status))
+    if np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all():
+        try:
+            answer = refine_answer(problem, answer)
+        except LinAlgError:
+            # The answer stands as it is; its distance decides.
+            pass
+    distance = conic_distance(problem, answer)
+    best = checked_estimate(method, rows, objective, answer.z, distance, problem.linear)
+    best = replace(best, violations=conic_violations(problem, answer.z) if np.isfinite(distance) else {})
+    if (
+        best.status is SolveStatus.SOLVED
+        and max((best.violations or {}).values(), default=0.0) > VIOLATION_TOLERANCE
+    ):
+        best = replace(best, status=SolveStatus.VIOLATED)
+    if best.status is not SolveStatus.SOLVED:
+        violations = partial(conic_violations, problem)
+        known = best_known(method, rows, objective, linear, [answer.z], violations)
+        raise no_solution(best.status, replace(known, status=best.status))
+    return best
+
+
+def consistent_or_raised(best: Estimate) -> Estimate:
+    """The estimate if every pseudo-inertia, recomputed, is positive semidefinite; raises NoSolutionError otherwise."""
+    least = np.linalg.eigvalsh(pseudo_inertia_matrices(best.parameters[: best.regression.problem.n_inertial]))
+    moving = np.ones(len(least), dtype=bool)
+    moving[list(best.regression.problem.unmeasured)] = False
+    if least[moving, 0].min(initial=0.0) < -EIGENVALUE_TOLERANCE:
+        raise no_solution(SolveStatus.VIOLATED, replace(best, status=SolveStatus.VIOLATED))
+    return best
+
+
+def _is_ray(problem: ConicProblem, answer: ConicAnswer) -> bool:
+    """Whether multipliers prove that there is no point: ``λ`` in the dual cone, ``Mᵀλ = 0``, ``λᵀc < 0``."""
+    matrix, offset = stack_rows(problem)
+    ray = answer.multipliers
+    if not np.isfinite(ray).all():
+        return False
+    value = float(ray @ offset)
+    return value < 0.0 and float(np.linalg.norm(matrix.T @ ray)) < _RAY * abs(value)
+
+
+# Physically feasible inertias within bounds of mass and first moment (CLS-2 of Golluccio et al. 2020).
+
+
+@dataclass(frozen=True)
+class Cls2Settings(ParameterBoundsSettings, PullSettings):
+    """Settings of ``cls2``: the pull, the bounds of masses and first moments, the least inertia."""
+
+
+class PhysicallyFeasible(Estimator[Cls2Settings]):
+    """Least squares with a pull to nominal under eq. (3): ``m > 0`` and inertia about the centre of mass ``≻ 0``.
+
+    Sousa and Cortesão's linear matrix inequality, with bounds on masses and first moments. The regularisation
+    that the paper asks for is the pull of eq. (4) of Jovic et al. 2015, weight ``alpha``.
+    """
+
+    name: ClassVar[str] = "cls2"
+    title: ClassVar[str] = "physically feasible inertias, bounded masses and first moments (CLS-2)"
+    use: ClassVar[str] = (
+        "comparison with published CLS-2 results: masses and first moments within bounds; bodies may break the "
+        "triangle inequality"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = Cls2Settings
+    guarantees: ClassVar[str] = (
+        "within the stated distance of the global optimum; masses positive, inertias about the centres of mass "
+        "positive definite, masses and first moments within their bounds; the triangle inequality need not hold"
+    )
+
+    def __init__(self, solver: ConicSolver = interior_point):
+        self._solver = solver
+
+    def estimate(self, problem: IdentificationProblem, settings: Cls2Settings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
+
+    def solve(self, rows: Regression, settings: Cls2Settings) -> Estimate:
+        """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
+
+        Raises:
+            InputError: bounds that leave nothing.
+            NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.
+        """
+        problem = rows.problem
+        bounds = bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)
+        linear = stack_constraints([non_negative_masses(problem), bounds], problem.n_params)
+        cones = (feasibility_cones(problem, settings.inertia_floor),)
+        return conic_estimate(self.name, rows, ridge(rows, settings), linear, cones, self._solver)
+
+
+# Physically consistent bodies that fit into ellipsoids (CLS-3 of Golluccio et al. 2020).
+
+
+@dataclass(frozen=True)
+class Cls3Settings(StatedBoundsSettings, PullSettings):
+    """Settings of ``cls3``.
+
+    Attributes:
+        com_ellipsoids: where each centre of mass lies, ``(n_segments, 4, 4)``: ``[x; 1]ᵀ Q [x; 1] ≥ 0`` for
+            points ``x`` [m] of the ellipsoid in the joint frame (eq. 6 of Golluccio et al. 2020); None derives them
+            from the boxes.
+        body_ellipsoids: where each body's mass lies, likewise.
+    """
+
+    com_ellipsoids: Array | None = field(default=None, metadata=stated("m", "where each centre of mass lies"))
+    body_ellipsoids: Array | None = field(default=None, metadata=stated("m", "where each body's mass lies"))
+
+
+class DensityRealisable(Estimator[Cls3Settings]):
+    """Least squares with a pull to nominal; every body has a density that is not negative inside its ellipsoid.
+
+    Pseudo-inertias positive definite (eq. 4), centres of mass in ellipsoids (eq. 6), mass distributions in
+    ellipsoids (``tr(J Q) ≥ 0``, Wensing, Kim and Slotine 2018), and the total mass where it is known. Ellipsoids
+    that are not given come from the boxes of the centres of mass: inscribed for these, least circumscribed
+    for the bodies, each grown until the nominal model fits.
+    """
+
+    name: ClassVar[str] = "cls3"
+    title: ClassVar[str] = "physically consistent bodies inside ellipsoids (CLS-3)"
+    consistent: ClassVar[bool] = True
+    use: ClassVar[str] = (
+        "models to simulate or to hand over: every body can exist with its mass inside its ellipsoid; keeps stated "
+        "bounds"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = Cls3Settings
+    guarantees: ClassVar[str] = (
+        "within the stated distance of the global optimum; every body can exist with its mass inside its ellipsoid "
+        "(least eigenvalue of its pseudo-inertia at least -1e-9, recomputed) and its centre of mass in its own"
+    )
+
+    def __init__(self, solver: ConicSolver = interior_point):
+        self._solver = solver
+
+    def estimate(self, problem: IdentificationProblem, settings: Cls3Settings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
+
+    def solve(self, rows: Regression, settings: Cls3Settings) -> Estimate:
+        """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
+
+        Raises:
+            InputError: matrices that are not those of ellipsoids.
+            NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.
+        """
+        problem = rows.problem
+        nominal = problem.prior[: problem.n_inertial]
+        boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
+        if settings.bounds is not None:
+            # Ellipsoids inside a stated box would cut its corners off; they grow with it, its sides stay.
+            wider = settings.bounds.boxes(tuple(segment.link for segment in problem.robot.segments), boxes)
+            boxes = np.stack(
+                [np.minimum(boxes[:, 0], wider[:, 0]), np.maximum(boxes[:, 1], wider[:, 1])], axis=1
+            )
+        centers, bodies = settings.com_ellipsoids, settings.body_ellipsoids
+        centers = com_ellipsoids(nominal, boxes) if centers is None else centers
+        bodies = body_ellipsoids(nominal, boxes) if bodies is None else bodies
+        parts = [non_negative_masses(problem), mass_in_ellipsoids(problem, bodies)]
+        mass = known_total_mass(rows, settings)
+        if mass is not None:
+            parts.append(total_mass(problem, mass))
+        if settings.bounds is not None:
+            parts.append(stated_bounds(problem, settings.bounds, default_bounds(problem.robot, settings)))
+        cones = (pseudo_inertia_cones(problem, settings.inertia_floor), com_in_ellipsoids(problem, centers))
+        linear = stack_constraints(parts, problem.n_params)
+        best = conic_estimate(self.name, rows, ridge(rows, settings), linear, cones, self._solver)
+        return replace(consistent_or_raised(best), total_mass=mass)
+
+
+# Physically consistent parameters: every pseudo-inertia positive definite, as a cone program.
+#
+# Wensing, Kim and Slotine (IEEE RA-L 2018): a body of positive density exists exactly where its pseudo-
+# inertia is positive definite, which the inertia's definiteness alone does not ensure (triangle inequality).
+
+
+@dataclass(frozen=True)
+class LmiSettings(SymmetrySettings, BodySettings, PullSettings):
+    """Settings of ``lmi``.
+
+    Attributes:
+        regulariser: distance from the nominal model; ``pullback`` and ``entropic`` are those of Lee, Wensing and
+            Park 2020, which do not depend on units or frames.
+    """
+
+    regulariser: str = word(
+        "euclidean", ("euclidean", "pullback", "entropic"), "distance from the nominal model"
+    )
+
+
+class PhysicallyConsistent(Estimator[LmiSettings]):
+    """The objective and linear constraints of ``qp`` with every pseudo-inertia positive definite.
+
+    ``regulariser`` chooses the distance from the nominal model: ``euclidean`` in units of the spreads,
+    ``pullback`` and ``entropic`` of :mod:`~excite.identification.estimators.entropic`. The entropic one keeps
+    bodies inside the cone by itself and uses no ``inertia_floor``.
+    """
+
+    name: ClassVar[str] = "lmi"
+    title: ClassVar[str] = "as qp, with physically consistent bodies (pseudo-inertia cones)"
+    consistent: ClassVar[bool] = True
+    use: ClassVar[str] = (
+        "models to simulate or to control with: near the nominal model, and every body can exist"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = LmiSettings
+    guarantees: ClassVar[str] = (
+        "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
+        "pseudo-inertia at least -1e-9, recomputed), and masses and boxes hold, the total mass where it "
+        "was weighed or the record tells it, symmetry where it is asked for"
+    )
+
+    def __init__(self, solver: ConicSolver = interior_point, entropic: EntropicSolver = newton_steps):
+        self._solver, self._entropic = solver, entropic
+
+    def estimate(self, problem: IdentificationProblem, settings: LmiSettings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
+
+    def solve(self, rows: Regression, settings: LmiSettings) -> Estimate:
+        """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
+
+        Raises:
+            NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.
+        """
+        problem = rows.problem
+        model = model_constraints(rows, settings)
+        metric = None
+        if settings.regulariser != "euclidean":
+            spreads = settings.spreads(problem.robot)
+            metric = pullback_metric(problem, spreads, prior_std(problem, spreads))
+        objective = ridge(rows, settings, metric)
+        if settings.regulariser == "entropic":
+            best = entropic_estimate(self.name, rows, objective, model.linear, settings, self._entropic)
+        else:
+            cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
+            best = conic_estimate(self.name, rows, objective, model.linear, cones, self._solver)
+        return replace(consistent_or_raised(best), total_mass=model.total_mass)

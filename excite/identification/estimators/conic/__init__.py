@@ -1,1 +1,0 @@
-"""Estimators by cone programs: bodies that exist, within bounds."""

@@ -1,0 +1,514 @@
+"""Lexicographic least squares: levels of constraints, then a fit, then the nearest point (Escande et al. 2014).
+
+A level's constraints are met with the least sum of squared violations that the levels above allow, and what
+it has reached is then kept exactly: violations at an optimum are unique, so each violated row becomes an
+equality, and so does each row that a positive multiplier shows to be active at every optimum. All that is
+left is a smaller space and rows that hold. Every answer of a solver is recomputed before it is used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints
+from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.projection import (
+    ActiveSetProjector,
+    ProjectionAnswer,
+    Projector,
+    distance_to_optimum,
+)
+from excite.identification.orthogonal import row_space
+
+Mask = NDArray[np.bool_]
+
+# Rows have unit length on the scaled parameters: a violation is a share of a parameter's spread.
+_FEASIBLE = 1e-8
+_VIOLATED = 1e-7
+_ACTIVE = 1e-9
+_MAX_ROUNDS = 60
+_LEAST_WEAK = 1e-13
+# Accepted distance to a level's optimum, as a share of the distance that the constraints enforce.
+_DISTANCE = 1e-5
+_COARSE_DISTANCE = 1e-3
+
+
+def solve_hierarchy(
+    levels: tuple[Level, ...],
+    matrix: Array,
+    measured: Array,
+    projector: Projector,
+    start: Array | None = None,
+) -> HierarchyAnswer:
+    """``levels ≻ (matrix · x = measured) ≻ (x = 0)`` (eq. 7 of Jovic et al. 2016).
+
+    Args:
+        levels: constraint levels, most important first.
+        matrix: rows of the fit ``(k, n)``.
+        measured: ``(k,)``.
+        projector: finds nearest points; not trusted.
+        start: a point that meets most rows, ``(n,)``; it does not change the optimum.
+    """
+    n = matrix.shape[1]
+    state = HierarchyState(
+        np.zeros(n) if start is None else start.copy(), np.eye(n), stack_constraints([], n)
+    )
+    slacks: list[float] = []
+    fit_distance = distance = np.inf
+    status = SolveStatus.SOLVED
+    try:
+        for level in levels:
+            slacks.append(_meet(state, level, projector))
+        fit_distance = _fit(state, matrix, measured, projector)
+        distance = _nearest(state, projector)
+    except LevelFailed as failure:
+        status = failure.status
+    return HierarchyAnswer(state.x, status, tuple(slacks), fit_distance, distance)
+
+
+def _meet(state: HierarchyState, level: Level, projector: Projector) -> float:
+    """Meet a level as well as the levels above allow; returns the norm of what is violated."""
+    rows, n = level.constraints, len(state.x)
+    for _ in range(_MAX_ROUNDS):
+        both = stack_constraints([state.hard, rows], n)
+        matrix = both.matrix @ state.basis
+        bound = both.bound - both.matrix @ state.x
+        length = np.linalg.norm(matrix, axis=1)
+        if np.abs(bound[length <= EMPTY]).max(initial=0.0) > _FEASIBLE and both.n_equal:
+            break
+        kept = length > EMPTY
+        listed = LinearConstraints(
+            matrix[kept] / length[kept, None],
+            bound[kept] / length[kept],
+            ("",) * int(kept.sum()),
+            int(kept[: both.n_equal].sum()),
+        )
+        answer = projector(np.zeros(matrix.shape[1]), listed)
+        if answer is None or not _finite(answer):
+            break
+        x = state.x + state.basis @ answer.z
+        if both.violations(x).max(initial=0.0) > _FEASIBLE:
+            break
+        above, found = state.violated(x), _violated(level, x)
+        if not len(above.bound) and not len(found.bound):
+            state.x = x
+            _keep(state, level, rows, np.arange(len(rows.bound)) < rows.n_equal)
+            return 0.0
+        state.add(above)
+        rows = stack_constraints([rows, found], n)
+    return _least_violation(state, level, rows, projector)
+
+
+def _violated(level: Level, x: Array) -> LinearConstraints:
+    return stack_constraints([], len(x)) if level.family is None else level.family.violated(x)
+
+
+def _finite(answer: ProjectionAnswer) -> bool:
+    return bool(np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all())
+
+
+def _keep(state: HierarchyState, level: Level, rows: LinearConstraints, pinned: Mask) -> None:
+    """Keep what the present point reaches: pinned rows as equalities, the others as they are or better."""
+    if level.family is not None:
+        state.families.append(level.family)
+    state.pin(rows.only(pinned))
+    state.add(rows.only(~pinned))
+
+
+def _least_violation(
+    state: HierarchyState, level: Level, rows: LinearConstraints, projector: Projector
+) -> float:
+    """``min ‖w‖²`` with ``A u + w ≥ b``; what is violated at the optimum is pinned."""
+    u = np.zeros(state.basis.shape[1])
+    for _ in range(_MAX_ROUNDS):
+        k, e, h = len(rows.bound), rows.n_equal, len(state.hard.bound)
+        equal = LinearConstraints(rows.matrix[:e], rows.bound[:e], rows.labels[:e], e)
+        joined = stack_constraints([equal, state.hard, rows.only(np.arange(k) >= e)], len(state.x))
+        counted = np.zeros((k + h, k))
+        counted[:e, :e] = np.eye(e)
+        counted[e + h :, e:] = np.eye(k - e)
+        problem = SemiProjection(
+            np.zeros(k), counted, joined.matrix @ state.basis, joined.bound - joined.matrix @ state.x, e
+        )
+        answer = _trusted(semi_project(problem, u, projector))
+        answer = _trusted(completed(problem, answer))
+        u = answer.n
+        x = state.x + state.basis @ u
+        above, found = state.violated(x), _violated(level, x)
+        if len(above.bound) or len(found.bound):
+            state.add(above)
+            rows = stack_constraints([rows, found], len(x))
+            continue
+        if answer.distance > _DISTANCE * max(1.0, float(np.linalg.norm(answer.p))):
+            continue
+        load = answer.multipliers
+        state.x = x
+        state.pin(state.hard.only(load[e : e + h] > _ACTIVE))
+        state.hard = state.hard.only(load[e : e + h] <= _ACTIVE)
+        reached = float(np.linalg.norm(rows.violations(x)))
+        _keep(state, level, rows, np.concatenate([np.ones(e, dtype=bool), load[e + h :] > _ACTIVE]))
+        return reached
+    raise LevelFailed(SolveStatus.NOT_OPTIMAL)
+
+
+def _trusted(answer: SemiAnswer | None) -> SemiAnswer:
+    """An answer whose feasibility and rough optimality were recomputed.
+
+    Raises:
+        LevelFailed: there is none.
+    """
+    if answer is None:
+        raise LevelFailed(SolveStatus.INFEASIBLE)
+    if not np.isfinite(answer.gap):
+        raise LevelFailed(SolveStatus.NOT_FINITE)
+    if answer.violation > _VIOLATED:
+        raise LevelFailed(SolveStatus.VIOLATED)
+    return answer
+
+
+def _fit(state: HierarchyState, matrix: Array, measured: Array, projector: Projector) -> float:
+    """``min ‖matrix·x − measured‖²``; keeps the product that it reaches. Returns the distance bound."""
+    seen = row_space(matrix @ state.basis)
+    along, across = state.basis @ seen.inverse, state.basis @ seen.null
+    target = seen.image.T @ (measured - matrix @ state.x)
+    free = np.zeros(across.shape[1])
+    rows = state.hard
+    problem = SemiProjection(
+        target, rows.matrix @ along, rows.matrix @ across, rows.bound - rows.matrix @ state.x, 0
+    )
+    weak = WEAK
+    for _ in range(_MAX_ROUNDS):
+        answer = _trusted(semi_project(problem, free, projector, weak))
+        found = state.violated(state.x + along @ answer.p + across @ answer.n)
+        if not len(found.bound):
+            answer = _trusted(completed(problem, answer))
+            found = state.violated(state.x + along @ answer.p + across @ answer.n)
+        good = answer.distance <= _DISTANCE * max(1.0, float(np.linalg.norm(answer.p - target)))
+        if not len(found.bound) and good:
+            break
+        known = len(state.hard.bound)
+        state.add(found)
+        new = LinearConstraints(state.hard.matrix[known:], state.hard.bound[known:], found.labels)
+        problem = problem.extended(new.matrix @ along, new.matrix @ across, new.bound - new.matrix @ state.x)
+        # From the same centre as long as rows are missing, so that the projector can go on where it stood.
+        if not len(found.bound):
+            free, weak = answer.n, max(0.1 * weak, _LEAST_WEAK)
+    else:
+        raise LevelFailed(SolveStatus.NOT_OPTIMAL)
+    rows = state.hard
+    state.x, state.basis = state.x + along @ answer.p + across @ answer.n, across
+    state.pin(rows.only(answer.multipliers > _ACTIVE))
+    state.hard = stack_constraints([], len(state.x))
+    state.add(rows.only(answer.multipliers <= _ACTIVE))
+    return answer.distance
+
+
+def _nearest(state: HierarchyState, projector: Projector) -> float:
+    """``min ‖x‖²`` in what is left; returns the distance bound."""
+    target = -state.basis.T @ state.x
+    for _ in range(_MAX_ROUNDS):
+        matrix = state.hard.matrix @ state.basis
+        length = np.linalg.norm(matrix, axis=1)
+        kept = length > EMPTY
+        rows = LinearConstraints(
+            matrix[kept] / length[kept, None],
+            (state.hard.bound - state.hard.matrix @ state.x)[kept] / length[kept],
+            ("",) * int(kept.sum()),
+        )
+        answer = projector(target, rows)
+        if answer is None:
+            raise LevelFailed(SolveStatus.INFEASIBLE)
+        if not _finite(answer):
+            raise LevelFailed(SolveStatus.NOT_FINITE)
+        if rows.violations(answer.z).max(initial=0.0) > _VIOLATED:
+            raise LevelFailed(SolveStatus.VIOLATED)
+        distance = distance_to_optimum(target, rows, answer)
+        if distance > _COARSE_DISTANCE * max(1.0, float(np.linalg.norm(answer.z - target))):
+            raise LevelFailed(SolveStatus.NOT_OPTIMAL)
+        x = state.x + state.basis @ answer.z
+        found = state.violated(x)
+        if not len(found.bound):
+            state.x = x
+            return distance
+        state.add(found)
+    raise LevelFailed(SolveStatus.CUT_LIMIT)
+
+
+# Levels of a hierarchy, and the space that those already met have left.
+
+# Length below which what is left of a row, or a direction, counts as nothing.
+EMPTY = 1e-9
+
+
+class RowFamily(Protocol):
+    """Rows of a level of which there are too many to list."""
+
+    def violated(self, x: Array) -> LinearConstraints:
+        """Some of the rows that ``x`` violates, of unit length; none when all hold."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """Constraints of equal rank.
+
+    Attributes:
+        name: what it is about.
+        constraints: rows on the scaled parameters, of unit length.
+        family: further rows, None for none.
+    """
+
+    name: str
+    constraints: LinearConstraints
+    family: RowFamily | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class HierarchyAnswer:
+    """The lexicographic optimum, or the best point before something failed.
+
+    Attributes:
+        x: ``(n,)``.
+        status: how it ended.
+        slacks: root of the sum of squared violations at each constraint level's optimum.
+        fit_distance: bound on the distance to the fit level's optimum, in standard deviations of the noise.
+        distance: the same for the last level, in spreads.
+    """
+
+    x: Array
+    status: SolveStatus
+    slacks: tuple[float, ...]
+    fit_distance: float
+    distance: float
+
+
+class LevelFailed(Exception):
+    """A step found no answer or one that its recomputation refuses; carries the status."""
+
+    def __init__(self, status: SolveStatus):
+        self.status = status
+        super().__init__(status.name)
+
+
+@dataclass(eq=False)
+class HierarchyState:
+    """Where the hierarchy stands: ``x + basis · u`` keeps the equalities that levels have reached.
+
+    Attributes:
+        x: present point.
+        basis: orthonormal, ``(n, m)``.
+        hard: inequalities that hold and must go on holding.
+        families: further rows of the levels that have been met.
+    """
+
+    x: Array
+    basis: Array
+    hard: LinearConstraints
+    families: list[RowFamily] = field(default_factory=list)
+
+    def violated(self, x: Array) -> LinearConstraints:
+        """Rows of the families that ``x`` violates."""
+        return stack_constraints([family.violated(x) for family in self.families], len(x))
+
+    def add(self, rows: LinearConstraints) -> None:
+        """More inequalities; those that the present point misses by rounding give way to it."""
+        eased = LinearConstraints(rows.matrix, np.minimum(rows.bound, rows.matrix @ self.x), rows.labels)
+        self.hard = stack_constraints([self.hard, eased], len(self.x))
+
+    def pin(self, rows: LinearConstraints) -> None:
+        """Keep the present value of rows."""
+        if len(rows.bound):
+            self.basis = self.basis @ row_space(rows.matrix @ self.basis, EMPTY).null
+
+
+# Nearest points where some coordinates do not count: ``min ½‖p − t‖²`` over ``(p, n)`` with linear rows.
+#
+# The coordinates ``n`` make the problem singular. A proximal term on them gives a projection whose active
+# rows are then solved exactly, without the term; where that answer is optimal it is the answer.
+
+WEAK = 1e-8
+_EMPTY = 1e-9
+_DEPENDENT = 1e-8
+_TOUCH = 1e-11
+_EXCHANGES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class SemiProjection:
+    """``min ½‖p − target‖²`` with ``counted · p + free · n ≥ bound``, the first ``n_equal`` rows equalities.
+
+    Attributes:
+        target: ``(k,)``.
+        counted: ``(m, k)``.
+        free: ``(m, j)``.
+        bound: ``(m,)``.
+        n_equal: number of equalities.
+    """
+
+    target: Array
+    counted: Array
+    free: Array
+    bound: Array
+    n_equal: int
+
+    def extended(self, counted: Array, free: Array, bound: Array) -> SemiProjection:
+        """With more inequalities."""
+        return replace(
+            self,
+            counted=np.vstack([self.counted, counted]),
+            free=np.vstack([self.free, free]),
+            bound=np.concatenate([self.bound, bound]),
+        )
+
+    @property
+    def sizes(self) -> Array:
+        """Length by which a violation of each row is divided, ``(m,)``."""
+        return np.asarray(
+            np.maximum(
+                np.hypot(*(np.linalg.norm(part, axis=1) for part in (self.counted, self.free))), _EMPTY
+            )
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SemiAnswer:
+    """A point and multipliers, with what they are worth.
+
+    Attributes:
+        p: ``(k,)``.
+        n: ``(j,)``.
+        multipliers: ``(m,)``.
+        violation: largest violation of a row divided by its length.
+        gap: bound on the duality gap, with ``n`` no farther from the optimum than it is long.
+    """
+
+    p: Array
+    n: Array
+    multipliers: Array
+    violation: float
+    gap: float
+
+    @property
+    def distance(self) -> float:
+        """Bound on the distance of ``p`` from the optimum."""
+        return float(np.sqrt(2.0 * self.gap))
+
+
+def judged(problem: SemiProjection, p: Array, n: Array, multipliers: Array) -> SemiAnswer:
+    """Recompute violation and gap of an answer, wherever it comes from."""
+    slack = problem.counted @ p + problem.free @ n - problem.bound
+    below = np.maximum(-slack, 0.0)
+    below[: problem.n_equal] = np.abs(slack[: problem.n_equal])
+    sign = multipliers.copy()
+    sign[problem.n_equal :] = np.maximum(sign[problem.n_equal :], 0.0)
+    pull = p - problem.target - problem.counted.T @ sign
+    drift = float(np.linalg.norm(problem.free.T @ sign)) * (1.0 + float(np.linalg.norm(n)))
+    gap = 0.5 * float(pull @ pull) + float(np.abs(sign * slack).sum()) + drift
+    if not np.isfinite(gap):
+        gap = np.inf
+    return SemiAnswer(p, n, multipliers, float((below / problem.sizes).max(initial=0.0)), gap)
+
+
+def semi_project(
+    problem: SemiProjection, start: Array, projector: Projector, weak: float = WEAK
+) -> SemiAnswer | None:
+    """One proximal step from ``start``; None where the solver finds no point.
+
+    Args:
+        problem: the problem.
+        start: ``(j,)`` where the proximal term is centred.
+        projector: finds nearest points; not trusted.
+        weak: weight of the proximal term; small, so that the active rows are those of the problem without it.
+    """
+    k, root = len(problem.target), np.sqrt(weak)
+    rows = np.hstack([problem.counted, problem.free / root])
+    bound = problem.bound - problem.free @ start
+    length = np.linalg.norm(rows, axis=1)
+    kept = length > _EMPTY
+    size = length[kept]
+    listed = LinearConstraints(
+        rows[kept] / size[:, None], bound[kept] / size, ("",) * len(size), int(kept[: problem.n_equal].sum())
+    )
+    answer = projector(np.concatenate([problem.target, np.zeros(len(start))]), listed)
+    if answer is None:
+        return None
+    multipliers = np.zeros(len(kept))
+    multipliers[kept] = answer.multipliers / size
+    return judged(problem, answer.z[:k], start + answer.z[k:] / root, multipliers)
+
+
+def completed(problem: SemiProjection, near: SemiAnswer) -> SemiAnswer:
+    """The optimum itself from a proximal answer, where its active rows lead there; else that answer."""
+    if not np.isfinite(near.gap):
+        return near
+    exact = pursue(problem, near.multipliers > 0.0, near.n)
+    return near if exact is None or exact.gap > near.gap else exact
+
+
+def pursue(problem: SemiProjection, active: NDArray[np.bool_], start: Array) -> SemiAnswer | None:
+    """Solve active rows as equalities, exchange rows by their signs, until multipliers and slacks agree.
+
+    The primal-dual active-set method (Hintermüller, Ito and Kunisch 2003) from a good guess; None where it does
+    not settle, in which case another method has to.
+
+    Args:
+        problem: the problem.
+        active: ``(m,)`` guess of the rows that are active.
+        start: ``(j,)`` the answer's free coordinates are the nearest to it.
+    """
+    active = active.copy()
+    active[: problem.n_equal] = True
+    sizes = problem.sizes
+    for _ in range(_EXCHANGES):
+        answer = _with_active(problem, active, start)
+        if not np.isfinite(answer.gap):
+            return None
+        slack = (problem.counted @ answer.p + problem.free @ answer.n - problem.bound) / sizes
+        load = answer.multipliers * sizes
+        pushed = active & (load < -1e-11 * max(1.0, float(np.abs(load).max(initial=0.0))))
+        pushed[: problem.n_equal] = False
+        broken = ~active & (slack < -_TOUCH)
+        if not pushed.any():
+            if broken.any():
+                answer = _with_room(problem, answer, active) or answer
+            if answer.violation < 10.0 * _TOUCH:
+                return answer
+        active = (active & ~pushed) | broken
+    return None
+
+
+def _with_room(problem: SemiProjection, answer: SemiAnswer, active: NDArray[np.bool_]) -> SemiAnswer | None:
+    """The same ``p`` with free coordinates that meet every row, where there are any."""
+    loaded = active & (answer.multipliers * problem.sizes > 1e-9)
+    loaded[: problem.n_equal] = True
+    space = row_space(problem.free[loaded], _DEPENDENT)
+    rows = problem.free[~loaded] @ space.null
+    length = np.linalg.norm(rows, axis=1)
+    kept = length > _EMPTY
+    bound = (problem.bound - problem.counted @ answer.p - problem.free @ answer.n)[~loaded][kept]
+    listed = LinearConstraints(rows[kept] / length[kept, None], bound / length[kept], ("",) * int(kept.sum()))
+    moved = ActiveSetProjector()(np.zeros(rows.shape[1]), listed)
+    if moved is None:
+        return None
+    return judged(problem, answer.p, answer.n + space.null @ moved.z, answer.multipliers)
+
+
+def _with_active(problem: SemiProjection, active: NDArray[np.bool_], start: Array) -> SemiAnswer:
+    """The optimum with active rows as equalities and no others."""
+    size = problem.sizes[active]
+    counted, free = problem.counted[active] / size[:, None], problem.free[active] / size[:, None]
+    bound = problem.bound[active] / size
+    # Stationarity in n: multipliers are combinations W of rows in which the free coordinates cancel.
+    cancels = row_space(free.T, _DEPENDENT).null
+    reduced = row_space((cancels.T @ counted).T, _DEPENDENT)
+    gap = cancels.T @ (bound - counted @ problem.target)
+    solved = cancels @ (reduced.inverse @ (reduced.inverse.T @ gap))
+    p = problem.target + counted.T @ solved
+    space = row_space(free, _DEPENDENT)
+    n = start + space.inverse @ (space.image.T @ (bound - counted @ p - free @ start))
+    multipliers = np.zeros(len(active))
+    multipliers[active] = solved / size
+    return judged(problem, p, n, multipliers)

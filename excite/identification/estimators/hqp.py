@@ -1,0 +1,442 @@
+"""The hierarchical quadratic program of Jovic et al., IEEE Transactions on Robotics 2016."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.identification.constraints.cones import icosphere_corners, quadratic_rows
+from excite.identification.constraints.linear import LinearConstraints, body_constraints, stack_constraints
+from excite.identification.estimators.estimator import (
+    Estimate,
+    Estimator,
+    SolveStatus,
+    best_feasible,
+    no_solution,
+    plain_models,
+)
+from excite.identification.estimators.hierarchy import HierarchyAnswer, Level, solve_hierarchy
+from excite.identification.estimators.projection import ActiveSetProjector, Projector
+from excite.identification.estimators.scaled_problem import Scaled, scaled_parameters
+from excite.identification.estimators.settings import (
+    BoxSettings,
+    EstimatorSettings,
+    PairSettings,
+    SphereSettings,
+    known_segments,
+    number,
+    shares_by_link,
+)
+from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import Regression, condense_problem, iterate_weights, least_squares
+from excite.robot.robot import Robot
+
+# Each mass stays within a share of its reference (eq. 16 of Jovic et al., T-RO 2016).
+
+
+def masses_in_range(problem: IdentificationProblem, shares: Array) -> LinearConstraints:
+    """``(1 − β) m_ref ≤ m ≤ (1 + β) m_ref`` for each segment.
+
+    Args:
+        problem: the problem; its prior is the reference.
+        shares: β of each segment, ``(n_segments,)``.
+    """
+    n = len(problem.robot.segments)
+    matrix, bound = np.zeros((2 * n, problem.n_params)), np.zeros(2 * n)
+    labels = []
+    for index, segment in enumerate(problem.robot.segments):
+        nominal = problem.prior[10 * index]
+        matrix[2 * index : 2 * index + 2, 10 * index] = 1.0, -1.0
+        bound[2 * index : 2 * index + 2] = (1.0 - shares[index]) * nominal, -(1.0 + shares[index]) * nominal
+        labels += [f"mass_range:{segment.link}"] * 2
+    return LinearConstraints(matrix, bound, tuple(labels))
+
+
+# Left and right masses and moments of inertia differ by a share of each other (eq. 15, Jovic et al. 2016).
+
+_MIRROR = np.diag([1.0, -1.0, 1.0])
+_DIAGONAL = (4, 6, 9)
+
+
+def mirrored_pairs(
+    problem: IdentificationProblem, share: float, free: Collection[int] = ()
+) -> LinearConstraints:
+    """``(1 − α) x_j ≤ x_i ≤ (1 + α) x_j`` and the same with ``i`` and ``j`` exchanged.
+
+    ``x`` are the mass and the three moments of inertia about the axes of the joint frame; those of the left
+    segment are taken about the right segment's axes mirrored at the sagittal (x–z) plane of the base, with
+    the robot in its zero configuration, so that the frames need not be mirror images themselves.
+
+    Args:
+        problem: the problem; its robot says which segments are pairs.
+        share: α.
+        free: segments whose pairs have no rows.
+    """
+    rows: list[Array] = []
+    labels: list[str] = []
+    for index, segment in enumerate(problem.robot.segments):
+        other = segment.pair
+        if other is None or other < index or index in free or other in free:
+            continue
+        mirror = mirrored_parameters(problem.robot, index, other)
+        for place in (0, *_DIAGONAL):
+            left, right = np.zeros(problem.n_params), np.zeros(problem.n_params)
+            left[10 * index : 10 * index + 10] = mirror[place]
+            right[10 * other + place] = 1.0
+            rows += [
+                right - (1.0 - share) * left,
+                (1.0 + share) * left - right,
+                left - (1.0 - share) * right,
+                (1.0 + share) * right - left,
+            ]
+            labels += [f"mirror:{segment.link}"] * 4
+    matrix = np.array(rows) if rows else np.zeros((0, problem.n_params))
+    return LinearConstraints(matrix, np.zeros(len(rows)), tuple(labels))
+
+
+def mirrored_parameters(robot: Robot, left: int, right: int) -> Array:
+    """``(10, 10)``: parameters of a right segment that is the mirror image of a left one.
+
+    With the mirror image ``x ↦ T x`` of homogeneous points the pseudo-inertia becomes ``T J Tᵀ``.
+    """
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
+    a, b = data.oMi[robot.segments[left].joint], data.oMi[robot.segments[right].joint]
+    base = data.oMi[1] if robot.floating else pin.SE3.Identity()
+    a, b = base.actInv(a), base.actInv(b)
+    transform = np.eye(4)
+    transform[:3, :3] = b.rotation.T @ _MIRROR @ a.rotation
+    transform[:3, 3] = b.rotation.T @ (_MIRROR @ a.translation - b.translation)
+    unit = np.vstack([pseudo_inertia_matrices(row)[0][None] for row in np.eye(10)])
+    return np.column_stack([parameters_of_pseudo_inertia(transform @ j @ transform.T) for j in unit])
+
+
+def parameters_of_pseudo_inertia(pseudo: Array) -> Array:
+    """Ten parameters in pinocchio's order of a pseudo-inertia ``(4, 4)``."""
+    sigma = pseudo[:3, :3]
+    inertia = np.trace(sigma) * np.eye(3) - sigma
+    six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return np.concatenate([[pseudo[3, 3]], pseudo[:3, 3], six])
+
+
+# ``vᵀ I v ≥ ε`` on every vector of an icosphere (eq. 13 and 14 of Jovic et al., T-RO 2016), ε absolute.
+#
+# 10 242 vectors and 30 segments make 300 000 rows; they are given in full for checks and as cutting planes,
+# the rows that an answer violates, for solvers.
+
+_CUTS_PER_SEGMENT = 3
+# Vectors of one segment's cuts in one round are at least so different (cosine).
+_SPREAD = 0.98
+_CANDIDATES = 64
+
+
+@dataclass(frozen=True, eq=False)
+class SphereRows:
+    """The rows of eq. (14) for all segments whose parameters are free.
+
+    Attributes:
+        problem: the problem.
+        epsilon: ε [kg·m²].
+        subdivisions: subdivisions of the icosahedron; 5 gives 10 242 vectors.
+    """
+
+    problem: IdentificationProblem
+    epsilon: float
+    subdivisions: int
+
+    @cached_property
+    def vectors(self) -> Array:
+        """The vectors, one of each antipodal pair, which have the same row, ``(n, 3)``."""
+        points = icosphere_corners(self.subdivisions)
+        z, y, x = points[:, 2], points[:, 1], points[:, 0]
+        upper = (z > 0.0) | ((z == 0.0) & ((y > 0.0) | ((y == 0.0) & (x > 0.0))))
+        return np.asarray(points[upper])
+
+    @cached_property
+    def weights(self) -> Array:
+        """Rows on ``Ixx, Ixy, Iyy, Ixz, Iyz, Izz``, ``(n, 6)``."""
+        return quadratic_rows(self.vectors)
+
+    def violations(self, parameters: Array) -> Array:
+        """Largest violation of each segment over all vectors, ``(n_segments,)`` [kg·m²], 0 where it holds."""
+        six = parameters[: self.problem.n_inertial].reshape(-1, 10)[:, 4:]
+        worst = np.maximum(self.epsilon - (six @ self.weights.T).min(axis=1), 0.0)
+        worst[list(self.problem.unmeasured)] = 0.0
+        return np.asarray(worst)
+
+    def cuts(self, parameters: Array, tolerance: float) -> LinearConstraints:
+        """The rows that ``parameters`` violate most, some of each segment; none when all hold.
+
+        Args:
+            parameters: ``(n_params,)``.
+            tolerance: violation that is let pass [kg·m²].
+        """
+        six = parameters[: self.problem.n_inertial].reshape(-1, 10)[:, 4:]
+        values = six @ self.weights.T
+        chosen = []
+        for index in range(len(values)):
+            if index in self.problem.unmeasured or values[index].min() >= self.epsilon - tolerance:
+                continue
+            order = np.flatnonzero(values[index] < self.epsilon - tolerance)
+            order = order[np.argsort(values[index, order], kind="stable")][:_CANDIDATES]
+            chosen += [(index, k) for k in self._spread(order, _SPREAD, _CUTS_PER_SEGMENT)]
+        return self.rows(chosen)
+
+    def _spread(self, order: NDArray[np.int64], cosine: float, most: int) -> list[int]:
+        """The first vectors in an order that are no nearer to each other than a cosine."""
+        kept: list[int] = []
+        for k in order:
+            if len(kept) == most:
+                break
+            if not kept or np.abs(self.vectors[kept] @ self.vectors[k]).max() < cosine:
+                kept.append(int(k))
+        return kept
+
+    def lifted(self, parameters: Array, share: float = 1.01) -> Array:
+        """A copy in which every free inertia is raised by a multiple of the identity until the rows hold.
+
+        Args:
+            parameters: ``(n_params,)``, those of segments that the sensors do not see stay.
+            share: of ε that the rows then have.
+
+        Returns:
+            ``(n_params,)``.
+        """
+        raised = parameters.copy()
+        ten = raised[: self.problem.n_inertial].reshape(-1, 10)
+        values = (ten[:, 4:] @ self.weights.T).min(axis=1)
+        lift = np.maximum(share * self.epsilon - values, 0.0)
+        lift[list(self.problem.unmeasured)] = 0.0
+        ten[:, [4, 6, 9]] += lift[:, None]
+        return raised
+
+    def rows(self, chosen: list[tuple[int, int]]) -> LinearConstraints:
+        """Rows of (segment, vector) pairs."""
+        matrix = np.zeros((len(chosen), self.problem.n_params))
+        labels = []
+        for place, (segment, vector) in enumerate(chosen):
+            matrix[place, 10 * segment + 4 : 10 * segment + 10] = self.weights[vector]
+            labels.append(f"sphere:{self.problem.robot.segments[segment].link}")
+        return LinearConstraints(matrix, np.full(len(chosen), self.epsilon), tuple(labels))
+
+
+# Largest violation of a vector's row that is let pass, as a share of ε.
+_CUT_TOLERANCE = 1e-6
+_VIOLATION = 1e-6
+
+
+@dataclass(frozen=True)
+class HqpSettings(BoxSettings, PairSettings, SphereSettings):
+    """Settings of ``hqp``, of eq. (13) to (16) of Jovic et al. 2016.
+
+    Attributes:
+        sphere_epsilon: the ε of eq. (13), absolute as there.
+        mirror: the α of eq. (15); None leaves the left and right side free.
+        mass_range: the β of eq. (16); there 0.35 for modified segments, 0.05 for others.
+        segment_mass_range: ``mass_range`` of single segments, by link.
+    """
+
+    sphere_epsilon: float = number(0.01, "kg·m²", 0.0, 1e3, "least moment of inertia")
+    mirror: float | None = number(0.1, "1", 0.0, 1.0, "relative left/right difference", optional=True)
+    mass_range: float = number(0.35, "1", 0.0, 1e6, "range of masses about nominal, as share of them")
+    segment_mass_range: Mapping[str, float] = shares_by_link(0.0, 1e6, "mass_range of single segments")
+
+    def mass_ranges(self, robot: Robot) -> Array:
+        """β of eq. (16) for each segment, ``(n_segments,)``; raises UnknownNameError for a link that is none."""
+        known_segments(robot, self.segment_mass_range)
+        return np.array([self.segment_mass_range.get(s.link, self.mass_range) for s in robot.segments])
+
+
+LevelBuilder = Callable[[Regression, HqpSettings, Scaled], tuple[Level, ...]]
+
+
+class HierarchicalProgram(Estimator[HqpSettings]):
+    """Four levels (eq. 7): physical feasibility ≻ symmetry and mass ranges ≻ ``Yφ = f`` ≻ ``φ = φ_ref``.
+
+    The first level is eq. 8–14: masses not negative, total mass, boxes of the centres of mass, ``vᵀ I v ≥ ε``
+    on 10 242 vectors; the second eq. 15 and 16. Two choices differ from the paper: channels are weighted as in
+    ``wls``, and distances to ``φ_ref`` and violations of rows are counted in units of the spreads, since a sum
+    of squares of kilograms and of kg·m² would leave every inertia to chance. Each level is solved by
+    active-set quadratic programs to which violated vectors are added until all 10 242 hold.
+
+    The inertia is taken about the joint frame, as in the paper, so the level does not tie it to mass and
+    centre of mass: some of the bodies that come out cannot exist.
+    """
+
+    name: ClassVar[str] = "hqp"
+    title: ClassVar[str] = "hierarchical quadratic program of Jovic et al. 2016"
+    use: ClassVar[str] = (
+        "people and humanoids on force plates, as in the paper: constraints come before the data, sides mirror each "
+        "other where they are not said to be asymmetric, masses keep a range"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = HqpSettings
+    guarantees: ClassVar[str] = (
+        "no level's least sum of squared violations is made worse for a lower one; level one (masses, total mass, "
+        "boxes, inertias on every vector of the sphere) holds or there is no result; level two holds as far as it "
+        "can; the triangle inequality need not"
+    )
+    exempt: ClassVar[Mapping[str, str]] = {
+        "prediction": "mass ranges come before the data, and an absolute ε is above small segments' own inertia"
+    }
+
+    def __init__(self, projector: Projector | None = None, levels: LevelBuilder | None = None):
+        self._projector = projector
+        self._levels = levels or paper_levels
+
+    def estimate(self, problem: IdentificationProblem, settings: HqpSettings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
+        return self.solve(iterate_weights(condense_problem(problem)), settings)
+
+    def solve(self, rows: Regression, settings: HqpSettings) -> Estimate:
+        """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
+
+        Raises:
+            NoSolutionError: level one cannot be met, or an answer fails its recomputation.
+        """
+        scaled = scaled_parameters(rows, settings)
+        factor = rows.factor
+        matrix = scaled.columns(factor[:, :-1])
+        measured = factor[:, -1] - factor[:, :-1] @ scaled.center
+        levels = self._levels(rows, settings, scaled)
+        start = np.zeros(len(scaled.free))
+        if levels and isinstance(levels[0].family, ScaledSphere):
+            start = levels[0].family.start()
+        answer = solve_hierarchy(levels, matrix, measured, self._projector or ActiveSetProjector(), start)
+        best = self._estimate(rows, settings, scaled, levels, answer)
+        if best.status is not SolveStatus.SOLVED:
+            x = _best_known(rows, settings, scaled, levels, answer.x)
+            status = best.status
+            if x is not None:
+                best = self._estimate(rows, settings, scaled, levels, replace(answer, x=x))
+                # A point that meets level one refutes that there is none.
+                status = SolveStatus.NOT_OPTIMAL if status is SolveStatus.INFEASIBLE else status
+            raise no_solution(status, replace(best, status=status))
+        return best
+
+    def _estimate(
+        self,
+        rows: Regression,
+        settings: HqpSettings,
+        scaled: Scaled,
+        levels: tuple[Level, ...],
+        answer: HierarchyAnswer,
+    ) -> Estimate:
+        """The answer with everything recomputed from the parameters."""
+        problem = rows.problem
+        parameters = scaled.parameters(answer.x)
+        worst: dict[str, float] = {}
+        active: list[str] = []
+        for level in levels:
+            violation = level.constraints.violations(answer.x)
+            slack = level.constraints.matrix @ answer.x - level.constraints.bound
+            for label, value, left in zip(level.constraints.labels, violation, slack, strict=True):
+                kind = label.split(":")[0]
+                worst[kind] = max(worst.get(kind, 0.0), float(value))
+                if left < _VIOLATION:
+                    active.append(label)
+        status = answer.status
+        if status is SolveStatus.SOLVED:
+            status = _recomputed_status(levels, answer, worst)
+        if not np.isfinite(parameters).all():
+            status = SolveStatus.NOT_FINITE
+        weighted = problem.residual(parameters) / rows.std[problem.channel]
+        return Estimate(
+            method=self.name,
+            parameters=parameters,
+            status=status,
+            regression=rows,
+            residual=float(np.sqrt(np.mean(weighted**2))),
+            distance=answer.fit_distance,
+            violations=worst,
+            active=tuple(dict.fromkeys(active)),
+            total_mass=settings.total_mass,
+        )
+
+
+def _best_known(
+    rows: Regression, settings: HqpSettings, scaled: Scaled, levels: tuple[Level, ...], x: Array
+) -> Array | None:
+    """Of points that meet the first level the one that misses the second least, then fits best."""
+    problem, family = rows.problem, levels[0].family if levels else None
+    models = plain_models(problem, body_constraints(rows, settings).linear)
+    if isinstance(family, ScaledSphere):
+        models = [family.sphere.lifted(model) for model in models]
+
+    def violation(point: Array) -> float:
+        worst = max(
+            (float(level.constraints.violations(point).max(initial=0.0)) for level in levels[:1]), default=0
+        )
+        missed = family is not None and len(family.violated(point).bound)
+        return np.inf if missed else worst
+
+    def cost(point: Array) -> tuple[float, ...]:
+        lower = [float(np.linalg.norm(level.constraints.violations(point))) for level in levels[1:]]
+        residual = problem.residual(scaled.parameters(point)) / rows.std[problem.channel]
+        return (*lower, float(np.linalg.norm(residual)))
+
+    free = least_squares(rows.factor, center=scaled.center, scales=scaled.scales)
+    return best_feasible(
+        [scaled.coordinates(model) for model in models], [x, scaled.coordinates(free)], violation, cost
+    )
+
+
+def _recomputed_status(
+    levels: tuple[Level, ...], answer: HierarchyAnswer, worst: dict[str, float]
+) -> SolveStatus:
+    if levels and answer.slacks[0] > _VIOLATION:
+        return SolveStatus.INFEASIBLE
+    for level, reached in zip(levels, answer.slacks, strict=True):
+        left = float(np.linalg.norm(level.constraints.violations(answer.x)))
+        missed = level.family is not None and len(level.family.violated(answer.x).bound)
+        if left > reached + _VIOLATION or missed:
+            return SolveStatus.VIOLATED
+    return SolveStatus.SOLVED
+
+
+def paper_levels(rows: Regression, settings: HqpSettings, scaled: Scaled) -> tuple[Level, ...]:
+    """The two constraint levels of eq. (7): eq. 8–14, and eq. 15 and 16."""
+    problem = rows.problem
+    sphere = SphereRows(problem, settings.sphere_epsilon, settings.sphere_subdivisions)
+    model = body_constraints(rows, settings).linear
+
+    first = Level("feasible", scaled.constraints(model), ScaledSphere(sphere, scaled))
+    parts = [masses_in_range(problem, settings.mass_ranges(problem.robot))]
+    if settings.mirror is not None:
+        parts.append(mirrored_pairs(problem, settings.mirror, settings.free_of_symmetry(problem.robot)))
+    second = Level("plausible", scaled.constraints(stack_constraints(parts, problem.n_params)))
+    return first, second
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledSphere:
+    """The rows of a sphere on scaled parameters, all of unit length.
+
+    Attributes:
+        sphere: the rows in parameters.
+        scaled: the scales.
+    """
+
+    sphere: SphereRows
+    scaled: Scaled
+
+    def start(self) -> Array:
+        """Nominal parameters with inertias raised until all rows hold, ``(n_free,)``."""
+        raised = self.sphere.lifted(self.scaled.center)
+        return ((raised - self.scaled.center) / self.scaled.scales)[self.scaled.free]
+
+    def violated(self, x: Array) -> LinearConstraints:
+        """Some of the rows that ``x`` violates; none when all hold."""
+        tolerance = _CUT_TOLERANCE * self.sphere.epsilon + 1e-12
+        return self.scaled.constraints(self.sphere.cuts(self.scaled.parameters(x), tolerance))

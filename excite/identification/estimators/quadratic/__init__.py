@@ -1,1 +1,0 @@
-"""Estimators by quadratic programs: their solvers, and the hierarchies of levels that they solve."""

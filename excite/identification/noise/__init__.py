@@ -1,1 +1,0 @@
-"""The noise of the equations: its size, its spectrum, the weights that follow."""

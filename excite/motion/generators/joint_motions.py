@@ -1,0 +1,175 @@
+"""Motions of single joints: random positions (Jovic et al. 2015, section II.B), aimed swings, Fourier series."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.motion.generators.curves import FourierCurve, SplineCurve
+from excite.motion.generators.generator import (
+    Candidate,
+    Draws,
+    Generator,
+    SupportPhase,
+    central_range,
+    rest_joints,
+    upper_body,
+)
+from excite.robot.robot import Robot
+
+# Random joint positions, one target joint at a time (Jovic et al. 2015, section II.B).
+
+# Control points: of the many light joints of a standing robot, of an arm that takes a second from one to the next.
+_WAYPOINTS, _ARM_WAYPOINTS = (9, 14), (6, 10)
+_OTHERS = (0.15, 0.7)
+
+
+def posture_draws(robot: Robot, targets: tuple[str, ...], others: Array, first: int, stop: int) -> Draws:
+    """The box for control points: 10–90 % of the range for targets, a part of it about rest for the others.
+
+    Args:
+        robot: the robot.
+        targets: joints that move over 10–90 % of their range.
+        others: share of that range which the other joints use, ``(n_joints,)``.
+        first: index of the first control point that is drawn.
+        stop: index after the last.
+    """
+    lower, upper = central_range(robot)
+    rest = rest_joints(robot)
+    share = np.where(np.isin(robot.joint_names, targets), 1.0, others)
+    share[~upper_body(robot)] = 0.0
+    # Rest may lie outside the central range (a joint resting near its stop): then the box reaches out to it.
+    return Draws(
+        lower=rest + share * (np.minimum(lower, rest) - rest),
+        upper=rest + share * (np.maximum(upper, rest) - rest),
+        first=first,
+        stop=stop,
+    )
+
+
+def posture_curve(robot: Robot, draws: Draws, n_control: int, rng: np.random.Generator) -> SplineCurve:
+    """A spline from rest to rest through drawn control points."""
+    control = np.tile(rest_joints(robot), (n_control, 1))
+    for i in range(draws.first, draws.stop):
+        control[i] = draws.draw(rng)
+    return SplineCurve(control)
+
+
+class RandomJoint(Generator):
+    """Random positions between 10 % and 90 % of the range, run as fast as the limits allow.
+
+    For each degree of freedom in turn there are motions that throw it through its range while the other
+    joints use a random part of theirs. Legs of a standing robot only balance.
+    """
+
+    name: ClassVar[str] = "random_joint"
+    summary: ClassVar[str] = "random positions in 10–90 % of each joint's range, upper body or arm"
+    needs: ClassVar[str] = "all its joints are in legs"
+
+    def applies(self, robot: Robot) -> bool:
+        """For a robot with joints that are in no leg."""
+        return bool(upper_body(robot).any())
+
+    def aims(self, robot: Robot) -> tuple[str, ...]:
+        """Every joint that is in no leg."""
+        return tuple(
+            joint for joint, upper in zip(robot.joint_names, upper_body(robot), strict=True) if upper
+        )
+
+    def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
+        """A spline through random control points, from rest to rest."""
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(*(_WAYPOINTS if robot.feet else _ARM_WAYPOINTS)))
+        others = rng.uniform(*_OTHERS, size=robot.n_joints)
+        draws = posture_draws(robot, targets, others, 3, 3 + n)
+        posture = posture_curve(robot, draws, n + 6, rng)
+        feet = tuple(foot.name for foot in robot.feet)
+        phases = (SupportPhase(0.0, posture.length, feet),) if feet else ()
+        return Candidate(name, self.name, targets, seed, posture, draws=draws, phases=phases)
+
+
+# Finite Fourier series (Ni et al. 2024, section II.B, eq. 8 and 10).
+
+_HARMONICS = 5
+_PERIOD = (4.0, 8.0)
+_FOURIER_OTHERS = (0.3, 1.0)
+
+
+def start_conditions(omega: float, harmonics: int) -> tuple[Array, Array]:
+    """Rows that start at the offset with zero velocity and acceleration: ``C_a a = 0``, ``C_b b = 0``.
+
+    From eq. (8) itself: position ``Σ b_l/(ω l) = 0``, velocity ``Σ a_l = 0``, acceleration ``Σ ω l b_l = 0``.
+    The sums as printed in eq. (10), ``Σ a_l/l``, ``Σ b_l/l`` and ``Σ l a_l``, belong to a series with sine
+    and cosine exchanged and would leave a velocity at the start.
+    """
+    number = np.arange(1, harmonics + 1)
+    return np.ones((1, harmonics)), np.vstack([1.0 / (omega * number), omega * number])
+
+
+def amplitude_scale(a: Array, b: Array, omega: float, position: Array, velocity: Array) -> Array:
+    """Largest factors that keep the sums of amplitudes within limits, eq. (10), ``(dimension,)``.
+
+    Args:
+        a: sine coefficients, ``(dimension, L)`` [rad/s].
+        b: cosine coefficients, ``(dimension, L)`` [rad/s].
+        omega: fundamental angular frequency [rad/s].
+        position: largest excursion from the offset, ``(dimension,)`` [rad].
+        velocity: largest velocity, ``(dimension,)`` [rad/s].
+    """
+    amplitude = np.hypot(a, b)
+    number = np.arange(1, a.shape[1] + 1)
+    reach = (amplitude / number).sum(axis=1) / omega
+    speed = amplitude.sum(axis=1)
+    return np.asarray(np.minimum(position / reach, velocity / speed))
+
+
+class Fourier(Generator):
+    """Fourier series whose coefficients are drawn, then scaled to the limits.
+
+    The offset lies between the rest posture and the middle of each joint's range for an arm, and at rest for
+    the upper body of a standing robot.
+    """
+
+    name: ClassVar[str] = "fourier"
+    summary: ClassVar[str] = "finite Fourier series with random coefficients, upper body or arm"
+
+    def applies(self, robot: Robot) -> bool:
+        """Always."""
+        return True
+
+    def aims(self, robot: Robot) -> tuple[str, ...]:
+        """Every joint that is in no leg."""
+        return tuple(
+            joint for joint, upper in zip(robot.joint_names, upper_body(robot), strict=True) if upper
+        )
+
+    def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
+        """One period of a series with five harmonics; the targets use the whole of their limits."""
+        rng = np.random.default_rng(seed)
+        lower, upper = central_range(robot)
+        rest = rest_joints(robot)
+        moving = upper_body(robot)
+        offset = rest.copy()
+        if not robot.feet:
+            offset = rest + rng.uniform() * (0.5 * (lower + upper) - rest)
+        omega = 2.0 * np.pi / rng.uniform(*_PERIOD)
+        c_a, c_b = start_conditions(omega, _HARMONICS)
+        a = _nullspace_draw(rng, c_a, robot.n_joints)
+        b = _nullspace_draw(rng, c_b, robot.n_joints)
+        reach = np.maximum(np.minimum(offset - lower, upper - offset), 0.05 * (upper - lower))
+        share = rng.uniform(*_FOURIER_OTHERS, size=robot.n_joints)
+        share[np.isin(robot.joint_names, targets)] = 1.0
+        share[~moving] = 0.0
+        factor = share * amplitude_scale(a, b, omega, reach, 0.8 * robot.limits.velocity)
+        curve = FourierCurve(offset, factor[:, None] * a, factor[:, None] * b, omega)
+        feet = tuple(foot.name for foot in robot.feet)
+        phases = (SupportPhase(0.0, curve.length, feet),) if feet else ()
+        return Candidate(name, self.name, targets, seed, curve, speed=1.0, phases=phases)
+
+
+def _nullspace_draw(rng: np.random.Generator, rows: Array, count: int) -> Array:
+    """Normal draws, projected onto the null space of ``rows``: ``(count, L)``."""
+    draws = rng.standard_normal((count, rows.shape[1]))
+    return draws - draws @ np.linalg.pinv(rows) @ rows

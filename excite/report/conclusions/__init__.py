@@ -1,1 +1,0 @@
-"""What a folder comes to, one file a kind of result."""

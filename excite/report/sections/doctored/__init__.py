@@ -1,1 +1,0 @@
-"""Sections of the page of a log that was looked through."""

@@ -1,0 +1,1 @@
+"""A first description of a robot of one's own."""

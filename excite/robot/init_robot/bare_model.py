@@ -1,0 +1,406 @@
+"""A bare model as its files tell it: which joints are left to move, which are held still, and its geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from pydantic import ValidationError
+
+from excite.errors import RobotError
+from excite.reading.documents import read_xml
+from excite.robot.description import RobotDescription
+from excite.robot.init_robot.first_guesses import (
+    MASSLESS,
+    TOO_WEAK,
+    Held,
+    JointGuess,
+    guess_joints,
+    held_joints,
+    nearest_to_zero,
+)
+from excite.robot.init_robot.limbs import Figure
+from excite.robot.init_robot.model_metadata import Said
+from excite.robot.loading import build_robot
+from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_shapes, robot_reach
+from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.stand_ins import box_shapes, links_lacking_geometry, links_without_shape
+from excite.robot.urdf.inertia import check_weights, inertial_faults
+from excite.robot.urdf.limits import stated_ranges
+from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
+from excite.robot.urdf.tree import MOVING, check_tree
+
+# A robot whose description is not complete yet, built with stand-ins for what only a person can say.
+
+# Distance that links keep [m]: what hulls of a hundredth more than their meshes leave of clearances in arms of 1 m.
+APART = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class WithGeometry:
+    """A robot, and what collision geometry could be built.
+
+    Attributes:
+        robot: the robot.
+        kind: ``collision``, ``visual``, or ``either`` where some links have the second alone; None where nothing
+            can be built.
+        fault: why not of all links, None where one can.
+        lacking: links whose geometry cannot be built in whole or in part.
+    """
+
+    robot: Robot
+    kind: str | None
+    fault: str | None
+    lacking: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """Builds a robot with stand-ins for what a person has not said yet.
+
+    Its loops are closed from ``posture``, the model's own [rad or m]: where all joints are at zero they may fold or
+    stretch, and no motor determines what they do.
+    """
+
+    path: Path
+    free: tuple[JointGuess, ...]
+    locked: dict[str, float]
+    faults: tuple[str, ...]
+    margin: float
+    tied: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    apart: float = APART
+    posture: Mapping[str, float] = field(default_factory=dict)
+
+    def with_geometry(self) -> WithGeometry:
+        """The robot with the first kind of geometry that can be built, or without any."""
+        reasons = []
+        for kind in ("collision", "visual"):
+            robot = self.robot(kind)
+            try:
+                shapes = collision_shapes(robot)
+            except RobotError as error:
+                file = self.path.name if error.source is None else Path(str(error.source)).name
+                of_mesh = "" if file == self.path.name else f"{file}: "
+                reasons.append(f"{kind}: {of_mesh}{error.what}")
+                continue
+            if not any(shape.joint for shape in shapes):
+                # Nothing would be checked: no shape moves.
+                reasons.append(f"{kind}: none on a link that moves")
+                continue
+            return self._filled(WithGeometry(robot, kind, None), shapes)
+        return self._piecewise("; ".join(reasons))
+
+    def _piecewise(self, fault: str) -> WithGeometry:
+        """The same, each link with what can be built of it; ``fault`` says why that is not all."""
+        lacking = links_lacking_geometry(self.robot("either"))
+        robot = self.robot("either", stand_ins=lacking)
+        try:
+            collision_shapes(robot)
+        except RobotError:
+            return WithGeometry(self.robot("authored"), None, fault)
+        return WithGeometry(robot, "either", fault, lacking)
+
+    def _filled(self, found: WithGeometry, shapes: tuple[Shape, ...]) -> WithGeometry:
+        """The same with what is drawn of links that have no ``collision``, if it can be built."""
+        if found.kind != "collision":
+            return found
+        robot = self.robot("either")
+        try:
+            more = len(collision_shapes(robot)) > len(shapes)
+        except RobotError:
+            return found
+        return WithGeometry(robot, "either", None) if more else found
+
+    def _rest(self) -> dict[str, float]:
+        """The model's own posture, as far as its limits let it."""
+        ends = {g.name: g.position or (-np.inf, np.inf) for g in self.free if g.name in self.posture}
+        return {
+            name: float(np.clip(self.posture[name], low + self.margin, high - self.margin))
+            for name, (low, high) in ends.items()
+        }
+
+    def robot(
+        self, geometry: str, shapes: Sequence[dict[str, Any]] = (), stand_ins: Sequence[str] = ()
+    ) -> Robot:
+        """The robot with geometry of one kind, and authored ``shapes``, those of links in ``stand_ins`` for theirs."""
+        said = "stand-in"
+        one = {"default": 1.0, "source": said}
+        content = {
+            "schema": "excite.robot/1",
+            "name": said,
+            "title": said,
+            "model": {
+                "path": str(self.path.resolve()),
+                "acknowledged": dict.fromkeys(self.faults, said),
+                "source": said,
+            },
+            "base": "fixed",
+            "locked_joints": self.locked,
+            **self.tied,
+            "posture": {"joints": self._rest() if self.tied else {}, "base_height": 0.0, "source": said},
+            "limits": {
+                "position": {
+                    "joints": {g.name: (-np.pi, np.pi) for g in self.free if g.position is None},
+                    "margin": self.margin,
+                    "source": said,
+                },
+                **{name: one for name in ("velocity", "acceleration", "jerk")},
+                # A joint without a torque limit is given one later that carries its load in any posture.
+                "torque": {"joints": {g.name: g.torque or 1e9 for g in self.free}, "source": said},
+            },
+            "sensors": {
+                "rate_hz": 1.0,
+                "noise_position": 0.0,
+                "joint_torque": "link_side",
+                "source": said,
+            },
+            "controller": {"kp": one, "kd": one},
+            "collision": {
+                "geometry": geometry,
+                "shapes": list(shapes),
+                "stand_ins": list(stand_ins),
+                "margin": self.apart,
+                "table_height": None,
+                "source": said,
+            },
+        }
+        try:
+            description = RobotDescription.model_validate(content)
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(str(part) for part in first["loc"])
+            what = f"cannot be described: {place} {first['msg']}"
+            raise RobotError(
+                what, source=self.path, remedy="correct the model, or rename its file"
+            ) from error
+        return build_robot(description, self.path)
+
+
+# Distance that links keep, of the longest limb's length: 10 mm in arms of a third of a metre and more. Where servos
+# give way as much as a first description assumes, links come nearer to each other than planned by 0.04 to 2.3 % of that
+# length: replays of chosen motions of 13 robots with limbs of 0.17 to 2.8 m (Allegro, SO-101, Minitaur, Bolt, UR5,
+# Romeo, …) that weigh 15 % more than their models. The 10 mm are what the bundled arms keep, not what these replays ask
+# for: pairs of links came up to 16 mm (UR5) and 39 mm (Alexander) nearer, wherever they were.
+_APART_SHARE = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class BareModel:
+    """A model without a description.
+
+    Attributes:
+        path: the URDF.
+        root: its XML.
+        joints: its joints' XML by name; those that are held are fixed there.
+        free: joints left to move, in the robot's order.
+        held: joints that are held still, by name.
+        moving: blocks ``loops`` and ``couplings`` of which no joint is held.
+        margin: to the position limits [rad or m].
+        geometry: which collision geometry could be built.
+        authored: boxes in place of that of links where none could.
+        figure: the robot, with stand-ins for what a person has to say.
+        faults: what is wrong with links' inertia, on a base that is free (True) or not.
+        ranged: joints left to move that the file calls continuous, though it states their range.
+    """
+
+    path: Path
+    root: Any
+    joints: dict[str, Any]
+    free: tuple[JointGuess, ...]
+    held: dict[str, Held]
+    moving: dict[str, list[dict[str, Any]]]
+    margin: float
+    geometry: WithGeometry
+    authored: list[dict[str, Any]]
+    figure: Figure
+    faults: dict[bool, dict[str, str]]
+    ranged: tuple[str, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of ``figure``."""
+        return self.figure.robot
+
+    @property
+    def locked(self) -> dict[str, float]:
+        """Where joints are held [rad or m]."""
+        return {name: one.value for name, one in self.held.items()}
+
+
+def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
+    """Read a URDF without a description.
+
+    Args:
+        path: the URDF.
+        said: what another format said beside it.
+        weak: joints that are held still because their drives are too weak, and where [rad or m].
+
+    Raises:
+        RobotError: the URDF is missing or absurd in a way that no description can mend, or nothing in it moves.
+    """
+    root = parse_urdf(path)
+    ranges = stated_ranges(read_xml(path, error=RobotError, max_depth=MAX_NESTING), path)
+    joints = check_tree(root, path)
+    guesses = guess_joints(joints, path)
+    together = tied_blocks(joints, said.loops, said.couplings)
+    held = held_joints(root, joints, guesses, together.joints, together.closing)
+    held |= {name: Held(value, TOO_WEAK) for name, value in weak.items()}
+    held |= together.holding(held, guesses)
+    still_names = _with_followers(held, guesses)
+    free = tuple(guess for guess in guesses if guess.name not in still_names)
+    if not free:
+        raise _nothing_moves(held, path)
+    for name, joint in joints.items():
+        # As they will be read: what is held moves nothing, and no fault of its inertia matters.
+        if name in still_names:
+            joint.set("type", "fixed")
+    faults = {floating: _inertial_faults(root, joints, floating, path) for floating in (False, True)}
+    locked = {name: one.value for name, one in held.items()}
+    moving, margin = together.moving(held), _position_margin(free)
+    stand_in = StandIn(path, free, locked, tuple(faults[False]), margin, moving, posture=said.posture or {})
+    geometry = stand_in.with_geometry()
+    apart = _link_distance(geometry.robot)
+    if apart < stand_in.apart:
+        stand_in = replace(stand_in, apart=apart)
+        geometry = stand_in.with_geometry()
+    robot = geometry.robot
+    check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
+    order = {name: index for index, name in enumerate(robot.joint_names)}
+    free = tuple(sorted(free, key=lambda guess: order[guess.name]))
+    lacking = tuple(dict.fromkeys((*geometry.lacking, *links_without_shape(robot))))
+    authored = box_shapes(robot, lacking)
+    if lacking:
+        robot = stand_in.robot(geometry.kind or "authored", authored, lacking)
+    figure = Figure(robot)
+    ranged = tuple(guess.name for guess in free if guess.name in ranges)
+    return BareModel(
+        path, root, joints, free, held, moving, margin, geometry, authored, figure, faults, ranged
+    )
+
+
+def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
+    """What to say of a model none of whose joints is left to move."""
+    if held and all(one.why == MASSLESS for one in held.values()):
+        what, remedy = (
+            "states no masses, and has no geometry at hand to guess them from",
+            "add <inertial> to its links, or give --package-path FOLDER, where its meshes are",
+        )
+        return RobotError(what, source=path, remedy=remedy)
+    named = ", ".join(list(held)[:3])
+    remedy = f"state limits that let {named} move" if held else "describe at least one"
+    return RobotError("has no joint that moves", source=path, remedy=remedy)
+
+
+def _with_followers(held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> set[str]:
+    """Names of joints that are held, and of those that follow them."""
+    names = set(held)
+    while more := {guess.name for guess in guesses if guess.follows in names} - names:
+        names |= more
+    return names
+
+
+def _inertial_faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> dict[str, str]:
+    return {name: error.what for name, error in inertial_faults(root, joints, floating, path).items()}
+
+
+def _position_margin(free: tuple[JointGuess, ...]) -> float:
+    """Margin to the position limits, small against the shortest range [rad or m]."""
+    shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
+    return min(0.03, float(f"{0.05 * shortest:.1g}"))
+
+
+def _link_distance(robot: Robot) -> float:
+    """Distance that links keep, small against the longest limb [m]."""
+    shapes = collision_shapes(robot) if robot.description.collision.geometry != "authored" else ()
+    longest = robot_reach(robot.model, shapes, from_base=False)
+    return min(APART, float(f"{_APART_SHARE * longest:.1g}")) if longest > 0.0 else APART
+
+
+# Joints of a bare model that move together: which of its loops and couplings stay when joints are held still.
+
+
+@dataclass(frozen=True, eq=False)
+class Tied:
+    """Loops and couplings as blocks of a ``robot.yaml``, with the joints that each moves.
+
+    Attributes:
+        loops: ``(block, names of its joints)`` each.
+        couplings: the same.
+    """
+
+    loops: tuple[tuple[Mapping[str, Any], frozenset[str]], ...] = ()
+    couplings: tuple[tuple[Mapping[str, Any], frozenset[str]], ...] = ()
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """All joints that it moves."""
+        return frozenset().union(*(names for _, names in (*self.loops, *self.couplings)))
+
+    @property
+    def closing(self) -> frozenset[str]:
+        """Joints of its loops alone."""
+        return frozenset().union(*(names for _, names in self.loops))
+
+    def groups(self) -> list[frozenset[str]]:
+        """Joints that loops and couplings with joints in common move together."""
+        found: list[frozenset[str]] = []
+        for _, names in (*self.loops, *self.couplings):
+            touched = [group for group in found if group & names]
+            found = [group for group in found if not group & names]
+            found.append(names.union(*touched))
+        return found
+
+    def holding(self, held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> dict[str, Held]:
+        """What is held besides: of joints that move together all where one is, each where its model rests."""
+        rests = {guess.name: nearest_to_zero(guess) for guess in guesses}
+        more: dict[str, Held] = {}
+        for group in self.groups():
+            if group & set(held):
+                more |= {
+                    name: Held(rests[name], "it moves with a joint that is held")
+                    for name in sorted(group - set(held))
+                    if name in rests
+                }
+        return more
+
+    def moving(self, held: Mapping[str, Held]) -> dict[str, list[dict[str, Any]]]:
+        """Blocks ``loops`` and ``couplings`` of which no joint is held; nothing where there are none."""
+        blocks = {"loops": self.loops, "couplings": self.couplings}
+        kept = {
+            field: [dict(block) for block, names in found if not names & set(held)]
+            for field, found in blocks.items()
+        }
+        return {field: found for field, found in kept.items() if found}
+
+
+def tied_blocks(
+    joints: dict[str, ElementTree.Element],
+    loops: tuple[Mapping[str, Any], ...],
+    couplings: tuple[Mapping[str, Any], ...],
+) -> Tied:
+    """What blocks of a ``robot.yaml`` tie together in a URDF with these joints."""
+    carriers = {}
+    for name, joint in joints.items():
+        parent, child = (str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
+        carriers[child] = (name, parent)
+
+    def chain(link: str) -> set[str]:
+        found = set()
+        while link in carriers:
+            name, link = carriers[link]
+            if joints[name].get("type") in MOVING:
+                found.add(name)
+        return found
+
+    return Tied(
+        tuple(
+            (block, frozenset(chain(block["ends"][0]["link"]) ^ chain(block["ends"][1]["link"])))
+            for block in loops
+        ),
+        tuple((block, frozenset(block["joints"])) for block in couplings),
+    )

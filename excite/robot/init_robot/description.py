@@ -1,0 +1,348 @@
+"""A first ``robot.yaml`` for a URDF of one's own: complete and careful, with what was assumed said in it."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import pinocchio as pin
+import yaml
+
+from excite.arrays import Array
+from excite.display import span
+from excite.robot.description import Assumed
+from excite.robot.init_robot import assumed_numbers as numbers
+from excite.robot.init_robot.bare_model import BareModel, bare_model
+from excite.robot.init_robot.first_guesses import (
+    FRICTION,
+    JointGuess,
+    assumed_structure,
+    guess_pairs,
+    joint_inertias,
+)
+from excite.robot.init_robot.limbs import Figure
+from excite.robot.init_robot.model_metadata import Said
+from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
+from excite.robot.robot import Robot
+from excite.robot.shapes.collision import TABLE, ground_height, links_below
+from excite.robot.urdf.tree import MAX_NAME
+
+AS_IT_IS = "as the model has it"
+"""How the reason begins with which a first description takes a fault of a link's inertia that no person accepted."""
+
+
+def scaffold_description(
+    urdf_path: str | Path,
+    folder: str | Path | None = None,
+    *,
+    seed: int = 0,
+    floating: bool | None = None,
+    said: Said | None = None,
+    absolute: bool = False,
+) -> str:
+    """Text of a ``robot.yaml`` for a URDF: complete, with what had to be assumed under ``assumed``.
+
+    Args:
+        urdf_path: the URDF.
+        folder: folder that the text will be written to; the URDF's own by default.
+        seed: seed of the random postures behind inertia, rest and collision pairs.
+        floating: whether the base is free; found from the limbs where None.
+        said: what another format said beside the URDF.
+        absolute: whether the URDF is named by its whole path.
+
+    Returns:
+        YAML text.
+
+    Raises:
+        RobotError: the URDF is missing or absurd in a way that no description can mend.
+    """
+    content = draft_description(Path(urdf_path), folder, np.random.default_rng(seed), said or Said(floating))
+    if absolute:
+        content["model"]["path"] = str(Path(urdf_path).resolve())
+    head = (
+        "# A first description, derived from the model. What no file said stands under assumed, with what follows\n"
+        "# from it; each block says its source. Correct what you know better, and take out of assumed what is then\n"
+        "# not assumed any more: pages repeat that list as it stands here.\n"
+    )
+    return head + str(
+        yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+    )
+
+
+def draft_description(
+    path: Path,
+    folder: str | Path | None,
+    rng: np.random.Generator,
+    said: Said,
+    weak: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
+    """The content of a first ``robot.yaml``; arguments and errors as for :func:`scaffold_description`.
+
+    Joints in ``weak`` are held still where it says [rad or m].
+    """
+    weak = weak or {}
+    model = bare_model(path, said, weak)
+    rest = find_rest(model.figure, _wanted_posture(model.robot, said.posture), said, rng)
+    more_weak = weak_joints(model.figure, rest)
+    if more_weak and len(more_weak) < len(model.free):
+        return draft_description(path, folder, rng, said, {**weak, **more_weak})
+    content = _description_content(model, rest, Path(folder or path.parent), rng, said.armature)
+    content["assumed"] = [*(one.model_dump() for one in said.assumed), *content["assumed"]]
+    return content
+
+
+def _description_content(
+    model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator, armature: Mapping[str, float]
+) -> dict[str, Any]:
+    """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
+    robot, path, stands = model.robot, model.path, rest.base == "floating"
+    rotors = {n: armature[n] for n in robot.joint_names if n in armature}
+    made = Values.of(robot, model.free, rest, float(model.figure.beyond[0]), rng, rotors)
+    slides = {name for name, joint in model.joints.items() if joint.get("type") == "prismatic"}
+    limits, more = made.limits(slides)
+    sensors, noise = numbers.guess_sensors(
+        made.torque, _base_link(model.root, model.joints) if stands else None
+    )
+    ground = None
+    if not stands:
+        held_up = rest.base == "held"
+        ground = ground_height(model.figure.model, model.figure.shapes, rest.q, held_up=held_up)
+    unlimited = tuple(g.name for g in model.free if g.position is None)
+    structure = assumed_structure(
+        model.held,
+        model.faults[stands],
+        model.geometry.fault,
+        rest,
+        ground,
+        model.figure,
+        model.ranged,
+        unlimited,
+    )
+    more += numbers.uncounted_friction(model.joints, model.free, made.torque)
+    controller, stiff = made.controller()
+    joints = {n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6}
+    pairs = [list(pair) for pair in guess_pairs(robot)]
+    content: dict[str, Any] = {
+        "schema": "excite.robot/1",
+        "name": path.stem[:MAX_NAME],
+        "title": model.root.get("name", "") or path.stem,
+        "model": _model_block(path, folder, model.faults[stands]),
+        "base": rest.base,
+        **({"locked_joints": model.locked} if model.held else {}),
+        **model.moving,
+        "posture": {"joints": joints, "source": rest.source},
+        "limits": {"position": _position_block(model.free, model.margin), **limits},
+        **({"feet": made.feet()} if stands else {}),
+        "sensors": sensors,
+        "controller": controller,
+        **({"drives": {"armature": _armature_block(rotors)}} if rotors else {}),
+        **({"segments": {"pairs": pairs}} if pairs else {}),
+        "collision": _collision_block(model, rest, ground),
+        "assumed": [one.model_dump() for one in (*structure, *rest.assumed, *more, *stiff, *noise)],
+    }
+    follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
+    drives = content.get("drives", {}).values()
+    for block in (*limits.values(), sensors.get("noise_torque"), *controller.values(), *drives):
+        if isinstance(block, dict) and "joints" in block:
+            block["joints"] = {name: value for name, value in block["joints"].items() if name not in follow}
+    return content
+
+
+def _model_block(path: Path, folder: Path, faults: dict[str, str]) -> dict[str, Any]:
+    """The block ``model``: where the file is, seen from a folder, and what is wrong with it."""
+    taken = {"acknowledged": {k: f"{AS_IT_IS}: {v}" for k, v in faults.items()}} if faults else {}
+    where = os.path.relpath(path.resolve(), folder.resolve())
+    return {"path": where, **taken, "source": f"the file {path.name}"}
+
+
+def _armature_block(rotors: Mapping[str, float]) -> dict[str, Any]:
+    """The block ``drives.armature`` of joints whose rotor inertia the model states [kg·m² or kg]."""
+    joints = {name: float(f"{value:.6g}") for name, value in rotors.items()}
+    return {"joints": joints, "source": "the model's armature"}
+
+
+def _collision_block(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:
+    """The block ``collision``; ``ground`` is the table's height [m], None for a robot that stands on it."""
+    block = model.robot.description.collision
+    built = "convex hulls of the model's geometry" if model.geometry.kind else ""
+    boxes = "boxes of the links' inertia where there is none" if block.stand_ins else ""
+    shapes = ", ".join(filter(None, (built, boxes)))
+    near = [{"links": list(pair), "distance": distance} for pair, distance in rest.near.items()]
+    return {
+        "geometry": model.geometry.kind or "authored",
+        **({"shapes": model.authored} if model.authored else {}),
+        **({"stand_ins": list(block.stand_ins)} if block.stand_ins else {}),
+        "margin": block.margin,
+        **({} if ground is None else {"table_height": round(ground, 4)}),
+        **({"near_pairs": near} if near else {}),
+        "ignored_pairs": [list(p) for p in _ignored_pairs_of(rest, model.figure, ground)],
+        "source": f"{shapes}; pairs computed by excite.robot.shapes.collision",
+    }
+
+
+def _position_block(free: tuple[JointGuess, ...], margin: float) -> dict[str, Any]:
+    unlimited = {g.name: [-3.1416, 3.1416] for g in free if g.position is None}
+    said = "the model's, less a margin" + (", half a turn either way where it has none" if unlimited else "")
+    return {**({"joints": unlimited} if unlimited else {}), "margin": margin, "source": said}
+
+
+def _wanted_posture(robot: Robot, posture: Mapping[str, float] | None) -> Array:
+    """The posture that the model states, else the one nearest to zero that keeps a tenth of the range free."""
+    limits = robot.limits
+    room = 0.1 * (limits.position_upper - limits.position_lower)
+    zero = np.clip(np.zeros(robot.n_joints), limits.position_lower + room, limits.position_upper - room)
+    if posture is None:
+        return zero
+    stated = np.array([posture.get(name, zero[i]) for i, name in enumerate(robot.joint_names)])
+    return np.clip(stated, limits.position_lower + 0.2 * room, limits.position_upper - 0.2 * room)
+
+
+def _base_link(root: Any, joints: dict[str, Any]) -> str:
+    children = {str(joint.find("child").get("link")) for joint in joints.values()}
+    return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in children)
+
+
+def _ignored_pairs_of(rest: Rest, figure: Figure, ground: float | None) -> list[tuple[str, str]]:
+    margin = figure.robot.description.collision.margin
+    below = [] if ground is None else links_below(figure.model, figure.shapes, rest.q, ground, margin)
+    return [*rest.ignored, *((link, TABLE) for link in below)]
+
+
+# Blocks of a first description that follow from the robot, its rest and its model's limits.
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """What the numbers of a description follow from.
+
+    Attributes:
+        robot: without limits and feet.
+        free: what the model says of each joint that can be believed.
+        rest: the posture, with what stands on the ground in it.
+        mass: of the whole [kg].
+        inertia: ``(n_joints,)`` the largest at each joint [kg·m² or kg].
+        loads: ``(n_joints,)`` torques that hold the weight [N·m or N].
+        assumed: torque limits that the model does not state [N·m or N].
+        said: what was assumed for them.
+    """
+
+    robot: Robot
+    free: tuple[JointGuess, ...]
+    rest: Rest
+    mass: float
+    inertia: Array
+    loads: Array
+    assumed: dict[str, float]
+    said: list[Assumed]
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        free: tuple[JointGuess, ...],
+        rest: Rest,
+        mass: float,
+        rng: np.random.Generator,
+        rotors: Mapping[str, float],
+    ) -> Self:
+        """The values of a robot of that mass [kg]; ``rng`` draws the postures in which joints are looked at.
+
+        ``rotors`` are the drives' own inertias by joint, which their torques turn too [kg·m² or kg].
+        """
+        own = np.array([rotors.get(name, 0.0) for name in robot.joint_names])
+        inertia, legs, weight = joint_inertias(robot, rng) + own, _leg_contacts(robot, rest), 9.81 * mass
+        free = numbers.drop_unbelievable_limits(free, weight)
+        loads = numbers.weight_loads(robot, rng, legs, weight if legs else 0.0)
+        assumed, said = numbers.torque_limits(robot, free, loads, inertia)
+        return cls(robot, free, rest, mass, inertia, loads, assumed, said)
+
+    @property
+    def torque(self) -> dict[str, float]:
+        """Torque limit of each joint, assumed where the model states none [N·m or N]."""
+        return {g.name: self.assumed.get(g.name, g.torque or 1.0) for g in self.free}
+
+    def limits(self, slides: set[str]) -> tuple[dict[str, Any], list[Assumed]]:
+        """The block ``limits`` of a description, and what was assumed for it; ``slides`` are joints along an axis."""
+        velocities, more = numbers.velocity_limits(self.free, slides)
+        accelerations = numbers.guess_accelerations(self.free, self.inertia)
+        block: dict[str, Any] = {}
+        for name, values in (("velocity", velocities), ("torque", self.assumed)):
+            if values:
+                block[name] = {
+                    "joints": values,
+                    "source": "assumed for joints whose limit the model does not state",
+                }
+        block["acceleration"] = {
+            "joints": accelerations,
+            "source": "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²",
+        }
+        block["jerk"] = {
+            "joints": {g.name: min(20.0 * accelerations[g.name], g.jerk or math.inf) for g in self.free},
+            "source": "so that full acceleration takes 0.05 s to build up",
+        }
+        low, high = min(accelerations.values()), max(accelerations.values())
+        rule = Assumed(
+            what="acceleration limits",
+            value=f"{span(f'{low:g}', f'{high:g}')} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
+            consequence="motions may be slower than the robot allows, or faster than its maker does",
+        )
+        low, high = 20.0 * low, 20.0 * high
+        jerk = Assumed(
+            what="jerk limits",
+            value=f"{span(f'{low:g}', f'{high:g}')} rad/s³ or m/s³, full acceleration within 0.05 s",
+            consequence="motions may start and turn softer than the robot has to, or harder than its maker lets it",
+        )
+        return block, [*self.said, *more, rule, jerk]
+
+    def feet(self) -> list[dict[str, Any]]:
+        """The block ``feet``: sole, radius and friction of each."""
+        feet = []
+        for foot in self.rest.feet:
+            sole = [[round(float(x), 5) + 0.0 for x in corner] for corner in foot.sole]
+            kind = {1: "point", 2: "edge"}.get(len(sole), "polygon")
+            feet.append(
+                {
+                    "name": foot.link,
+                    "link": foot.link,
+                    "sole": sole,
+                    **({"radius": foot.radius} if foot.radius else {}),
+                    "friction": FRICTION,
+                    "source": f"{kind} where the link's geometry is lowest in the posture above; friction assumed",
+                }
+            )
+        return feet
+
+    def controller(self) -> tuple[dict[str, Any], list[Assumed]]:
+        """The block ``controller``, gains of a servo at each joint, and what was assumed for it."""
+        legs = _leg_contacts(self.robot, self.rest)
+        found = numbers.guess_gains(self.robot, self.inertia, self.loads, legs, self.mass)
+        said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
+        if any(not tip.any() for tip in legs.values()):
+            said += ", legs on soles twenty times stiffer than what topples the robot"
+        block = {name: {"joints": values, "source": said} for name, values in found.items()}
+        if not legs:
+            return block, []
+        of_legs = [found["kp"][self.robot.joint_names[joint - 1]] for joint in legs]
+        size = " … ".join(f"{value:g}" for value in sorted({min(of_legs), max(of_legs)}))
+        stiff = Assumed(
+            what="servo gains",
+            value=f"kp {size} N·m/rad at the ends of the legs, as stiff as geared position servos are",
+            consequence="motions are rehearsed with them, without feedback of balance: a robot with softer servos "
+            "may fall where this one stands: state controller.kp and kd",
+        )
+        return block, [stiff]
+
+
+def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
+    """Where weight meets each leg, in the frame of the joint at its end: a point foot's point, a sole's ankle."""
+    places = {}
+    for joint, foot in zip(rest.legs, rest.feet, strict=True):
+        link = robot.model.frames[robot.model.getFrameId(foot.link, pin.BODY)].placement
+        narrow = len(foot.sole) < 3
+        places[joint] = np.asarray(link.act(np.mean(foot.sole, axis=0))) if narrow else np.zeros(3)
+    return places

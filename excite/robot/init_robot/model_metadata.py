@@ -1,0 +1,180 @@
+"""What the file of a model states beside the URDF made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from excite.errors import RobotError
+from excite.robot.description import Assumed
+from excite.robot.shapes.link_shapes import origin_of, solid_shape
+from excite.robot.shapes.mesh_files import read_meshes
+from excite.robot.shapes.shape import coal_geometry
+from excite.robot.shapes.stand_ins import DENSITY
+from excite.robot.urdf.reading import find_mesh
+
+# What a model's file says beside the URDF made of it.
+
+
+@dataclass(frozen=True)
+class Said:
+    """What another format said that a URDF cannot.
+
+    Attributes:
+        floating: whether the base is free, None where the file does not say.
+        posture: joint values of a keyframe at which the robot rests [rad or m].
+        ignored: pairs of links that may touch.
+        loops: blocks ``loops`` of a ``robot.yaml``.
+        couplings: blocks ``couplings`` of one.
+        assumed: what was assumed to make the URDF.
+        armature: rotor inertia by joint [kg·m² or kg].
+    """
+
+    floating: bool | None = None
+    posture: Mapping[str, float] | None = None
+    ignored: tuple[tuple[str, str], ...] = ()
+    loops: tuple[Mapping[str, Any], ...] = ()
+    couplings: tuple[Mapping[str, Any], ...] = ()
+    assumed: tuple[Assumed, ...] = ()
+    armature: Mapping[str, float] = field(default_factory=dict)
+
+
+# How a model file is to be read.
+
+
+@dataclass(frozen=True)
+class Source:
+    """How a model file is to be read.
+
+    Attributes:
+        srdf: a file of allowed collisions beside it, or None.
+        package_path: folders in which packages lie, beside those above the model and ``$ROS_PACKAGE_PATH``.
+        arguments: of a xacro file, by name.
+        limits: a file of joint limits of MoveIt's kind, or None.
+    """
+
+    srdf: Path | None = None
+    package_path: tuple[Path, ...] = ()
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    limits: Path | None = None
+
+
+_READ_BY: ContextVar[Source | None] = ContextVar("read_by", default=None)
+
+
+@contextmanager
+def models_read_by(source: Source) -> Iterator[None]:
+    """Within it, models are read as ``source`` says where :func:`~excite.robot.load.load_robot` is not told."""
+    token = _READ_BY.set(source)
+    try:
+        yield
+    finally:
+        _READ_BY.reset(token)
+
+
+def model_source() -> Source:
+    """How models are read where :func:`~excite.robot.load.load_robot` is not told."""
+    return _READ_BY.get() or Source()
+
+
+# Masses in place of those that a model does not state: its links' geometry at the density of robots.
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A URDF with masses that its file did not state, and what was assumed for them."""
+
+    text: str
+    assumed: Assumed
+
+
+def weigh_links(root: ElementTree.Element, path: Path) -> Weighed | None:
+    """A URDF's text with masses from its geometry; None where it states some, or has no geometry that can be read.
+
+    Args:
+        root: its ``robot`` element, which is given the inertials.
+        path: the file, from which its meshes are found.
+    """
+    if states_mass(root):
+        return None
+    whole = 0.0
+    for link in root.findall("link"):
+        inertia = _of_geometry(link, path)
+        if inertia is None:
+            continue
+        for old in link.findall("inertial"):
+            link.remove(old)
+        link.append(_inertial_element(inertia))
+        whole += inertia.mass
+    if whole <= 0.0:
+        return None
+    assumed = Assumed(
+        what="masses",
+        value=f"{whole:.3g} kg in all, {DENSITY:.0f} kg/m³ of the links' convex hulls",
+        consequence="right within a factor of two, as predicted torques are: state <inertial>, or begin slowly",
+    )
+    return Weighed(ElementTree.tostring(root, encoding="unicode"), assumed)
+
+
+def states_mass(root: ElementTree.Element) -> bool:
+    """Whether any link of a URDF has a mass."""
+    return any(_states_mass(link) for link in root.findall("link"))
+
+
+def _states_mass(link: ElementTree.Element) -> bool:
+    mass = link.find("inertial/mass")
+    try:
+        return mass is not None and float(mass.get("value", "0")) != 0.0
+    except ValueError:
+        # Refused, with its place, where inertials are checked.
+        return True
+
+
+def _of_geometry(link: ElementTree.Element, path: Path) -> pin.Inertia | None:
+    """Inertia of a link full of robot, in its own frame: of what it collides with, else of what is seen of it."""
+    for kind in ("collision", "visual"):
+        parts = [part for element in link.findall(kind) if (part := _of_element(element, path)) is not None]
+        if parts:
+            return sum(parts[1:], start=parts[0])
+    return None
+
+
+def _of_element(element: ElementTree.Element, path: Path) -> pin.Inertia | None:
+    geometry = element.find("geometry")
+    solid = geometry[0] if geometry is not None and len(geometry) else None
+    if solid is None:
+        return None
+    try:
+        points = None
+        if solid.tag == "mesh":
+            file = find_mesh(solid.get("filename", ""), path)
+            if file is None:
+                return None
+            points = read_meshes([file])[file]
+        body = coal_geometry(solid_shape(solid, points, path, "geometry"))
+    except (RobotError, ValueError):
+        # A description says what is wrong with geometry, where it is needed.
+        return None
+    mass = DENSITY * body.computeVolume()
+    about = DENSITY * np.asarray(body.computeMomentofInertiaRelatedToCOM())
+    if not mass > 0.0:
+        return None
+    return origin_of(element.find("origin")).act(pin.Inertia(mass, np.asarray(body.computeCOM()), about))
+
+
+def _inertial_element(inertia: pin.Inertia) -> ElementTree.Element:
+    made = ElementTree.Element("inertial")
+    ElementTree.SubElement(made, "origin", xyz=" ".join(f"{x:.6g}" for x in inertia.lever))
+    ElementTree.SubElement(made, "mass", value=f"{inertia.mass:.6g}")
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = inertia.inertia[np.triu_indices(3)]
+    ElementTree.SubElement(made, "inertia", {n: f"{x:.9g}" for n, x in zip(names, values, strict=True)})
+    return made

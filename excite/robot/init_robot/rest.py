@@ -1,0 +1,569 @@
+"""How a bare model rests: on feet, on its base, or held; in which posture; and which links touch in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import minimize
+
+from excite.arrays import Array
+from excite.errors import MotionError
+from excite.robot.description import Assumed, Base
+from excite.robot.init_robot.limbs import Figure, FootGuess, Footing, Standing
+from excite.robot.init_robot.model_metadata import Said
+from excite.robot.legs import TORQUE_SHARE, holding_torques, usable_torque
+from excite.robot.mechanisms.mechanism import limb_columns
+from excite.robot.shapes.collision import PairSearch, ground_height, review_pairs
+from excite.robot.shapes.shape import has_area
+
+# Links that rest so close to the margin [m] refuse every motion, which begins and ends there: the filter and the
+# independent check build their shapes anew (iCub's hip and torso, apart at rest, were refused at 9.97 of 10 mm).
+_SLACK = 1e-3
+# Room between moving links and the ground at rest, of the longest limb's length: of 12 candidates of a UR5 that rests
+# stretched out at 0.09 m the ground refuses 7; with this much room 4.
+_HEADROOM = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """How a robot rests.
+
+    Attributes:
+        base: ``fixed``, ``floating`` or ``held``.
+        q: posture ``(n_joints,)``.
+        legs: joints at the legs' ends; empty unless it floats.
+        feet: on which it stands, in the order of ``legs``.
+        ignored: pairs of links that need not stay apart.
+        near: distance that pairs keep which rest nearer than the margin [m].
+        source: how the posture was found.
+        assumed: what had to be assumed.
+    """
+
+    base: Base
+    q: Array
+    legs: tuple[int, ...]
+    feet: tuple[FootGuess, ...]
+    ignored: tuple[tuple[str, str], ...]
+    near: Mapping[tuple[str, str], float]
+    source: str
+    assumed: tuple[Assumed, ...]
+
+
+def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generator) -> Rest:
+    """Find how a robot rests; ``wanted`` ``(n_joints,)`` is where the search starts."""
+    search = PairSearch(figure.robot)
+    review = review_pairs(figure.robot, rng, 100, search, wanted)
+    allowed = frozenset((*review.ignored, *said.ignored, *((b, a) for a, b in said.ignored)))
+    postures, legs, standing = _search_standing(figure, search, wanted, said, allowed, rng)
+    if (legs or said.floating) and np.any(wanted) and _explain_held(figure, postures, legs, standing):
+        # A model's own posture may be none that it stands in: MuJoCo's key frames of some lie, fold legs, or leap.
+        other = _search_standing(figure, search, np.zeros_like(wanted), said, allowed, rng)
+        if not _explain_held(figure, *other):
+            postures, legs, standing = other
+    base: Base = "floating" if legs else "fixed"
+    feet: tuple[FootGuess, ...] = ()
+    notes: list[Assumed] = []
+    unsteady = _explain_held(figure, postures, legs, standing) if legs or said.floating else ""
+    if not legs and said.floating is None and figure.has_folded_legs(wanted):
+        unsteady = "its legs lie flat about its base in the file: hold the robot up, legs free, or state how it stands"
+    if unsteady:
+        base = "held"
+        notes.append(_assumption("base", "held", unsteady))
+    if standing is not None and base == "floating":
+        q, feet = standing.q, standing.feet
+        source = "found: feet on one plane, centre of mass above the middle of what soles and ankles hold"
+    else:
+        ground = ground_height(figure.model, figure.shapes, wanted, held_up=base == "held")
+        above = [ground] if said.posture is not None else [ground + _HEADROOM * figure.reach, ground]
+        clear = _first_clear(postures, [*above, None], allowed)
+        source = "found near zero, or the model's own posture: free of collision, above the ground"
+        q = wanted if clear is None else clear
+    q = np.round(q, 5)
+    touching = postures.touching(q, allowed, _SLACK)
+    if touching:
+        names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
+        why = "no posture to move from was found that parts them: they keep a distance of their own"
+        notes.append(_assumption("links that touch at rest", names, why))
+    stated = {pair for a, b in said.ignored for pair in ((a, b), (b, a))} & set(search.pairs)
+    ignored = tuple(dict.fromkeys((*review.never, *(p for p in search.pairs if p in stated))))
+    margin = figure.robot.description.collision.margin
+    near = _near_pairs(search, q, margin, (*review.at_rest, *review.always, *touching), stated)
+    if near:
+        found = f"{len(review.always)} always, {len(review.at_rest)} at rest"
+        how = "they may not overlap, or where their hulls do at rest not deeper by more than the margin"
+        notes.append(
+            _assumption("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs")
+        )
+    if ignored:
+        found = f"{len(review.never)} that never meet, {len(stated)} that the model lets touch"
+        where = "found in 100 random postures; they stand in collision.ignored_pairs"
+        notes.append(_assumption("pairs of links not kept apart", found, where))
+    if base != "held":
+        # Of one that is held it stands there why.
+        notes.insert(0, _assumption("base", base, _CONSEQUENCE[base]))
+    legs_down = tuple(legs) if base == "floating" else ()
+    return Rest(base, q, legs_down, feet, ignored, near, source, tuple(notes))
+
+
+def _near_pairs(
+    search: PairSearch,
+    q: Array,
+    margin: float,
+    pairs: Iterable[tuple[str, str]],
+    stated: set[tuple[str, str]],
+) -> dict[tuple[str, str], float]:
+    """Least distance of pairs that rest nearer than the margin, by what it is at rest ``q`` [m].
+
+    Hulls contain their bodies: those that are apart at rest may not meet. Where hulls overlap at rest, bodies turn in
+    each other, and how deep the overlap is changes by millimetres with their joints (of G1 and Talos by 8, but for
+    hips): that much, the margin, they may overlap deeper. A limb that goes through a trunk overlaps it by centimetres.
+    """
+    at_rest = dict(zip(search.pairs, search.distances(search.posture(q)), strict=True))
+    return {
+        pair: 0.0 if at_rest[pair] >= 0.0 else float(np.floor(1e4 * (at_rest[pair] - margin)) / 1e4)
+        for pair in dict.fromkeys(pairs)
+        if pair not in stated
+    }
+
+
+def _search_standing(
+    figure: Figure,
+    search: PairSearch,
+    wanted: Array,
+    said: Said,
+    allowed: frozenset[tuple[str, str]],
+    rng: np.random.Generator,
+) -> tuple[Postures, list[int], Standing | None]:
+    """The search from a posture ``(n_joints,)``, the legs that it has in it, and how it stands on them."""
+    postures = Postures(figure, search, wanted, rng)
+    legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
+    return postures, legs, postures.standing(legs, allowed) if legs and not figure.is_guessed(legs) else None
+
+
+def _explain_held(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:
+    """Why a robot that ought to stand on legs is held; empty where it stands."""
+    if not legs:
+        return "no legs were found that it could stand on: hold it still"
+    if figure.is_guessed(legs):
+        return "no geometry says where its soles are: hold the robot up, legs free"
+    if standing is None:
+        return "no standing posture was found: hold the robot up, legs free"
+    if not has_area(postures.footing.corners(standing, legs)):
+        return "its feet span no area to stand on: hold the robot up, legs free"
+    if not _can_steer(figure, legs, standing.feet):
+        return "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
+    if _has_tied_legs(figure, legs):
+        return "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
+    return ""
+
+
+def _first_clear(
+    postures: Postures, heights: list[float | None], allowed: frozenset[tuple[str, str]]
+) -> Array | None:
+    """A clear posture above the first of some heights where one can be held; else the first of those that cannot."""
+    strained: list[Array] = []
+    for height in heights:
+        q = postures.clear(height, allowed)
+        if q is not None and postures.strain(q) <= 1.0:
+            return q
+        strained += [] if q is None else [q]
+    return strained[0] if strained else None
+
+
+def _can_steer(figure: Figure, legs: list[int], feet: tuple[FootGuess, ...]) -> bool:
+    """Whether legs have the joints to move a trunk forth, aside and up: six coordinates of the base and the legs' less
+    what the feet hold, six of a sole and three of a point or an edge."""
+    joints = {joint for leg in legs for joint in figure.chain(leg)}
+    held = sum(6 if len(foot.sole) >= 3 else 3 for foot in feet)
+    return 6 + len(joints) - held >= 3
+
+
+def _has_tied_legs(figure: Figure, legs: list[int]) -> bool:
+    """Whether joints of legs have to follow from others, which feet that stay do not let them."""
+    mechanism = figure.robot.mechanism
+    if mechanism is None:
+        return False
+    columns = limb_columns(figure.model, legs)
+    return bool(np.isin(mechanism.following_from(columns).passive, columns).any())
+
+
+def weak_joints(figure: Figure, rest: Rest) -> dict[str, float]:
+    """Joints outside legs whose drives cannot hold the robot at rest, springs of a suspension among them, and where
+    they are then [rad or m]."""
+    robot = figure.robot
+    usable = usable_torque(robot, np.full(robot.n_joints, TORQUE_SHARE), robot.limits.velocity)
+    strained = np.abs(holding_torques(robot, rest.q[None]))[0] > usable
+    strained[[joint - 1 for leg in rest.legs for joint in figure.chain(leg)]] = False
+    return {robot.joint_names[i]: float(rest.q[i]) for i in np.flatnonzero(strained)}
+
+
+_CONSEQUENCE = {
+    "fixed": "its root does not move",
+    "floating": "it stands on the feet found, free to fall: check posture and feet before the first run",
+}
+
+
+def _assumption(what: str, value: str, consequence: str) -> Assumed:
+    return Assumed(what=what, value=value, consequence=consequence)
+
+
+# A posture in which a bare model rests: upright on its legs, or free of collision above its ground.
+
+# Room that motions need about a standing posture: of the legs' joints to their limits [rad], between links and below
+# all that is no leg [m]. Sways of the Go2 and the HyQ turn knees by some 0.3 rad (with 0.16 rad of room no candidate of
+# either passes, with 0.35 most do); candidates of a humanoid whose links rest at the margin collide; a hexapod whose
+# belly rests 4 mm above the ground touches it as soon as it carries more.
+_ROOM, _APART = 0.35, 0.02
+# Angle of knees from which a leg can lift and lower its hip both ways [rad]: the bundled humanoids stand with 0.7.
+_BEND = 0.6
+# Least speed of a point foot at unit speed of its leg's joints, of its distance from the hip, so that it can follow in
+# every direction. Other makers' quadrupeds have 0.2 … 0.3; on legs with 0.14 (ANYmal's hind ones, little bent) and 0.10
+# (CENTAURO's, whose feet rest below the axes that turn their hips) most and all of the candidates are out of reach.
+_AGILE = 0.2
+# Share of the usable torque down to which a posture is eased: beside it there must be others that can be held, too.
+_EASE = 0.8
+# Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
+_TRIES = 300
+
+
+class _Tried(NamedTuple):
+    """A posture on feet, pairs of links that touch in it, and whether its legs are bent."""
+
+    stand: Standing
+    touching: frozenset[tuple[str, str]]
+    bent: bool
+
+
+class Postures:
+    """Searches postures of a figure within its limits, a tenth of each range away from them where possible."""
+
+    def __init__(self, figure: Figure, search: PairSearch, wanted: Array, rng: np.random.Generator) -> None:
+        self.figure, self.search, self.rng = figure, search, rng
+        limits = figure.robot.limits
+        room = 0.1 * (limits.position_upper - limits.position_lower)
+        self.lower, self.upper = limits.position_lower + room, limits.position_upper - room
+        self.wanted = np.clip(wanted, limits.position_lower, limits.position_upper)
+        self.footing = Footing(figure, self.lower, self.upper, self.wanted)
+        self.stances = Stances(figure, self.lower, self.upper, self.wanted)
+
+    def clear(self, ground: float | None, ignored: frozenset[tuple[str, str]]) -> Array | None:
+        """A posture near the wanted one without collision and above the ground that the drives can hold; one that
+        strains them least where none can be held, None where all collide."""
+        every = np.ones(len(self.wanted), dtype=bool)
+        parted = self._parted(self.wanted, set(), ignored)
+        least: tuple[float, Array] | None = None
+        for near in (parted, *self._near(self.wanted, every)):
+            q = self._closed(near)
+            if q is None:
+                continue
+            eased = self._eased(q)
+            strain = self.strain(eased)
+            if least is not None and strain >= least[0]:
+                continue
+            if self.touching(eased, ignored) or (ground is not None and self._below(eased, ground)):
+                continue
+            if strain <= 1.0:
+                return eased
+            least = strain, eased
+        return None if least is None else least[1]
+
+    def _closed(self, q: Array) -> Array | None:
+        """A posture with what follows from others where it follows to, None out of reach or limits."""
+        robot = self.figure.robot
+        if robot.mechanism is None:
+            return q
+        try:
+            q = robot.mechanism.closed(q[None])[0]
+        except MotionError:
+            return None
+        inside = (q >= robot.limits.position_lower) & (q <= robot.limits.position_upper)
+        return q if inside.all() else None
+
+    def strain(self, q: Array) -> float:
+        """The largest torque that holds a posture, of what motions may use of it."""
+        return float(np.abs(holding_torques(self.figure.robot, q[None]) / self._usable).max(initial=0.0))
+
+    def _eased(self, q: Array) -> Array:
+        """A posture near ``q`` that the drives can hold, as far as one is found downhill from it."""
+        if self.strain(q) <= 1.0 or self.figure.robot.mechanism is not None:
+            return q
+        model, data = self.figure.model, self.figure.data
+
+        def excess(at: Array) -> tuple[float, Array]:
+            strain = pin.computeGeneralizedGravity(model, data, at) / self._usable
+            over = np.sign(strain) * np.maximum(np.abs(strain) - _EASE, 0.0)
+            slope = pin.computeGeneralizedGravityDerivatives(model, data, at) / self._usable[:, None]
+            return float(over @ over), 2.0 * over @ slope
+
+        bounds = list(zip(self.lower, self.upper, strict=True))
+        start = np.clip(q, self.lower, self.upper)
+        return np.asarray(minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
+
+    @cached_property
+    def _usable(self) -> Array:
+        robot = self.figure.robot
+        return usable_torque(robot, np.full(robot.n_joints, TORQUE_SHARE), robot.limits.velocity)
+
+    def _near(self, start: Array, moves: Array) -> list[Array]:
+        tries = [start]
+        for number in range(_TRIES):
+            share = (number + 1) / _TRIES
+            goal = self.rng.uniform(self.lower, self.upper)
+            tries.append(np.where(moves, start + share * (goal - start), start))
+        return tries
+
+    def touching(
+        self, q: Array, ignored: frozenset[tuple[str, str]], slack: float = 0.0
+    ) -> list[tuple[str, str]]:
+        """Pairs of links closer than the margin and some slack [m], those left out that are ignored."""
+        margin = self.figure.robot.description.collision.margin + slack
+        near = self.search.distances(self.search.posture(q)) < margin
+        return [
+            pair for pair, close in zip(self.search.pairs, near, strict=True) if close and pair not in ignored
+        ]
+
+    def _below(self, q: Array, ground: float) -> bool:
+        margin = self.figure.robot.description.collision.margin
+        low = self.figure.lowest(q)
+        return any(
+            z < ground + margin for joint, z in low.items() if joint and self.figure.model.parents[joint] != 0
+        )
+
+    def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
+        """A posture with all feet on one plane, the centre of mass where they hold it, and nothing touching.
+
+        What links of a leg and of its trunk touch in all postures on bent legs does not count: hulls of hips and ankles
+        are larger than what turns in them, and a robot on straight legs can move nothing but its arms.
+        """
+        tried = self._tried(self.stances.of(legs), legs, ignored)
+        if not tried or self._agility(self._best(tried, legs, ignored).stand, legs) < _AGILE:
+            tried += self._tried(self.stances.wide(legs), legs, ignored)
+        if not tried:
+            return None
+        best, of_hulls = self._best(tried, legs, ignored), self._of_hulls(tried, legs)
+        return self._spread(best.stand, legs, ignored | of_hulls) if best.touching - of_hulls else best.stand
+
+    def _tried(
+        self, starts: list[Array], legs: list[int], ignored: frozenset[tuple[str, str]]
+    ) -> list[_Tried]:
+        """What is found from some starts, up to the first that leaves nothing to wish for."""
+        tried: list[_Tried] = []
+        for start in starts:
+            found = self.footing.stand(start, legs)
+            if found is None:
+                continue
+            touching = frozenset(self.touching(found.q, ignored))
+            tried.append(_Tried(found, touching, self._bend(found, legs) >= _BEND))
+            if not touching and self._room(found, legs, ignored) >= 1.0:
+                break
+        return tried
+
+    def _best(self, tried: list[_Tried], legs: list[int], ignored: frozenset[tuple[str, str]]) -> _Tried:
+        """The one with the most room, and with the fewest pairs that touch."""
+        of_hulls = self._of_hulls(tried, legs)
+
+        def score(one: _Tried) -> float:
+            return self._room(one.stand, legs, ignored | of_hulls) - len(one.touching - of_hulls)
+
+        return max(tried, key=score)
+
+    def _of_hulls(self, tried: list[_Tried], legs: list[int]) -> frozenset[tuple[str, str]]:
+        """Pairs of links with only joints of legs between them that touch in every posture on bent legs."""
+        bent = [one.touching for one in tried if one.bent]
+        of_legs = {joint for leg in legs for joint in self.figure.chain(leg)}
+        common = frozenset.intersection(*bent) if bent else frozenset[tuple[str, str]]()
+        return frozenset(pair for pair in common if set(self.search.joints_between(pair)) <= of_legs)
+
+    def _bend(self, stand: Standing, legs: list[int]) -> float:
+        return min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
+
+    def _agility(self, stand: Standing, legs: list[int]) -> float:
+        return min(self.footing.agility(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
+
+    def _room(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> float:
+        """How much of the room that motions need is there, 0 … 1."""
+        q = stand.q
+        limits = self.figure.robot.limits
+        joints = sorted({joint - 1 for leg in legs for joint in self.figure.chain(leg)})
+        to_limits = np.minimum(q - limits.position_lower, limits.position_upper - q)[joints]
+        margin = self.figure.robot.description.collision.margin
+        apart = [
+            distance - margin
+            for pair, distance in zip(
+                self.search.pairs, self.search.distances(self.search.posture(q)), strict=True
+            )
+            if pair not in ignored
+        ]
+        low, of_legs = self.figure.lowest(q), {joint for leg in legs for joint in self.figure.chain(leg)}
+        ground = min(low[leg] for leg in legs)
+        above = [low[joint] - ground - margin for joint in low if joint not in of_legs]
+        shares = (
+            float(to_limits.min(initial=_ROOM)) / _ROOM,
+            min(apart, default=_APART) / _APART,
+            min(above, default=_APART) / _APART,
+            self._bend(stand, legs) / _BEND,
+            self._agility(stand, legs) / _AGILE,
+        )
+        return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)
+
+    def _spread(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing:
+        """The same feet with arms and head out of the way, if that can be; else as far as it could."""
+        of_legs = {joint for leg in legs for joint in self.figure.chain(leg)}
+        found = self.footing.stand(self._parted(stand.q, of_legs, ignored), legs)
+        return (
+            found
+            if found and len(self.touching(found.q, ignored)) < len(self.touching(stand.q, ignored))
+            else stand
+        )
+
+    def _parted(self, q: Array, kept: set[int], ignored: frozenset[tuple[str, str]]) -> Array:
+        """Fewer links touching: pair by pair, joints between its links are drawn anew, but for those ``kept``."""
+        touching = self.touching(q, ignored)
+        for number in range(_TRIES):
+            if not touching:
+                break
+            between = set(self.search.joints_between(touching[number % len(touching)])) - kept
+            places = [joint - 1 for joint in between]
+            share = min(1.0, 0.1 + number / (0.5 * _TRIES))
+            drawn = q.copy()
+            goal = self.rng.uniform(self.lower, self.upper)
+            drawn[places] += share * (goal - q)[places]
+            after = self.touching(drawn, ignored)
+            if len(after) < len(touching):
+                q, touching = drawn, after
+        return q
+
+
+# Postures from which a standing one is sought: legs bent, spread or sprawled, the rest as wanted.
+
+# Bends of hip, knee and ankle from which standing postures are sought, and how far hips turn out [rad].
+_BENDS = (0.5, -0.5, 0.7, -0.7, 0.35, -0.35, 0.9, -0.9, 0.2, -0.2)
+_WIDE = (0.0, 0.12)
+# Cosine of 37 degrees: axes this near to each other, or to the ground, count as along them.
+_ALONG = 0.8
+# Steps of Newton's method by which a leg's end is turned to where it faced, to within half a degree [rad]; directions
+# that joints turn a tenth as well as others are left as they are.
+_TURNS, _FACES, _RCOND = 5, 0.01, 0.1
+# Cosine of 60 degrees: a hip that swings its thigh about an axis less oblique than this bends the leg (an X1's has 45).
+_OBLIQUE = 0.5
+
+
+class Stances:
+    """First guesses of standing postures.
+
+    Args:
+        figure: the robot.
+        lower, upper: where joints should stay ``(n_joints,)`` [rad or m].
+        wanted: posture of what is no leg ``(n_joints,)``.
+    """
+
+    def __init__(self, figure: Figure, lower: Array, upper: Array, wanted: Array) -> None:
+        self.figure, self.lower, self.upper, self.wanted = figure, lower, upper, wanted
+
+    def of(self, legs: list[int]) -> list[Array]:
+        """In the order in which they are tried."""
+        starts = [self.wanted] if np.any(self.wanted) else []
+        starts += [self._bent(legs, bend, wide) for wide in _WIDE for bend in _BENDS]
+        return [*starts, self.wanted]
+
+    def wide(self, legs: list[int]) -> list[Array]:
+        """More of them, for legs whose feet cannot follow in every direction from the others."""
+        return [self._sprawled(legs, bend) for bend in _BENDS if bend > 0.0]
+
+    def _sprawled(self, legs: list[int], bend: float) -> Array:
+        """The wanted posture with thighs out and shanks down."""
+        q = self.wanted.copy()
+        model, data = self.figure.model, self.figure.data
+        for leg in legs:
+            pin.computeJointJacobians(model, data, pin.neutral(model))
+            pitch, signs, _ = self._pitches(leg)
+            if len(pitch) < 2:
+                continue
+            reached = []
+            for side in (1.0, -1.0):
+                tried = q.copy()
+                tried[pitch[:2]] = side * bend * np.array([1.0, -1.0]) * np.array(signs[:2])
+                self.figure.centre(tried)
+                reached.append((float(np.linalg.norm(data.oMi[leg].translation[:2])), tried))
+            q = max(reached, key=lambda one: one[0])[1]
+        return np.clip(q, self.lower, self.upper)
+
+    def _bent(self, legs: list[int], bend: float, wide: float) -> Array:
+        """The wanted posture with knees bent, each leg to the side that its limits allow."""
+        q = self.wanted.copy()
+        model, data = self.figure.model, self.figure.data
+        pin.computeJointJacobians(model, data, pin.neutral(model))
+        for leg in legs:
+            pitch, signs, oblique = self._pitches(leg)
+            self._widen(q, leg, wide)
+            if len(pitch) < 2:
+                continue
+            pattern = np.zeros(len(pitch))
+            pattern[:3] = np.array([1.0, -2.0, 1.0])[: len(pitch)]
+            both = [side * bend * pattern * np.array(signs) for side in (1.0, -1.0)]
+            clipped = [np.clip(angles, self.lower[pitch], self.upper[pitch]) for angles in both]
+            lost = [float(np.abs(a - b).sum()) for a, b in zip(both, clipped, strict=True)]
+            q[pitch] = clipped[0] if lost[0] <= lost[1] + 1e-9 else clipped[1]
+            if oblique:
+                self._face_as_drawn(q, leg, pitch[1])
+        return np.clip(q, self.lower, self.upper)
+
+    def _face_as_drawn(self, q: Array, leg: int, knee: int) -> None:
+        """Turn a leg's end back to as it is wanted, by joints other than the knee: an oblique hip turned its toes."""
+        model, data = self.figure.model, self.figure.data
+        columns = [joint - 1 for joint in self.figure.chain(leg) if joint - 1 != knee]
+        pin.forwardKinematics(model, data, self.wanted)
+        drawn = data.oMi[leg].rotation.copy()
+        for _ in range(_TURNS):
+            pin.computeJointJacobians(model, data, q)
+            off = pin.log3(drawn @ data.oMi[leg].rotation.T)
+            if len(columns) < 3 or np.linalg.norm(off) < _FACES:
+                break
+            turn = pin.getJointJacobian(model, data, leg, pin.LOCAL_WORLD_ALIGNED)[3:, columns]
+            q[columns] += np.linalg.lstsq(turn, off, rcond=_RCOND)[0]
+        pin.computeJointJacobians(model, data, pin.neutral(model))
+
+    def _pitches(self, leg: int) -> tuple[list[int], list[float], bool]:
+        """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel.
+
+        Where these are a knee and an ankle alone, the hip before them is the one that turns most nearly about theirs,
+        if obliquely, which comes third.
+        """
+        axes = []
+        for joint in self.figure.chain(leg):
+            turn = pin.getJointJacobian(self.figure.model, self.figure.data, joint, pin.LOCAL_WORLD_ALIGNED)
+            axes.append((joint - 1, turn[3:, joint - 1]))
+        level = [
+            (index, axis[:2] / np.linalg.norm(axis[:2]))
+            for index, axis in axes
+            if np.linalg.norm(axis[:2]) > _ALONG
+        ]
+        groups = [[one for one in level if abs(one[1] @ axis) > _ALONG] for _, axis in level]
+        # Where as many roll as pitch, those across the robot bend it.
+        group = max(groups, key=lambda one: (len(one), abs(one[0][1][1])), default=[])
+        if not group:
+            return [], [], False
+        forth = group[0][1] * (1.0 if group[0][1][1] >= 0.0 else -1.0)
+        before = [(index, axis[:2]) for index, axis in axes[: [i for i, _ in axes].index(group[0][0])]]
+        hip = max(before, key=lambda one: abs(float(one[1] @ forth)), default=None)
+        oblique = len(group) == 2 and hip is not None and abs(float(hip[1] @ forth)) > _OBLIQUE
+        if oblique and hip is not None:
+            group = [hip, *group]
+        return [index for index, _ in group], [float(np.sign(axis @ forth)) for _, axis in group], oblique
+
+    def _widen(self, q: Array, leg: int, wide: float) -> None:
+        """Turn a leg's hip out by ``wide`` [rad] and its ankle back, if joints for that are there."""
+        model, data = self.figure.model, self.figure.data
+        columns = {
+            joint: pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[3, joint - 1]
+            for joint in self.figure.chain(leg)
+        }
+        rolls = [joint for joint, share in columns.items() if abs(share) > 0.8]
+        side = np.sign(data.oMi[leg].translation[1])
+        for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
+            q[joint - 1] += turn * side * wide * np.sign(columns[joint])

@@ -1,1 +1,0 @@
-"""What legs have to hold for a robot to stand on them."""

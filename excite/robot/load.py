@@ -1,0 +1,94 @@
+"""A robot from whatever a user names: a bundled name, a ``robot.yaml``, a URDF, xacro or MJCF model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+from excite.atomic import all_or_nothing, write_bytes, write_text
+from excite.errors import InputError
+from excite.robot.catalogue import MODEL_SUFFIXES, find_robot
+from excite.robot.init_robot.model_metadata import Source, model_source
+from excite.robot.loading import limited_description
+from excite.robot.loading import load_robot as load_described
+from excite.robot.robot import Robot
+from excite.temporary_folder import TemporaryFolder, in_temporary_folder
+
+# A robot from whatever a person brings: a bundled name, a ``robot.yaml``, or a bare URDF, xacro or MuJoCo
+# model.
+
+RobotLike = Robot | str | Path
+"""A robot, or what :func:`load_robot` makes one of."""
+
+
+def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
+    """Load a robot by bundled name, from a ``robot.yaml``, or from a bare model with a first description.
+
+    Args:
+        name_or_path: bundled name (``excite robots`` lists them), folder, or path of a ``robot.yaml``, URDF, xacro
+            or MJCF. What a bare model does not say is assumed, and stands in ``robot.description.assumed``; that first
+            description lasts as long as the process, where :func:`keep_description` does not copy it.
+        source: how a bare model is to be read, and the file of joint limits that holds for any robot where it is
+            tighter than what that states.
+
+    Returns:
+        The robot, everything in it checked.
+
+    Raises:
+        RobotError: a file is missing or malformed, or a number in it is absurd.
+        UnknownNameError: neither a file nor a bundled robot.
+    """
+    path = Path(name_or_path) if Path(name_or_path).suffix in MODEL_SUFFIXES else find_robot(name_or_path)
+    source = source or model_source()
+    described = None if path.suffix in MODEL_SUFFIXES else load_described(path)
+    if described is not None and source.limits is None:
+        return described
+    # A model's path tells it from others of its name, and may be longer than a name of a folder.
+    folder = _temporary_folder().path / sha256(f"{path.resolve().as_posix()}{source}".encode()).hexdigest()
+    if described is not None and source.limits is not None:
+        text = limited_description(described, source.limits)
+        return load_described(write_text(folder / "robot.yaml", text))
+    from excite.robot.init_robot.files import write_scaffold  # lazy: scipy
+
+    written = write_scaffold(path, folder, overwrite=True, source=source, absolute=True)
+    return load_described(written.description)
+
+
+def keep_description(robot: Robot, results: Path) -> Robot:
+    """The robot, its description in a folder of results where it would else go with the process.
+
+    Args:
+        robot: the robot.
+        results: the folder; the first description of a bare model goes to ``robot`` in it, with all that it names.
+    """
+    if not in_temporary_folder(robot.source):
+        return robot
+    written, there = robot.source.parent, results / "robot"
+    with all_or_nothing():
+        for file in sorted(path for path in written.rglob("*") if path.is_file()):
+            write_bytes(there / file.relative_to(written), file.read_bytes())
+    return replace(robot, source=there / robot.source.name)
+
+
+def as_robot(robot: RobotLike) -> Robot:
+    """The robot itself, or the one of that name or file.
+
+    Raises:
+        InputError: it is neither.
+        RobotError: a file is missing or malformed.
+        UnknownNameError: neither a file nor a bundled robot.
+    """
+    if isinstance(robot, Robot):
+        return robot
+    if isinstance(robot, str | Path):
+        return load_robot(robot)
+    raise InputError(
+        f"is a {type(robot).__name__}", source="robot", remedy="give a Robot, a bundled name or a file"
+    )
+
+
+@cache
+def _temporary_folder() -> TemporaryFolder:
+    return TemporaryFolder()

@@ -1,1 +1,0 @@
-"""A first ``robot.yaml`` for a model of one's own."""

@@ -1,0 +1,194 @@
+"""Checks of the contact with the ground: zero-moment point, centre of mass, contact wrench, feet."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.safety.checks.base import Check, CheckResult
+from excite.safety.checks.sweep import Sweep
+from excite.safety.ground_forces import RESIDUAL_TOLERANCE, polygon_margin
+from excite.safety.verdict import Violation
+
+# Can the ground hold the robot up: zero-moment point, centre of mass, contact wrench.
+
+# Distance that the zero-moment point and the centre of mass keep from the edge of the support polygon [m].
+# Chosen here: a tenth of a humanoid's foot length, and more than the 5 mm by which a stiff position servo
+# misses its reference.
+ZMP_MARGIN = 0.015
+# Smallest share of the weight that the ground must carry: below it the robot is about to jump.
+MIN_WEIGHT_SHARE = 0.2
+# A contact phase shorter than this is a step, over which the centre of mass may pass outside the feet [s].
+STEP_S = 1.5
+
+
+class ZeroMomentPointCheck(Check):
+    """The zero-moment point stays inside the support polygon, at every sample of the finer grid.
+
+    The polygon is the hull of the soles of all feet whose contact flag is set, projected on level ground at
+    height zero. The margin is None if the robot has no contact or leaves the ground anywhere.
+    """
+
+    name: ClassVar[str] = "zmp"
+    margin_field: ClassVar[str | None] = "zmp_m"
+
+    def judge(self, sweep: Sweep) -> CheckResult:
+        robot, time = sweep.robot, sweep.fine.time
+        if not robot.feet:
+            return CheckResult(applicable=False)
+        violations = []
+        airborne: NDArray[np.bool_] = np.logical_not(sweep.contacts.any(axis=1))
+        if airborne.any():
+            violations.append(Violation("no_contact", _first_time(time, airborne), "feet", None, None))
+        share = sweep.wrench[:, 2] / (robot.mass * np.linalg.norm(robot.model.gravity.linear))
+        light = np.logical_not(share >= MIN_WEIGHT_SHARE)
+        if light.any():
+            value = float(share[int(np.argmax(light))])
+            violations.append(
+                Violation("weight_share", _first_time(time, light), "feet", value, MIN_WEIGHT_SHARE)
+            )
+        margin = support_margin(sweep, sweep.zmp)
+        outside = margin < ZMP_MARGIN
+        if outside.any():
+            value = float(margin[int(np.argmax(outside))])
+            violations.append(
+                Violation("zmp", _first_time(time, outside), _name_feet(sweep, outside), value, ZMP_MARGIN)
+            )
+        smallest = float(margin.min())
+        return CheckResult(smallest if np.isfinite(smallest) else None, tuple(violations))
+
+
+class CentreOfMassCheck(Check):
+    """The centre of mass stays above the support polygon, so that the motion may be stopped.
+
+    Judged at the first and the last sample, and throughout every contact phase of at least :data:`STEP_S`;
+    in the shorter phases of a walk the zero-moment point alone decides.
+    """
+
+    name: ClassVar[str] = "com"
+
+    def judge(self, sweep: Sweep) -> CheckResult:
+        if not sweep.robot.feet:
+            return CheckResult(applicable=False)
+        time = sweep.fine.time
+        margin = support_margin(sweep, sweep.dynamics.com[:, :2])
+        outside = ~(margin >= ZMP_MARGIN) & _stance_samples(sweep)
+        if not outside.any():
+            return CheckResult()
+        value = float(margin[int(np.argmax(outside))])
+        found = Violation(
+            "com",
+            _first_time(time, outside),
+            _name_feet(sweep, outside),
+            value if np.isfinite(value) else None,
+            ZMP_MARGIN,
+        )
+        return CheckResult(violations=(found,))
+
+
+class ContactWrenchCheck(Check):
+    """Forces inside the soles' friction pyramids can supply the whole required wrench.
+
+    Stronger than the zero-moment point: it also excludes slipping and turning on the spot. Evaluated at about
+    200 Hz (:data:`~excite.safety.checks.sweep.TORQUE_RATE_HZ`).
+    """
+
+    name: ClassVar[str] = "contact_wrench"
+
+    def judge(self, sweep: Sweep) -> CheckResult:
+        if not sweep.robot.feet:
+            return CheckResult(applicable=False)
+        residual = sweep.contact_forces[0].residual
+        bad = ~(residual <= RESIDUAL_TOLERANCE)
+        if not bad.any():
+            return CheckResult()
+        row = int(np.argmax(bad))
+        value = float(residual[row]) if np.isfinite(residual[row]) else None
+        time = float(sweep.fine.time[sweep.torque_samples[row]])
+        return CheckResult(violations=(Violation("contact_wrench", time, "feet", value, RESIDUAL_TOLERANCE),))
+
+
+def support_margin(sweep: Sweep, points: Array) -> Array:
+    """Signed distance of points, ``(n, 2)``, from the support polygon's edge [m]; NaN without contact."""
+    margin = np.full(len(points), np.nan)
+    for feet, samples in sweep.contact_phases():
+        if len(feet):
+            corners = np.concatenate([sweep.sole_corners[i][samples, :, :2] for i in feet], axis=1)
+            margin[samples] = polygon_margin(corners, points[samples])
+    return margin
+
+
+def _stance_samples(sweep: Sweep) -> NDArray[np.bool_]:
+    """Samples at which the centre of mass is judged."""
+    time, contacts = sweep.fine.time, sweep.contacts
+    changes = np.flatnonzero((contacts[1:] != contacts[:-1]).any(axis=1)) + 1
+    judged = np.zeros(len(time), dtype=bool)
+    judged[[0, -1]] = True
+    for samples in np.split(np.arange(len(time)), changes):
+        if time[samples[-1]] - time[samples[0]] >= STEP_S:
+            judged[samples] = True
+    return judged
+
+
+def _first_time(time: Array, bad: NDArray[np.bool_]) -> float:
+    return float(time[int(np.argmax(bad))])
+
+
+def _name_feet(sweep: Sweep, bad: NDArray[np.bool_]) -> str:
+    row = sweep.contacts[int(np.argmax(bad))]
+    return "+".join(foot.name for foot, flag in zip(sweep.robot.feet, row, strict=True) if flag) or "feet"
+
+
+# Feet that carry load stay where they are, the others stay above the ground.
+
+# Chosen here, below what a foot's rubber and the ground's unevenness take up:
+HEIGHT_TOLERANCE = 0.003  # height of a loaded sole's corner above or below the ground [m]
+SLIP_TOLERANCE = 0.003  # way of a loaded sole's corner from where it was put down [m]
+SLIP_SPEED_TOLERANCE = 0.03  # its horizontal speed [m/s]
+
+
+class FootCheck(Check):
+    """Soles against level ground at height zero, at every sample of the finer grid.
+
+    While a foot's contact flag is set, each corner of its sole stays within 3 mm of the ground and within 3
+    mm horizontally of where the phase began, and moves at no more than 0.03 m/s. While it is not set no
+    corner is more than 3 mm below the ground.
+    """
+
+    name: ClassVar[str] = "foot"
+
+    def judge(self, sweep: Sweep) -> CheckResult:
+        if not sweep.robot.feet:
+            return CheckResult(applicable=False)
+        found: list[Violation] = []
+        for i, foot in enumerate(sweep.robot.feet):
+            found += _judge_foot(foot.name, sweep.fine.time, sweep.sole_corners[i], sweep.contacts[:, i])
+        return CheckResult(violations=tuple(found))
+
+
+def _judge_foot(name: str, time: Array, corners: Array, loaded: NDArray[np.bool_]) -> list[Violation]:
+    low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
+    slip, speed = np.zeros(len(time)), np.zeros(len(time))
+    # A phase starts where the flag rises.
+    starts = np.flatnonzero(loaded & ~np.r_[False, loaded[:-1]])
+    for start in starts:
+        end = start + int(np.argmin(loaded[start:])) if not loaded[start:].all() else len(time)
+        ground = corners[start:end, :, :2]
+        slip[start:end] = np.linalg.norm(ground - ground[0], axis=2).max(axis=1)
+        step = np.linalg.norm(np.diff(ground, axis=0), axis=2).max(axis=1)
+        speed[start : end - 1] = step / np.diff(time[start:end])
+    cases = (
+        ("foot_lifted", loaded & ~(high <= HEIGHT_TOLERANCE), high, HEIGHT_TOLERANCE),
+        ("foot_below_ground", ~(low >= -HEIGHT_TOLERANCE), low, -HEIGHT_TOLERANCE),
+        ("foot_slip", loaded & ~(slip <= SLIP_TOLERANCE), slip, SLIP_TOLERANCE),
+        ("foot_slip_speed", loaded & ~(speed <= SLIP_SPEED_TOLERANCE), speed, SLIP_SPEED_TOLERANCE),
+    )
+    found = []
+    for kind, bad, values, limit in cases:
+        if bad.any():
+            row = int(np.argmax(bad))
+            found.append(Violation(kind, float(time[row]), name, float(values[row]), limit))
+    return found
