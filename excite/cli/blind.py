@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -44,6 +45,16 @@ app = typer.Typer(
 FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of cases that `make` wrote.")]
 
 
+def _check_checkout() -> None:
+    """Refuse where the benchmark is not there: it is part of the repository, not of what is installed."""
+    if importlib.util.find_spec("benchmarks") is None or importlib.util.find_spec("benchmarks.blind") is None:
+        raise InputError(
+            "the benchmark is part of the repository, not of what is installed",
+            source="excite blind",
+            remedy="run it from a checkout, installed with pip install --editable .",
+        )
+
+
 @app.command("make", cls=HelpfulCommand)
 def make(
     out: OutOption = None,
@@ -75,7 +86,8 @@ def make(
     ] = "ordinary",
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
-    from excite.blind.make import make_cases  # lazy: pinocchio
+    _check_checkout()
+    from benchmarks.blind.make import make_cases  # lazy: pinocchio
 
     with (
         claim_folder(out or Path("blind")) as folder,
@@ -152,10 +164,11 @@ def score(
     ] = None,
 ) -> None:
     """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
-    from excite.blind.answers import from_diagnosis, read_entry  # lazy: pinocchio
-    from excite.blind.board import score_board  # lazy: pinocchio
-    from excite.blind.make import answers_file, load_answers  # lazy: pinocchio
-    from excite.blind.score import score_entry  # lazy: pinocchio
+    _check_checkout()
+    from benchmarks.blind.answers import from_diagnosis, read_entry  # lazy: pinocchio
+    from benchmarks.blind.board import score_board  # lazy: pinocchio
+    from benchmarks.blind.make import answers_file, load_answers  # lazy: pinocchio
+    from benchmarks.blind.score import score_entry  # lazy: pinocchio
 
     cases = _case_folders(folder)
     answers = load_answers(folder)
@@ -201,7 +214,8 @@ def _answer_cases(
 
 def _run_entry(method: str, case: Path) -> tuple[dict[str, Any], float]:
     """The answer of one of the plain programs."""
-    from excite.blind.entry.registry import PROGRAMS  # lazy: pinocchio
+    _check_checkout()
+    from benchmarks.blind.entry.registry import PROGRAMS  # lazy: pinocchio
 
     started = time.process_time()
     document = PROGRAMS[method](case)

@@ -11,7 +11,7 @@ import numpy as np
 from excite.atomic import write_text
 from excite.errors import LogError
 from excite.logs.columns import BASE_POSE
-from excite.logs.readers import READERS, read_trials
+from excite.logs.readers.registry import READERS, read_trials
 
 _SUFFIXES = tuple(suffix for reader in READERS.values() for suffix in reader.suffixes)
 # Where a person has to write something.

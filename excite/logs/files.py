@@ -14,7 +14,7 @@ from excite.errors import LogError
 from excite.logs.columns import check_columns, check_measured, read_columns, trial_columns
 from excite.logs.header import check_header, header_path, read_header
 from excite.logs.log import Log, LogHeader
-from excite.logs.readers import read_trials, write_trial
+from excite.logs.readers.registry import read_trials, write_trial
 from excite.logs.sampling import check_log_clock
 from excite.reading.documents import MAX_XML_BYTES
 from excite.reading.file import read_text

@@ -16,7 +16,7 @@ from excite.logs.columns import check_measured, numeric_column, read_columns
 from excite.logs.header import check_header
 from excite.logs.header_blocks import Role
 from excite.logs.log import Log, LogHeader
-from excite.logs.readers import read_trial
+from excite.logs.readers.registry import read_trial
 from excite.logs.sampling import check_log_clock, check_stamps
 from excite.reading.documents import read_yaml
 

@@ -17,7 +17,7 @@ from excite.simulation.effects.registry import INJECTED_EFFECTS
 PACKAGE = Path(__file__).parents[2] / "excite"
 NAMES = {*WORDS, *EFFECTS, *EVERY_FORM, *(e.name for e in EVERY_FORM.values()), *INJECTED_EFFECTS}
 # What injects effects and draws hidden cases is written on its own, and knows of nothing else of an effect.
-APART = ("blind", "simulation/effects")
+APART = ("simulation/effects",)
 # Functions that look a word up.
 _LOOKS_UP = {"get", "pop", "index", "count", "startswith", "endswith", "removeprefix", "removesuffix"}
 

@@ -61,10 +61,16 @@ class Toy(Generator):
     def draw(self, robot, seed, targets, name):
         return replace(RandomJoint().draw(robot, seed, targets, name), generator=self.name)
 """,
-        (("motion/generators/registry.py", "    },", '        "toy": "excite.motion.generators.toy:Toy",'),),
+        (
+            (
+                "motion/generators/mixture.py",
+                '        "random_joint": ',
+                '        "toy": "excite.motion.generators.toy:Toy",',
+            ),
+        ),
     ),
     "search": Toy(
-        "campaign/candidates/toy_search.py",
+        "campaign/toy_search.py",
         """
 import numpy as np
 
@@ -80,9 +86,9 @@ class ToySearch(CandidateSearch):
 """,
         (
             (
-                "campaign/candidates/registry.py",
-                "    },",
-                '        "toy_search": "excite.campaign.candidates.toy_search:ToySearch",',
+                "campaign/candidates.py",
+                '        "optimised_fourier": ',
+                '        "toy_search": "excite.campaign.toy_search:ToySearch",',
             ),
         ),
     ),
@@ -101,7 +107,9 @@ class ToyCheck(Check):
             return CheckResult()
         return CheckResult(violations=(Violation("toy", 0.0, "anywhere", 1.0, 0.0),))
 """,
-        registered("safety/checks/registry.py", "safety.checks.toy", "ToyCheck", "ToyCheck", "    )"),
+        registered(
+            "safety/check.py", "safety.checks.toy", "ToyCheck", "ToyCheck", "        SelfCollisionCheck,"
+        ),
     ),
     "repair": Toy(
         "safety/repairs/toy.py",
@@ -115,7 +123,7 @@ class ToyRepair(Repair):
     def repair(self, draft):
         return draft.rejected("toy", "anywhere") if draft.candidate.name.endswith("_001") else draft
 """,
-        registered("safety/repairs/registry.py", "safety.repairs.toy", "ToyRepair", "ToyRepair", "    )"),
+        registered("safety/filter.py", "safety.repairs.toy", "ToyRepair", "ToyRepair", "        Sampling,"),
     ),
     "estimator": Toy(
         "identification/estimators/toy.py",
@@ -138,8 +146,8 @@ class ToyEstimator(Estimator[WlsSettings]):
 """,
         (
             (
-                "identification/estimators/registry.py",
-                "    },",
+                "identification/estimators/estimator.py",
+                '        "physical": ',
                 '        "toy": "excite.identification.estimators.toy:ToyEstimator",',
             ),
         ),
@@ -161,7 +169,7 @@ ToyLaw = SpringLaw
         ),
     ),
     "diagnosed effect": Toy(
-        "diagnosis/effects/friction/toy.py",
+        "diagnosis/effects/toy.py",
         '''
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape
 
@@ -181,13 +189,13 @@ class ToyDamping(Effect):
         (
             *registered(
                 "diagnosis/effects/registry.py",
-                "diagnosis.effects.friction.toy",
+                "diagnosis.effects.toy",
                 "ToyDamping",
                 "ToyDamping()",
-                "    )",
+                "        BaseTilt(),",
             ),
             # A word of the log format: only for logs that say that their model has it.
-            ("logs/vocabulary.py", ")", '    "toy",'),
+            ("logs/header.py", '    "viscous_friction",', '    "toy",'),
         ),
     ),
     "log reader": Toy(
@@ -197,7 +205,7 @@ import json
 
 import numpy as np
 
-from excite.logs.readers import TrialReader
+from excite.logs.readers.reader import TrialReader
 
 
 class ToyReader(TrialReader):
@@ -263,12 +271,12 @@ class ToyExporter(Exporter):
     def write(self, motion, path):
         write_text(path, f"{motion.n_samples} samples")
 """,
-        (("export/registry.py", "    },", '        "toy": "excite.export.toy:ToyExporter",'),),
+        (("export/exporter.py", '        "csv": ', '        "toy": "excite.export.toy:ToyExporter",'),),
     ),
     "report section": Toy(
         "report/sections/toy.py",
         """
-from excite.report.html import section
+from excite.report.html import html_section
 from excite.report.sections.section import Section
 
 
@@ -277,11 +285,11 @@ class Toy(Section):
     title = "A toy"
 
     def build(self, findings):
-        return section(self.identifier, self.title, "Nobody needs it.")
+        return html_section(self.identifier, self.title, "Nobody needs it.")
 """,
         (
-            ("report/sections/registry.py", "from excite.", "from excite.report.sections.toy import Toy"),
-            ("report/sections/registry.py", ")", "    Toy(),"),
+            ("report/page.py", "from excite.", "from excite.report.sections.toy import Toy"),
+            ("report/page.py", "    Stages(),", "    Toy(),"),
         ),
     ),
 }

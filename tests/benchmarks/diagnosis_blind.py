@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
-from excite.blind.make import load_answers, make_cases
-from excite.blind.score import BlindScore, score_diagnoses
+from benchmarks.blind.make import load_answers, make_cases
+from benchmarks.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.diagnose import diagnose
 from tests.benchmarks.table import Row
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.blind.make import load_answers, make_cases
+from benchmarks.blind.score import BlindScore, score_diagnoses
 from excite.arrays import Array
-from excite.blind.make import load_answers, make_cases
-from excite.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import ExciteError

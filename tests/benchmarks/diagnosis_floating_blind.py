@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.blind.floating import floating_draft
-from excite.blind.hidden_effects import Answer
-from excite.blind.make import build_floating_case
-from excite.blind.score import BlindScore, score_diagnoses
+from benchmarks.blind.floating import floating_draft
+from benchmarks.blind.hidden_effects import Answer
+from benchmarks.blind.make import build_floating_case
+from benchmarks.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.floating.answer import residual_of
 from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
 from excite.diagnosis.floating.equations.record import prepare_record

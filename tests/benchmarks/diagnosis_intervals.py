@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.blind.arm_case import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
+from benchmarks.blind.case import recordings_of
+from benchmarks.blind.draw import ROBOTS, draft_case
+from benchmarks.blind.make import _NOISE_TAU, _prepare, _session
 from excite.arrays import Array
-from excite.blind.arm_case import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
-from excite.blind.case import recordings_of
-from excite.blind.draw import ROBOTS, draft_case
-from excite.blind.make import _NOISE_TAU, _prepare, _session
 from excite.diagnosis.answer.gap import gap_of
 from excite.diagnosis.arm.diagnose import judged_record
 from excite.diagnosis.arm.record import TorqueRecord

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from excite.blind.answers import read_entry
-from excite.blind.board import score_board
-from excite.blind.hidden_effects import Answer, HiddenEffect, JointGap
-from excite.blind.score import score_entry
+from benchmarks.blind.answers import read_entry
+from benchmarks.blind.board import score_board
+from benchmarks.blind.hidden_effects import Answer, HiddenEffect, JointGap
+from benchmarks.blind.score import score_entry
 from excite.cli.main import app
 from excite.errors import InputError
 from excite.json_document import write_json

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import excite.blind.arm_case
-import excite.blind.make
-from excite.blind.arms_with_everything import (
+import benchmarks.blind.arm_case
+import benchmarks.blind.make
+from benchmarks.blind.arms_with_everything import (
     FEWEST,
     LARGEST,
     MOST,
@@ -22,15 +22,15 @@ from excite.blind.arms_with_everything import (
     draw_mixture,
     true_shares,
 )
-from excite.blind.hidden_effects import Answer
-from excite.blind.make import load_answers, make_cases
+from benchmarks.blind.hidden_effects import Answer
+from benchmarks.blind.make import load_answers, make_cases
 from excite.errors import InputError
 
 
 @pytest.fixture
 def short_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     """Trials of three seconds: the arithmetic is that of ten."""
-    monkeypatch.setattr(excite.blind.arm_case, "TRIAL_S", 3.0)
+    monkeypatch.setattr(benchmarks.blind.arm_case, "TRIAL_S", 3.0)
 
 
 def test_shares_of_torques_that_add_up_are_their_shapley_values_and_sum_to_one() -> None:
@@ -101,8 +101,8 @@ def test_same_seed_same_bytes_and_the_answers_lie_beside(
         plan = draw_mixture(rng, robots)
         return replace(plan, ingredients=plan.ingredients[:2])
 
-    monkeypatch.setattr(excite.blind.make, "mixture", few)
-    monkeypatch.setattr(excite.blind.arm_case, "TRIAL_S", 1.5)
+    monkeypatch.setattr(benchmarks.blind.make, "mixture", few)
+    monkeypatch.setattr(benchmarks.blind.arm_case, "TRIAL_S", 1.5)
     folders = [tmp_path / name for name in ("one", "two")]
     for folder in folders:
         make_cases(folder, seed=5, cases=1, robots=("jaco2",), kind="everything")

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import excite.blind.arm_case
-from excite.blind.answers import read_entry
-from excite.blind.arm_case import arm_of
-from excite.blind.case import build_case
-from excite.blind.draw import Draft
-from excite.blind.entry import mujoco_sysid
-from excite.blind.entry.alone import arm_log
-from excite.blind.entry.mujoco_sysid import TrialFit, fitted_by_sysid
-from excite.blind.hidden_effects import HiddenEffect
-from excite.blind.make import load_answers
+import benchmarks.blind.arm_case
+from benchmarks.blind.answers import read_entry
+from benchmarks.blind.arm_case import arm_of
+from benchmarks.blind.case import build_case
+from benchmarks.blind.draw import Draft
+from benchmarks.blind.entry import mujoco_sysid
+from benchmarks.blind.entry.alone import arm_log
+from benchmarks.blind.entry.mujoco_sysid import TrialFit, fitted_by_sysid
+from benchmarks.blind.hidden_effects import HiddenEffect
+from benchmarks.blind.make import load_answers
 from excite.cli.main import app
 from excite.errors import LogError
 from excite.json_document import write_json
@@ -33,7 +33,7 @@ def biased(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Hid
     """A folder of one case, trials of three seconds, whose only effect is a torque's bias; and that effect."""
     folder = tmp_path_factory.mktemp("blind")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(excite.blind.arm_case, "TRIAL_S", 3.0)
+        patch.setattr(benchmarks.blind.arm_case, "TRIAL_S", 3.0)
         plan = Draft("jaco2", "single", (("torque_bias", "plain"),), True, 1.0, (), False)
         log, answer = build_case(plan, np.random.default_rng(8))
     save_log(log, folder / "cases" / "case_000")
@@ -69,7 +69,7 @@ def test_mujocos_own_toolbox_has_the_model_that_made_the_log(biased: tuple[Path,
     parameters = fit.parameters()
     joints = log.robot.joint_names
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(excite.blind.arm_case, "TRIAL_S", 3.0)
+        patch.setattr(benchmarks.blind.arm_case, "TRIAL_S", 3.0)
         drives = arm_of(load_robot("jaco2"), True, np.random.default_rng(8)).virtual.drives
     x = parameters.as_nominal_vector()
     for j, name in enumerate(joints):

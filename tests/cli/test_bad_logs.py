@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from excite.cli.main import app
 from excite.errors import RobotError
 from excite.logs.columns import trial_columns
-from excite.logs.readers import reader_for
+from excite.logs.readers.registry import reader_for
 from excite.robot.load import load_robot as bring_robot
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log

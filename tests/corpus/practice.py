@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from excite.logs.readers import reader_for
+from excite.logs.readers.registry import reader_for
 from tests.human import c3d_file
 from tests.logs.conftest import ARM
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import yaml
 
-from excite.blind.arm_case import arm_of
-from excite.blind.case import build_case, recordings_of
-from excite.blind.case_score import parameter_error
-from excite.blind.detectability import DETECTABLE, effect_detectability
-from excite.blind.draw import Draft
-from excite.blind.forms import hide_effect
-from excite.blind.hidden_effects import Answer, HiddenEffect
-from excite.blind.make import answers_file, load_answers, make_cases
-from excite.blind.score import score_case, score_diagnoses
+from benchmarks.blind.arm_case import arm_of
+from benchmarks.blind.case import build_case, recordings_of
+from benchmarks.blind.case_score import parameter_error
+from benchmarks.blind.detectability import DETECTABLE, effect_detectability
+from benchmarks.blind.draw import Draft
+from benchmarks.blind.forms import hide_effect
+from benchmarks.blind.hidden_effects import Answer, HiddenEffect
+from benchmarks.blind.make import answers_file, load_answers, make_cases
+from benchmarks.blind.score import score_case, score_diagnoses
 from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import InputError

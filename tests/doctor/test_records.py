@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from excite.blind.arm_case import FAULTS
+from benchmarks.blind.arm_case import FAULTS
 from excite.doctor.examine import Chart, examine
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from excite.blind.hidden_effects import Answer, HiddenEffect
+from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from excite.campaign.demo import check
 from excite.campaign.loop import simulate
 from excite.campaign.rank import rank

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from excite.errors import LogError
-from excite.logs.readers import READERS, read_trial, read_trials, reader_for, write_trial
+from excite.logs.readers.registry import READERS, read_trial, read_trials, reader_for, write_trial
 from tests.corpus.practice import columns
 
 SUFFIXES = tuple(reader.suffixes[0] for reader in READERS.values())

@@ -13,7 +13,7 @@ import yaml
 from excite.errors import ExciteError, LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.readers import READERS
+from excite.logs.readers.registry import READERS
 from excite.logs.robot import nominal_robot
 from excite.robot.robot import Robot
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.readers import reader_for
+from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
 from tests.reproduction.pendulum import pendulum_urdf
 

@@ -16,7 +16,7 @@ from scipy.signal import butter, filtfilt
 from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader
-from excite.logs.readers import reader_for
+from excite.logs.readers.registry import reader_for
 
 JOINTS = ("yaw", "pitch", "insertion")
 RATE_HZ = 200.0

@@ -14,7 +14,7 @@ from excite.identification.explanation import estimate_torque_delay
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.readers import reader_for
+from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.robot.catalogue import example_robot_data

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.blind.arm_case import Servo, arm_of
-from excite.blind.hidden_effects import Answer, HiddenEffect
+from benchmarks.blind.arm_case import Servo, arm_of
+from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from benchmarks.blind.floating import FORMS, MAKERS, Site, floating_draft
+from benchmarks.blind.standing_case import Stand, _mount_sensor, standing_robot, trial_of
+from benchmarks.blind.standing_effects import Truth, true_recording, truth_of
 from excite.arrays import Array
-from excite.blind.floating import FORMS, MAKERS, Site, floating_draft
-from excite.blind.standing_case import Stand, _mount_sensor, standing_robot, trial_of
-from excite.blind.standing_effects import Truth, true_recording, truth_of
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import LogHeader
 from excite.logs.robot import robot_in_log

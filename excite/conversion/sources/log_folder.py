@@ -10,7 +10,7 @@ from excite.conversion.recording import Recording, Stream
 from excite.conversion.shapes import stream_of_arrays
 from excite.conversion.sources.source import Source
 from excite.logs.header import read_header
-from excite.logs.readers import read_trials
+from excite.logs.readers.registry import read_trials
 
 
 class LogFolderSource(Source):

@@ -7,6 +7,7 @@ a number, a mesh or a joint that is wrong.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +19,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.finding import Finding
+from excite.robot.shapes.collision import turn_file_upright, turn_upright
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape
@@ -174,6 +176,9 @@ class DescribedRobot:
         self._solids: dict[tuple[str, str], list[Array]] = {}
         self._hulls: dict[tuple[str, ...], Solid | None] = {}
         self._meshes: dict[Path, Array | None] = {}
+        self._has_read = False
+        # Whether meshes with y up are meant to be turned.
+        self._turns = False
         carriers = {link_at(joint, "child"): joint for joint in root.findall("joint")}
         self._parents = {child: link_at(joint, "parent") for child, joint in carriers.items()}
         self.joints = [self._joint(j) for j in root.findall("joint") if j.get("type") in MOVING]
@@ -377,25 +382,33 @@ class DescribedRobot:
 
     def _read_most(self) -> None:
         """Read in one go what is needed of every robot: meshes of the first kind of geometry that each link has."""
-        files = set()
-        for name, link in self._elements.items():
-            if self.links[name].weighs:
-                kind = "visual" if self.thorough and link.find("collision") is None else "collision"
+        shown: dict[str, list[ElementTree.Element]] = {"collision": [], "visual": []}
+        for name, element in self._elements.items():
+            kind = "visual" if self.thorough and element.find("collision") is None else "collision"
+            if self.links[name].weighs and name not in self.missing:
+                link = deepcopy(element)
                 for mesh in link.iterfind(f"{kind}/geometry/mesh"):
-                    file = find_mesh(mesh.get("filename", "").strip(), self.path)
-                    files |= set() if file is None else {file}
-        try:
-            self._meshes.update(read_meshes(sorted(files)))
-        except RobotError:
-            # One by one, so that the damaged one is named.
-            return
+                    mesh.set("filename", str(find_mesh(mesh.get("filename", "").strip(), self.path)))
+                shown[kind].append(link)
+        for kind, links in shown.items():
+            meshes = (mesh for link in links for mesh in link.iterfind(f"{kind}/geometry/mesh"))
+            try:
+                points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
+                meant = turn_upright(links, kind, points)
+            except (RobotError, ValueError):
+                # One by one, so that what is damaged is named.
+                continue
+            self._turns = self._turns or meant is not points
+            self._meshes.update(meant)
 
     def _mesh(self, file: Path, link: str) -> Array | None:
-        if not self._meshes:
+        if not self._has_read:
+            self._has_read = True
             self._read_most()
         if file not in self._meshes:
             try:
-                self._meshes[file] = read_meshes([file])[file]
+                points = read_meshes([file])[file]
+                self._meshes[file] = turn_file_upright(file, points) if self._turns else points
             except RobotError as error:
                 self._meshes[file] = None
                 said = f"{file.name} {error.what}"

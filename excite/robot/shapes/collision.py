@@ -277,7 +277,7 @@ def turn_upright(
         kind: ``collision`` or ``visual``.
         points: corners as they stand in the files ``(n, 3)``, by file.
     """
-    turned = {path: corners @ _UPRIGHT.T for path, corners in points.items() if _y_up(path)}
+    turned = {path: turn_file_upright(path, corners) for path, corners in points.items() if _y_up(path)}
     if not turned:
         return points
     votes = [_axis_vote(link, kind, points, turned) for link in links]
@@ -285,6 +285,11 @@ def turn_upright(
     if otherwise < _VOTES or otherwise < _MAJORITY * (as_is + otherwise):
         return points
     return {**points, **turned}
+
+
+def turn_file_upright(path: Path, corners: Array) -> Array:
+    """Corners ``(n, 3)`` of a file whose y is up with z up; those of any other file as they are."""
+    return np.asarray(corners @ _UPRIGHT.T) if _y_up(path) else corners
 
 
 def _y_up(path: Path) -> bool:

@@ -8,9 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from excite.blind.hidden_effects import HiddenEffect
-from excite.blind.standing_case import ROBOTS, Drag, Jostle, Pull, SensorKind, Slosh, Table, Tether, Vector
-from excite.blind.standing_effects import Bent, Mixed, Truth, Wobbly, true_recording
+from benchmarks.blind.hidden_effects import HiddenEffect
+from benchmarks.blind.standing_case import (
+    ROBOTS,
+    Drag,
+    Jostle,
+    Pull,
+    SensorKind,
+    Slosh,
+    Table,
+    Tether,
+    Vector,
+)
+from benchmarks.blind.standing_effects import Bent, Mixed, Truth, Wobbly, true_recording
 from excite.logs.columns import WRENCH_AXES
 from excite.motion.generators.generator import leg_joints
 from excite.simulation.effects.readings import Misaligned, Misplaced, WrenchBias

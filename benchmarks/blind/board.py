@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from excite.blind.score import BlindScore
+from benchmarks.blind.score import BlindScore
 
 # Title, figure, and whether it is a share.
 _COLUMNS = (

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.blind.arm_case import FAULTS, N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, Servo, arm_of
+from benchmarks.blind.detectability import effect_detectability
+from benchmarks.blind.draw import Draft
+from benchmarks.blind.forms import OWN_TERMS, hide_background, hide_effect, left_out, without_term
+from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from excite.arrays import Array
-from excite.blind.arm_case import FAULTS, N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, Servo, arm_of
-from excite.blind.detectability import effect_detectability
-from excite.blind.draw import Draft
-from excite.blind.forms import OWN_TERMS, hide_background, hide_effect, left_out, without_term
-from excite.blind.hidden_effects import Answer, HiddenEffect
 from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot

@@ -8,16 +8,16 @@ from statistics import median
 
 import numpy as np
 
+from benchmarks.blind.answers import Stated
+from benchmarks.blind.arm_case import FAULTS, N_TRIALS, N_VALIDATION, Arm, arm_of
+from benchmarks.blind.case import log_session, noise_of, recordings_of
+from benchmarks.blind.case_score import same_effect
+from benchmarks.blind.detectability import DETECTABLE, Band, band_rows
+from benchmarks.blind.draw import ROBOTS
+from benchmarks.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
+from benchmarks.blind.hidden_effects import Answer, HiddenEffect, JointGap
+from benchmarks.blind.magnitudes import MAKERS, Site
 from excite.arrays import Array
-from excite.blind.answers import Stated
-from excite.blind.arm_case import FAULTS, N_TRIALS, N_VALIDATION, Arm, arm_of
-from excite.blind.case import log_session, noise_of, recordings_of
-from excite.blind.case_score import same_effect
-from excite.blind.detectability import DETECTABLE, Band, band_rows
-from excite.blind.draw import ROBOTS
-from excite.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
-from excite.blind.hidden_effects import Answer, HiddenEffect, JointGap
-from excite.blind.magnitudes import MAKERS, Site
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -327,7 +327,7 @@ def score_mixture(case: str, answer: Answer, stated: Sequence[Stated]) -> Mixtur
     """Compare what is said with the true shares.
 
     An effect is to be found where it takes :data:`LARGE` or more of the gap of a joint and stands above the noise
-    there as far as :data:`~excite.blind.detectability.DETECTABLE` asks.
+    there as far as :data:`~benchmarks.blind.detectability.DETECTABLE` asks.
 
     Args:
         case: name of the case.

@@ -17,8 +17,8 @@ class HiddenEffect:
         form: which of the forms of the same physics it has; ``plain`` is the textbook's.
         details: further parameters.
         detectability: rest that the modelled terms cannot take, over the channel's noise in the band
-            (:mod:`excite.blind.detectability`); None where it was not computed.
-        shares: of the gap of each joint (:mod:`excite.blind.arms_with_everything`); empty where they were not computed.
+            (:mod:`benchmarks.blind.detectability`); None where it was not computed.
+        shares: of the gap of each joint (:mod:`benchmarks.blind.arms_with_everything`); empty where not computed.
     """
 
     effect: str

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from excite.blind.entry.alone import fitted_alone
-from excite.blind.entry.mujoco_sysid import fitted_by_sysid
+from benchmarks.blind.entry.alone import fitted_alone
+from benchmarks.blind.entry.mujoco_sysid import fitted_by_sysid
 
 PROGRAMS: dict[str, Callable[[Path], dict[str, Any]]] = {
     "alone": fitted_alone,

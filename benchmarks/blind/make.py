@@ -11,16 +11,16 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import butter, sosfiltfilt
 
+from benchmarks.blind.arm_case import drawn_servo
+from benchmarks.blind.arms_with_everything import build_mixture, draw_mixture
+from benchmarks.blind.case import build_case
+from benchmarks.blind.draw import ROBOTS, draft_case
+from benchmarks.blind.floating import MAKERS, FloatingDraft, Hidden, Site, floating_draft
+from benchmarks.blind.hidden_effects import Answer
+from benchmarks.blind.standing_case import ROBOTS as STANDING_ROBOTS
+from benchmarks.blind.standing_case import Stand, stand_of, trial_of
+from benchmarks.blind.standing_effects import Truth, truth_of
 from excite.arrays import Array
-from excite.blind.arm_case import drawn_servo
-from excite.blind.arms_with_everything import build_mixture, draw_mixture
-from excite.blind.case import build_case
-from excite.blind.draw import ROBOTS, draft_case
-from excite.blind.floating import MAKERS, FloatingDraft, Hidden, Site, floating_draft
-from excite.blind.hidden_effects import Answer
-from excite.blind.standing_case import ROBOTS as STANDING_ROBOTS
-from excite.blind.standing_case import Stand, stand_of, trial_of
-from excite.blind.standing_effects import Truth, truth_of
 from excite.documents.blind import BlindAnswers
 from excite.documents.document import read_document
 from excite.errors import InputError

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.blind.arm_case import FAULTS
-from excite.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
+from benchmarks.blind.arm_case import FAULTS
+from benchmarks.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
 
 ROBOTS = ("panda", "ur10", "iiwa14", "jaco2")
 # Joints of theirs are nearly all rotor: without one a step would turn them round, and their friction with them.

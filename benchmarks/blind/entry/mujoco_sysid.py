@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.blind.entry.alone import ArmLog, arm_log
 from excite.arrays import Array
-from excite.blind.entry.alone import ArmLog, arm_log
 from excite.errors import InputError, LogError
 from excite.logs.log import Trial
 from excite.rows.kinematics import positions_on_grid, trial_grid, trial_rate

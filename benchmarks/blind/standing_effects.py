@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from benchmarks.blind.standing_case import Pull, Stand
 from excite.arrays import Array, Moved
-from excite.blind.standing_case import Pull, Stand
 from excite.motion.generators.generator import leg_joints
 from excite.motion.motion import Motion
 from excite.robot.robot import Foot, Robot

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
-from excite.blind.answers import EntryAnswer, from_diagnosis
-from excite.blind.arms_with_everything import MixtureScore, mixture_figures, score_mixture
-from excite.blind.case_score import CaseScore, score_case
-from excite.blind.hidden_effects import Answer
+from benchmarks.blind.answers import EntryAnswer, from_diagnosis
+from benchmarks.blind.arms_with_everything import MixtureScore, mixture_figures, score_mixture
+from benchmarks.blind.case_score import CaseScore, score_case
+from benchmarks.blind.hidden_effects import Answer
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from excite.blind.hidden_effects import Answer
+from benchmarks.blind.hidden_effects import Answer
 from excite.documents.blind import BlindAnswer
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of

@@ -1,0 +1,1 @@
+"""Readers of trial files, one a format."""
