@@ -15,10 +15,10 @@ from excite.folder_lock import claim_folder
 _CLAIM = """
 import sys
 from pathlib import Path
-from excite.folder_lock import claimed
+from excite.folder_lock import claim_folder
 from excite.errors import InputError
 try:
-    with claimed(Path(sys.argv[1])):
+    with claim_folder(Path(sys.argv[1])):
         print("claimed", flush=True)
         sys.stdin.read()
 except InputError as error:

@@ -230,9 +230,9 @@ def test_a_version_that_does_not_go_with_the_others_is_one_line(tmp_path: Path) 
     check_family(FAMILY)
     code = (
         "import sys, sysconfig, excite\n"
-        "from excite import binary_family\n"
+        "from excite import pinned_versions\n"
         "print('pinocchio' in sys.modules)\n"
-        "binary_family.FAMILY['coal'] = '9.9'\n"
+        "pinned_versions.FAMILY['coal'] = '9.9'\n"
         "from excite.cli.main import program\n"
         "sys.argv = ['excite', 'check', 'ur10', 'nowhere.csv']\n"
         "program()\n"

@@ -15,7 +15,7 @@ from tests.identification.synthetic import arm_problem
 PROGRAM = """
 import hashlib, json, sys
 import numpy as np
-from excite.identification.estimators.estimator import ESTIMATORS, find_estimator
+from excite.identification.estimators.registry import (ESTIMATORS, find_estimator)
 from excite.identification.identify import identify_problem
 from excite.robot.loading import load_robot
 from tests.identification.coverage import Case, Experiment

@@ -13,7 +13,7 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of
 from excite.errors import InputError
 from excite.finding import list_names
-from excite.logs.header import EFFECTS
+from excite.logs.vocabulary import EFFECTS
 from excite.reading.documents import read_json
 from excite.robot.loading import load_robot
 

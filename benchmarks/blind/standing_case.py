@@ -15,7 +15,7 @@ from excite.logs.header_blocks import SensorHeader, TrialHeader
 from excite.logs.log import LogHeader, Trial
 from excite.logs.robot import robot_in_log
 from excite.motion.generators.generator import leg_joints
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.motion.motion import Motion, interpolate_motion
 from excite.robot.loading import build_robot, load_robot
 from excite.robot.robot import Foot, Robot

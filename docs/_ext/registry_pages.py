@@ -6,11 +6,11 @@ import inspect
 from collections.abc import Iterable
 
 import excite
-from excite.conversion.sources.source import SOURCES
+from excite.conversion.sources.registry import SOURCES
 from excite.errors import ExciteError
-from excite.export.exporter import EXPORTERS
-from excite.export.simulators.write import MODEL_FORMATS
-from excite.motion.generators.mixture import GENERATORS
+from excite.export.registry import EXPORTERS
+from excite.export.simulators.registry import MODEL_FORMATS
+from excite.motion.generators.registry import GENERATORS
 from excite.safety.check import CHECKS
 from excite.safety.filter import REPAIRS
 

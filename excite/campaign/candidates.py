@@ -3,252 +3,33 @@
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
+from excite.campaign.optimised_series import Asked
 from excite.campaign.plan_document import robot_file
 from excite.campaign.pool import Keeper
 from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
-from excite.errors import InputError, NoSolutionError, NothingSafeError, UnknownNameError
-from excite.excitation.optimisation.limits import JointLimits
-from excite.excitation.optimisation.motions import FourierFamily
-from excite.excitation.optimisation.objective import make_criterion
-from excite.excitation.optimisation.sampling import NAME
-from excite.excitation.optimisation.search import OptimisedMotion, SearchSettings, optimise_excitation
-from excite.excitation.optimisation.task import ExcitationTask
+from excite.campaign.searches import SEARCHES
+from excite.errors import NothingSafeError, UnknownNameError
 from excite.json_document import write_json
 from excite.motion.generators.generator import (
     Candidate,
     Proposal,
-    SupportPhase,
-    central_range,
     child_seed,
-    free_upper_body,
-    rest_joints,
 )
-from excite.motion.generators.mixture import GENERATORS, plan_proposals
-from excite.parallel.jobs import Jobs
-from excite.progress import Progress, silent
-from excite.reading.number import check_number
-from excite.registry import Registry
+from excite.motion.generators.mixture import plan_proposals
+from excite.motion.generators.registry import GENERATORS
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidates
 from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, joined_refusals, refusals_table, tally_refusals
 from excite.safety.remedy import TRIED, Remedy, find_remedy
 from excite.safety.repairs.draft import Rejection
-from excite.safety.repairs.shares import Shares
-
-# What optimised series are to be: their criterion and their period.
-
-HARMONICS = 5
-
-
-# What no robot's rate allows [s].
-_ANY_PERIOD = (1e-6, 1e6)
-
-
-# Numbers of a motion, positions, velocities and accelerations at the robot's rate: 16 MB. Each start samples,
-# differentiates and checks all of it some hundred times; an arm at 1 kHz gets a minute and a half.
-_MOST_NUMBERS = 2_000_000
-
-
-@dataclass(frozen=True)
-class SeriesSettings:
-    """What a plan's optimised series are to be.
-
-    Attributes:
-        criterion: ``condition``, ``log_det`` or ``largest_rsd``.
-        period_s: of the series [s]; what the slowest joint needs for its range, from 6 to 20 s, if None.
-    """
-
-    criterion: str = "condition"
-    period_s: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check the bounds; raises UnknownNameError or InputError."""
-        make_criterion(self.criterion)
-        if self.period_s is not None:
-            check_number(self.period_s, "period", *_ANY_PERIOD, "s")
-
-    def fit(self, robot: Robot) -> None:
-        """Raise InputError where the robot's rate makes too few samples of a period, or more than memory holds."""
-        if self.period_s is None:
-            return
-        rate = robot.description.sensors.rate_hz
-        shortest, longest = (
-            2.0 * HARMONICS / rate,
-            _MOST_NUMBERS / (rate * (robot.model.nq + 2 * robot.model.nv)),
-        )
-        check_number(self.period_s, "period", shortest, longest, "s", source=robot.name)
-
-
-# What a search for candidates is: all of a plan's found together, where a generator draws each on its own.
-
-
-@dataclass(frozen=True, eq=False)
-class Asked:
-    """What candidates are asked for.
-
-    Attributes:
-        robot: the robot.
-        count: how many to try; what cannot be made safe may be left out.
-        targets: joints to aim at; all, if empty.
-        series: criterion and period of optimised series; None for the defaults.
-        jobs: number of processes, or an executor; the candidates do not depend on it.
-        progress: told as work proceeds.
-        robust: whether limits shall hold for all robots of the set that the description states.
-    """
-
-    robot: Robot
-    count: int
-    targets: Sequence[str] = ()
-    series: SeriesSettings | None = None
-    jobs: Jobs = 1
-    progress: Progress = silent
-    robust: bool = False
-
-
-class CandidateSearch(ABC):
-    """Finds candidates together. A new one is one file beside this one and its line in ``SEARCHES``.
-
-    Attributes:
-        name: what users type after ``--generator``, beside the names of generators.
-    """
-
-    name: ClassVar[str]
-
-    @abstractmethod
-    def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
-        """The candidates of one seed.
-
-        Raises:
-            NoSolutionError: there are none.
-            InputError: the robot, a target or a setting does not suit it.
-        """
-
-
-# Searches for candidates by name. A new one is one file beside this one and one line here.
-
-SEARCHES: Registry[CandidateSearch] = Registry(
-    "generator",
-    {
-        "optimised_fourier": "excite.campaign.candidates:OptimisedSeries",
-    },
-)
-
-
-# Candidates from the optimiser: each start of its search is a candidate, repaired and judged like all others.
-
-# Share of a joint's range that stays on either side of where it rests.
-_ROOM_AT_REST = 0.02
-# Period of the series [s]: the slowest joint's range takes one, within these bounds.
-_PERIODS = (6.0, 20.0)
-
-
-# Share of their range that the other joints use where some are aimed at: the middle of what random candidates use.
-_OTHERS = 0.4
-
-
-class OptimisedSeries(CandidateSearch):
-    """Optimised Fourier series within the share of the limits that repairs leave alone.
-
-    Of an arm, or of a robot whose upper body moves while its base stands still. Starts that end in no safe motion are
-    left out. Joints that are aimed at have each their share of the starts: one has the whole of its range, the
-    others a part of theirs about where they rest.
-    """
-
-    name = NAME
-
-    def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
-        """See :class:`~excite.campaign.candidates.CandidateSearch`; one candidate a start.
-
-        Raises:
-            NoSolutionError: limits leave no room, or no start ended in a safe motion.
-            UnknownNameError: a target is no joint of the robot.
-            InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
-        """
-        return _optimise_candidates(asked, seed)
-
-
-def _optimise_candidates(asked: Asked, seed: int) -> list[Candidate]:
-    robot, count, targets = asked.robot, asked.count, asked.targets
-    settings = asked.series or SeriesSettings()
-    settings.fit(robot)
-    moved = free_upper_body(robot)
-    for joint in targets:
-        if not moved[robot.joint_index(joint)]:
-            raise InputError(
-                f"joint {joint!r} stands still in optimised series",
-                source=robot.name,
-                remedy="aim at a joint of the upper body that carries no foot, or use another generator",
-            )
-    aims: list[str | None] = [*targets[:count]] or [None]
-    made: list[Candidate] = []
-    failed: NoSolutionError | None = None
-    for place, aim in enumerate(aims):
-        starts = len(range(place, count, len(aims)))
-        search = SearchSettings(starts=starts, kicks=1, seed=seed + place)
-        try:
-            found = optimise_excitation(
-                _excitation_task(robot, aim, settings), search, jobs=asked.jobs, progress=asked.progress
-            ).found
-        except NoSolutionError as error:
-            # Other targets may have more room.
-            failed = error
-            continue
-        made += [_build_candidate(robot, item, aim, seed + place) for item in found]
-    if failed is not None and not made:
-        raise failed
-    return [replace(candidate, name=f"{NAME}_{i:03d}") for i, candidate in enumerate(made)]
-
-
-def _excitation_task(robot: Robot, aim: str | None, settings: SeriesSettings) -> ExcitationTask:
-    lower, upper = central_range(robot)
-    own, shares = robot.limits, Shares()
-    if robot.feet:
-        # A standing robot starts at rest, which may be outside the central range.
-        away = _ROOM_AT_REST * (own.position_upper - own.position_lower)
-        rest = rest_joints(robot)
-        lower = np.minimum(lower, np.maximum(own.position_lower, rest - away))
-        upper = np.maximum(upper, np.minimum(own.position_upper, rest + away))
-    velocity = shares.velocity * own.velocity
-    moved = free_upper_body(robot)
-    period = settings.period_s
-    if period is None:
-        period = float(np.clip(np.pi * ((upper - lower) / velocity)[moved].max(), *_PERIODS))
-    if aim is not None:
-        rest = np.clip(rest_joints(robot), lower, upper)
-        share = np.full(robot.n_joints, _OTHERS)
-        share[robot.joint_index(aim)] = 1.0
-        lower, upper = rest + share * (lower - rest), rest + share * (upper - rest)
-    limits = JointLimits(
-        lower=lower,
-        upper=upper,
-        velocity=velocity,
-        acceleration=shares.acceleration * own.acceleration,
-        torque=shares.torque * own.torque,
-    )
-    return ExcitationTask(robot, FourierFamily(period, HARMONICS), settings.criterion, limits)
-
-
-def _build_candidate(robot: Robot, item: OptimisedMotion, aim: str | None, seed: int) -> Candidate:
-    feet = tuple(foot.name for foot in robot.feet)
-    return Candidate(
-        name=item.motion.name,
-        generator=NAME,
-        targets=item.motion.metadata.targets if aim is None else (aim,),
-        seed=seed,
-        posture=item.curve,
-        speed=1.0,
-        phases=(SupportPhase(0.0, item.curve.length, feet),) if feet else (),
-    )
-
 
 # Candidates of a plan as they are drawn and judged, turn by turn while too few are safe.
 

@@ -19,7 +19,7 @@ from excite.documents.document import read_document
 from excite.documents.plan import Plan as PlanDocument
 from excite.documents.results import Journal as JournalDocument
 from excite.errors import InputError, LogError
-from excite.identification.estimators.estimator import DEFAULT_METHOD, find_estimator
+from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.json_document import write_json
 from excite.logs.files import load_log
 from excite.logs.log import Log

@@ -17,19 +17,18 @@ from excite.campaign.candidates import (
     ENOUGH,
     N_CANDIDATES,
     REFUSALS_FILE,
-    SEARCHES,
     TURNS,
-    Asked,
     Judged,
     Refusals,
-    SeriesSettings,
     check_generator,
     none_is_safe,
 )
 from excite.campaign.expected import TARGET_RSD, Forecast, Outlook, check_target, is_predictable, outlook
+from excite.campaign.optimised_series import Asked, SeriesSettings
 from excite.campaign.plan_document import conditioning_comparison, robot_file
 from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments, write_value
 from excite.campaign.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehearse_motions
+from excite.campaign.searches import SEARCHES
 from excite.display import Row, Tabled, count
 from excite.documents.document import read_document
 from excite.documents.plan import Plan as PlanDocument

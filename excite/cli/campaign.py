@@ -24,7 +24,7 @@ from excite.cli.session.options import (
 from excite.cli.session.outcome import refusals_shown
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
 from excite.folder_lock import claim_folder
-from excite.identification.estimators.estimator import DEFAULT_METHOD, ESTIMATORS
+from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
 from excite.provenance import made_by
 
 NAME = "campaign"

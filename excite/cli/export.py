@@ -11,7 +11,7 @@ import typer
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption, one_of
 from excite.cli.session.output import command_line, emit_result
-from excite.export.exporter import EXPORTERS
+from excite.export.registry import EXPORTERS
 from excite.json_document import write_json
 
 NAME = "export"

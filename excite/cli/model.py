@@ -11,7 +11,7 @@ import excite
 from excite.cli.session.options import JobsOption, JsonOption, ModelOutOption, SeedOption, one_of
 from excite.cli.session.output import emit_result
 from excite.display import count
-from excite.export.simulators.write import MODEL_FORMATS
+from excite.export.simulators.registry import MODEL_FORMATS
 
 if TYPE_CHECKING:
     from excite.export.simulators.model_format import Lost

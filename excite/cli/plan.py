@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import excite
-from excite.campaign.candidates import SEARCHES
+from excite.campaign.searches import SEARCHES
 from excite.cli.session.interruption import exit_code_of_interruption, keeping_best, say_interrupted
 from excite.cli.session.options import (
     ClusterOption,
@@ -23,10 +23,10 @@ from excite.cli.session.options import (
 from excite.cli.session.outcome import refusals_shown
 from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.folder_lock import claim_folder
-from excite.motion.generators.mixture import GENERATORS
+from excite.motion.generators.registry import GENERATORS
 
 if TYPE_CHECKING:
-    from excite.campaign.candidates import SeriesSettings
+    from excite.campaign.optimised_series import SeriesSettings
 
 NAME = "plan"
 

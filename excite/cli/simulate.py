@@ -21,7 +21,7 @@ from excite.cli.session.options import (
 )
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
 from excite.folder_lock import claim_folder
-from excite.logs.header import EFFECTS
+from excite.logs.vocabulary import EFFECTS
 
 NAME = "simulate"
 

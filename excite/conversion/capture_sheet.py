@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from excite.conversion.clock import Table
+from excite.conversion.columns.clock import Table
 from excite.conversion.explicit_mapping import TrialRules
 from excite.conversion.trials import Cut, cut_trials
 from excite.errors import LogError

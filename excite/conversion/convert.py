@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from excite.atomic import write_text
 from excite.conversion.capture_sheet import by_sheet, read_capture
-from excite.conversion.clock import Table, assemble_streams
+from excite.conversion.columns.clock import Table, assemble_streams
 from excite.conversion.explicit_mapping import Map, read_map
 from excite.conversion.guess import guess_columns
 from excite.conversion.guesses import Guesses, UnclearError

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
-from excite.conversion.units import TO_SI, unit_named
+from excite.conversion.columns.units import TO_SI, unit_named
 from excite.errors import LogError
 from excite.logs.log import LogHeader
 from excite.reading.documents import read_yaml

@@ -9,14 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.base_signals import add_base, add_base_signals, feet_of
-from excite.conversion.clock import TICKS, clock_column, clock_pace, goes_evenly, rate_by_velocities
-from excite.conversion.column_words import Clue, is_of_joints
+from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of
 from excite.conversion.columns.choice import choose_families, settle_unmeasured
-from excite.conversion.columns.unfilled import live_columns, without_unfilled
-from excite.conversion.columns.vocabulary import FORCES, OF_WORD
-from excite.conversion.explicit_mapping import Map
-from excite.conversion.families import (
+from excite.conversion.columns.clock import TICKS, clock_column, clock_pace, goes_evenly, rate_by_velocities
+from excite.conversion.columns.families import (
     TARGETS,
     Family,
     clues_of,
@@ -26,6 +22,12 @@ from excite.conversion.families import (
     with_numbers_for_letters,
     without_base,
 )
+from excite.conversion.columns.scales import convert_units
+from excite.conversion.columns.unfilled import live_columns, without_unfilled
+from excite.conversion.columns.unnamed import Understood, understand_columns
+from excite.conversion.columns.vocabulary import FORCES, OF_WORD
+from excite.conversion.columns.words import Clue, is_of_joints
+from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import RATE_LINE, Guesses, Mapped
 from excite.conversion.questions import (
     MOST_NAMED,
@@ -43,9 +45,7 @@ from excite.conversion.questions import (
     torques_of_no_joint,
 )
 from excite.conversion.recording import Machine, Recording, Stream, stated_rate
-from excite.conversion.scales import convert_units
 from excite.conversion.torques import note_controllers_constants
-from excite.conversion.unnamed_columns import Understood, understand_columns
 from excite.finding import first_names
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.

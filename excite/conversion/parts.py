@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.clock import clock_column, clock_tick
-from excite.conversion.column_words import Clue, read_clue
+from excite.conversion.columns.clock import clock_column, clock_tick
+from excite.conversion.columns.words import Clue, read_clue
 from excite.conversion.recording import Recording, Stream, merged_names
 from excite.errors import LogError
 

@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from excite.conversion.column_words import Clue
+from excite.conversion.columns.families import Family
+from excite.conversion.columns.joints import BY_NAME, Doubt
 from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.vocabulary import FORCES, SHARES
+from excite.conversion.columns.words import Clue
 from excite.conversion.explicit_mapping import Map
-from excite.conversion.families import Family
 from excite.conversion.guesses import Guesses
-from excite.conversion.joint_columns import BY_NAME, Doubt
 from excite.conversion.recording import Machine, Recording
 from excite.conversion.sources.text import MISFIT
 from excite.finding import first_names

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.clock import goes_evenly, is_clock
-from excite.conversion.column_words import name_tokens, read_clue
+from excite.conversion.columns.clock import goes_evenly, is_clock
+from excite.conversion.columns.words import name_tokens, read_clue
 from excite.conversion.recording import Column, Recording, Stream, merged_names, nothing_there
 from excite.conversion.repairs import restore_signs, with_drives_on
 from excite.conversion.shapes import apply_labels, by_episode
 from excite.conversion.sources.messages import finished
-from excite.conversion.sources.source import read_source, recognised, recognised_recording
+from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.conversion.trials import joined_by_trial
 from excite.errors import LogError, NothingThereError
 from excite.finding import list_names

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.clock import Table, is_clock
-from excite.conversion.column_words import read_clue
+from excite.conversion.columns.clock import Table, is_clock
+from excite.conversion.columns.units import BEYOND, TO_SI
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Machine, Recording
-from excite.conversion.units import BEYOND, TO_SI
 from excite.errors import LogError
 from excite.logs.signals.resample import resample_smooth
 from excite.logs.signals.seams import without_seams

@@ -11,9 +11,9 @@ import numpy as np
 import yaml
 from pydantic import ValidationError
 
-from excite.conversion.base_signals import base_fields
+from excite.conversion.columns.base_signals import base_fields
+from excite.conversion.columns.families import columns_of
 from excite.conversion.explicit_mapping import SCHEMA, Map
-from excite.conversion.families import columns_of
 from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Machine, Recording
 from excite.conversion.trials import Cut

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.clock import Table, find_restarts
-from excite.conversion.column_words import read_clue
+from excite.conversion.columns.clock import Table, find_restarts
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Recording, Stream
 
 # Arrays by name as streams: those of one length together, with the names of joints that lists beside them

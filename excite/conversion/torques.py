@@ -10,14 +10,14 @@ import numpy as np
 from pydantic import ValidationError
 
 from excite.arrays import Array
-from excite.conversion.clock import FASTEST_HZ, SLOWEST_HZ, Table
+from excite.conversion.columns.clock import FASTEST_HZ, SLOWEST_HZ, Table
+from excite.conversion.columns.families import Family
+from excite.conversion.columns.units import TO_SI
 from excite.conversion.explicit_mapping import Map
-from excite.conversion.families import Family
 from excite.conversion.guesses import RATE_LINE, Guesses, Question, UnclearError
 from excite.conversion.recording import Machine, Recording
 from excite.conversion.result import Conversion
 from excite.conversion.trials import Cut
-from excite.conversion.units import TO_SI
 from excite.doctor.channel_errors import LEAST_GAIN, explained
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.limit_shares import AS_STATED, Share, share_of_limits

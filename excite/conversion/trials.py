@@ -10,8 +10,8 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.clock import Table
-from excite.conversion.column_words import name_tokens
+from excite.conversion.columns.clock import Table
+from excite.conversion.columns.words import name_tokens
 from excite.conversion.explicit_mapping import TrialRules
 from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording
@@ -43,7 +43,7 @@ class Cut:
 
     Attributes:
         name: of its file.
-        columns: as of :class:`~excite.conversion.clock.Table`.
+        columns: as of :class:`~excite.conversion.columns.clock.Table`.
         role: ``identification`` or ``validation``.
         repeats: name of the trial that it repeats, None for none.
         source: name of the recording that it comes from.

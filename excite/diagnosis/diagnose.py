@@ -25,10 +25,10 @@ from excite.doctor.doubt import Doubt
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.finding import list_names
-from excite.logs.header import RIGID_BODY
 from excite.logs.load_with_robot import robot_and_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import robot_in_log
+from excite.logs.vocabulary import RIGID_BODY
 from excite.progress import Progress, silent, told_to
 from excite.reading.number import check_seed
 from excite.robot.load import RobotLike

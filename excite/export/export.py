@@ -12,7 +12,8 @@ import numpy as np
 from excite.atomic import all_or_nothing
 from excite.errors import InputError, MotionError, OtherRobotError, UnsafeMotionError
 from excite.export.clearance import Cleared, clear_motions
-from excite.export.exporter import EXPORTERS, Exporter
+from excite.export.exporter import Exporter
+from excite.export.registry import EXPORTERS
 from excite.export.resolve_robot import robot_beside
 from excite.json_document import write_json
 from excite.motion.collection import motion_paths

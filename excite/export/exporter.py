@@ -18,7 +18,6 @@ from excite.errors import InputError
 from excite.motion.motion import Motion
 from excite.motion.readers.tables import UNSAFE
 from excite.reading.number import check_number, shorten_value
-from excite.registry import Registry
 from excite.robot.robot import Robot
 from excite.safety.verdict import Violation, conditions
 
@@ -218,27 +217,6 @@ def between_rests(motion: Motion) -> list[Motion]:
         )
         for i, j in pairwise(edges)
     ]
-
-
-# The controller formats by name. A new one is one file beside this one and one line here.
-
-EXPORTERS: Registry[Exporter] = Registry(
-    "format",
-    {
-        "csv": "excite.export.plain_tables:CsvExporter",
-        "npz": "excite.export.plain_tables:NpzExporter",
-        "ros2": "excite.export.ros2:Ros2Exporter",
-        "ros2-yaml": "excite.export.ros2:Ros2YamlExporter",
-        "mcap": "excite.export.ros2:McapExporter",
-        "ur-script": "excite.export.arms:UrScriptExporter",
-        "mujoco-keyframes": "excite.export.mujoco:KeyframesExporter",
-        "lerobot": "excite.export.plain_tables:LeRobotExporter",
-        "franka": "excite.export.arms:FrankaExporter",
-        "unitree": "excite.export.humanoids:UnitreeExporter",
-        "openhrp": "excite.export.humanoids:OpenHrpExporter",
-        "opensim": "excite.export.humanoids:OpenSimExporter",
-    },
-)
 
 
 # What a file says of itself: whose motion it is, and what the independent check said of it.

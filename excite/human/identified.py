@@ -13,7 +13,7 @@ from excite.human.models import PLACES, ROBOT_FILE, urdf_text, write_osim
 from excite.human.plates import GroundReaction, ReactionTable, ground_reactions
 from excite.human.segment_table import SegmentTable, identified_body, segment_table
 from excite.human.weights import AddedMass, locate_added_mass
-from excite.identification.estimators.estimator import find_estimator
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.result import Identification

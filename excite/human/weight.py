@@ -17,8 +17,8 @@ from excite.human.segment_table import SegmentTable, segment_table
 from excite.human.segments import NAMES
 from excite.human.skeleton import frame_turn
 from excite.human.weights import BELT_RADIUS, AddedMass
-from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.method_settings import own_settings
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings, PairSettings
 from excite.identification.identify import identify
 from excite.logs.files import load_log, save_log

@@ -29,15 +29,14 @@ from excite.identification.changed_segments import Changes, find_changes
 from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
 from excite.identification.estimators.estimator import (
-    DEFAULT_METHOD,
     Estimate,
     Estimator,
     SolveStatus,
     estimate_at,
-    find_estimator,
     no_solution,
 )
 from excite.identification.estimators.method_settings import own_settings
+from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.identification.estimators.settings import (
     BoxSettings,
     EstimatorSettings,
@@ -77,7 +76,7 @@ def identify(
 ) -> Identification:
     """Identify a robot's parameters from a log and judge them on its validation trials.
 
-    Methods, by what they give (:func:`~excite.identification.estimators.estimator.method_summaries` says when to take
+    Methods, by what they give (:func:`~excite.identification.estimators.registry.method_summaries` says when to take
     which): bodies that can exist, as near to the nominal ones as the log supports, ``adaptive``; base parameters from
     the data alone ``ls``, ``wls``, ``robust``; parameters near the nominal model
     ``map``, ``qp``, ``hqp``; parameters within bounds ``cls1``, ``cls2``; parameters of bodies that can exist

@@ -11,6 +11,7 @@ from excite.errors import InputError, LogError
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import LogHeader
 from excite.logs.signals.coupling import coupling_matrix
+from excite.logs.vocabulary import EFFECTS, RIGID_BODY
 from excite.reading.documents import check_content, read_yaml
 
 # Gains that the servos of large robots have stay below [N·m/rad, N·m·s/rad, Hz].
@@ -209,44 +210,3 @@ def _check_unique_names(names: list[str] | tuple[str, ...], field: str, path: Pa
         if name in seen:
             raise LogError(f"{name!r} stands twice", source=path, field=field, remedy="name each once")
         seen.add(name)
-
-
-# Words that ``log.yaml`` may use for what a baseline models.
-
-RIGID_BODY = ("rigid_body", "rigid_body_fixed")
-
-EFFECTS = (
-    # in a joint
-    "viscous_friction",
-    "coulomb_friction",
-    "coulomb_asymmetry",
-    "stribeck",
-    "load_dependent_friction",
-    "friction_drift",
-    "armature",
-    "backlash",
-    "joint_elasticity",
-    "joint_spring",
-    "torque_gain",
-    "torque_bias",
-    "torque_ripple",
-    "encoder_offset",
-    # in the torque channel as a whole
-    "time_delay",
-    "actuator_lag",
-    # in a body
-    "payload",
-    "link_inertia",
-    "link_length_error",
-    "base_tilt",
-    # in a wrench sensor
-    "sensor_gain",
-    "sensor_bias",
-    "sensor_crosstalk",
-    "sensor_frame_offset",
-    # in the whole body
-    "base_orientation_bias",
-    "external_force",
-    "unlogged_contact",
-    "soft_tissue",
-)

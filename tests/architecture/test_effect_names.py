@@ -10,7 +10,7 @@ import pytest
 
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.floating.effects.registry import EVERY_FORM
-from excite.logs.header import EFFECTS as WORDS
+from excite.logs.vocabulary import EFFECTS as WORDS
 from excite.rows.drive_terms import DRIVE_TERMS
 from excite.simulation.effects.registry import INJECTED_EFFECTS
 

@@ -111,6 +111,6 @@ def test_the_checks_see_what_they_are_to_forbid():
     assert "numpy" in loaded_by("excite.logs.signals.butterworth")
     late = [i for m in modules().values() for i in m.imports if i.inside and i.module == "mujoco"]
     assert late
-    assert any(item.typing for item in modules()["excite.simulation.mjcf"].imports)
-    registry = modules()["excite.export.exporter"]
+    assert any(item.typing for item in modules()["excite.export.registry"].imports)
+    registry = modules()["excite.export.registry"]
     assert any(item.by_name and item.module == "excite.export.plain_tables" for item in registry.imports)

@@ -63,7 +63,7 @@ class Toy(Generator):
 """,
         (
             (
-                "motion/generators/mixture.py",
+                "motion/generators/registry.py",
                 '        "random_joint": ',
                 '        "toy": "excite.motion.generators.toy:Toy",',
             ),
@@ -74,7 +74,7 @@ class Toy(Generator):
         """
 import numpy as np
 
-from excite.campaign.candidates import CandidateSearch
+from excite.campaign.optimised_series import CandidateSearch
 from excite.motion.generators.joint_motions import RandomJoint
 
 
@@ -86,7 +86,7 @@ class ToySearch(CandidateSearch):
 """,
         (
             (
-                "campaign/candidates.py",
+                "campaign/searches.py",
                 '        "optimised_fourier": ',
                 '        "toy_search": "excite.campaign.toy_search:ToySearch",',
             ),
@@ -132,7 +132,7 @@ from dataclasses import replace
 
 from excite.identification.estimators.estimator import Estimator
 from excite.identification.estimators.least_squares import WlsSettings
-from excite.identification.estimators.estimator import find_estimator
+from excite.identification.estimators.registry import find_estimator
 
 
 class ToyEstimator(Estimator[WlsSettings]):
@@ -146,7 +146,7 @@ class ToyEstimator(Estimator[WlsSettings]):
 """,
         (
             (
-                "identification/estimators/estimator.py",
+                "identification/estimators/registry.py",
                 '        "physical": ',
                 '        "toy": "excite.identification.estimators.toy:ToyEstimator",',
             ),
@@ -195,7 +195,7 @@ class ToyDamping(Effect):
                 "        BaseTilt(),",
             ),
             # A word of the log format: only for logs that say that their model has it.
-            ("logs/header.py", '    "viscous_friction",', '    "toy",'),
+            ("logs/vocabulary.py", '    "viscous_friction",', '    "toy",'),
         ),
     ),
     "log reader": Toy(
@@ -271,7 +271,7 @@ class ToyExporter(Exporter):
     def write(self, motion, path):
         write_text(path, f"{motion.n_samples} samples")
 """,
-        (("export/exporter.py", '        "csv": ', '        "toy": "excite.export.toy:ToyExporter",'),),
+        (("export/registry.py", '        "csv": ', '        "toy": "excite.export.toy:ToyExporter",'),),
     ),
     "report section": Toy(
         "report/sections/toy.py",

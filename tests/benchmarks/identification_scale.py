@@ -11,7 +11,7 @@ from tests.benchmarks.table import Row
 _PROGRAM = """
 import json, resource, sys, time
 import numpy as np
-from excite.identification.estimators.estimator import find_estimator
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.identify import identify_problem
 from excite.robot.loading import load_robot
 from tests.benchmarks.identification_scale import big_problem

@@ -18,7 +18,7 @@ from excite.identification.regression import condense_problem, iterate_weights
 from excite.identification.statistics import base_statistics
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.motion.motion import Motion
 from excite.regressor.contact_forces import contact_elimination
 from excite.robot.joint_values import per_joint

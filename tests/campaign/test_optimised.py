@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.campaign import candidates as optimised
-from excite.campaign.candidates import Asked, OptimisedSeries, SeriesSettings
+from excite.campaign.optimised_series import Asked, OptimisedSeries, SeriesSettings
 from excite.campaign.plan import plan
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation

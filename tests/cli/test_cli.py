@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from excite.cli.main import _run, app
-from excite.logs.header import EFFECTS
+from excite.logs.vocabulary import EFFECTS
 
 COMMANDS = "robots effects init-robot plan check rank export simulate identify campaign report demo".split()
 

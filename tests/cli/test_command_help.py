@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from excite.cli.main import app
-from excite.identification.estimators.estimator import DEFAULT_METHOD, method_summaries
+from excite.identification.estimators.registry import DEFAULT_METHOD, method_summaries
 
 
 def help_of(name: str) -> str:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from excite.export.simulators.write import MODEL_FORMATS
-from excite.identification.estimators.estimator import ESTIMATORS
+from excite.export.simulators.registry import MODEL_FORMATS
+from excite.identification.estimators.registry import ESTIMATORS
 from excite.robot.catalogue import bundled_robots
 
 _PROGRAM = [sys.executable, "-c", "from excite.cli.main import program; program()"]

@@ -14,19 +14,19 @@ import pytest
 import typer
 
 import excite
-from excite.campaign.candidates import SEARCHES
 from excite.campaign.schemas import schema_names
+from excite.campaign.searches import SEARCHES
 from excite.cli.main import _run, app
 from excite.cli.session.command_help import EXAMPLES
 from excite.cli.session.output import command_line, emit_result
 from excite.excitation.optimisation.objective import CRITERIA
 from excite.excitation.selection import SELECTIONS
-from excite.export.exporter import EXPORTERS
-from excite.export.simulators.write import MODEL_FORMATS
+from excite.export.registry import EXPORTERS
+from excite.export.simulators.registry import MODEL_FORMATS
 from excite.human.body import ANTHROPOMETRY
-from excite.identification.estimators.estimator import ESTIMATORS
+from excite.identification.estimators.registry import ESTIMATORS
 from excite.motion import files
-from excite.motion.generators.mixture import GENERATORS
+from excite.motion.generators.registry import GENERATORS
 from excite.motion.readers.registry import read_motion
 from excite.simulation.effects.registry import INJECTED_EFFECTS
 

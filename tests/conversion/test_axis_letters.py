@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.column_words import read_clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
 from tests.conversion import written

@@ -9,7 +9,7 @@ import yaml
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guess import guess_columns
 from excite.conversion.recording import load_machine, merged_names
-from excite.conversion.sources.source import read_source
+from excite.conversion.sources.registry import read_source
 from excite.logs.files import load_log
 from tests.benchmarks.conversion import judge
 from tests.conversion.drawn import Drawn, draw

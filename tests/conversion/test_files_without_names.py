@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import excite
-from excite.conversion.clock import rate_by_velocities
+from excite.conversion.columns.clock import rate_by_velocities
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
 from tests.conversion.test_habits import check

@@ -20,7 +20,7 @@ from scipy.io import savemat
 
 import excite
 from excite.conversion.explicit_mapping import Map
-from excite.conversion.sources.source import SOURCES, read_source
+from excite.conversion.sources.registry import SOURCES, read_source
 from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS

@@ -10,9 +10,9 @@ import pytest
 from scipy.io import savemat
 
 import excite
-from excite.conversion.column_words import read_clue
+from excite.conversion.columns.joints import Placed, first_number, place_columns
+from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import UnclearError
-from excite.conversion.joint_columns import Placed, first_number, place_columns
 from tests.conversion import written
 from tests.conversion.test_habits import table
 from tests.conversion.written import WHOLE

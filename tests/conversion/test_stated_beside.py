@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import excite
+from excite.conversion.columns.units import position_unit
 from excite.conversion.guesses import UnclearError
-from excite.conversion.units import position_unit
 from tests.conversion.test_habits import check, columns_of, table
 from tests.conversion.written import JOINTS, WHOLE
 

@@ -13,10 +13,10 @@ import pytest
 from scipy.io import savemat
 
 import excite
+from excite.conversion.columns.unnamed import understand_columns
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
 from excite.conversion.recording import load_machine
-from excite.conversion.unnamed_columns import understand_columns
 from excite.doctor.examine import examine
 from excite.errors import LogError
 from tests.conversion import written

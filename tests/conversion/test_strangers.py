@@ -12,7 +12,7 @@ import pytest
 import excite
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
-from excite.conversion.sources.source import read_source
+from excite.conversion.sources.registry import read_source
 from excite.errors import LogError
 from excite.export.models.verification import pinocchio_error
 from excite.logs.robot import nominal_robot

@@ -12,7 +12,7 @@ import pytest
 
 from excite.errors import InputError, UnsafeMotionError
 from excite.export.export import export_motion, export_motions
-from excite.export.exporter import EXPORTERS
+from excite.export.registry import EXPORTERS
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion, save_motion
 from excite.motion.motion import Motion

@@ -11,7 +11,7 @@ import pytest
 
 from excite.errors import ExciteError
 from excite.export.export import export_motion
-from excite.export.exporter import EXPORTERS
+from excite.export.registry import EXPORTERS
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion

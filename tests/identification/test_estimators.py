@@ -12,11 +12,12 @@ import pytest
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.cones import icosphere_corners
 from excite.identification.constraints.linear import equivalent_boxes
-from excite.identification.estimators.estimator import ESTIMATORS, Estimate, SolveStatus, find_estimator
+from excite.identification.estimators.estimator import Estimate, SolveStatus
 from excite.identification.estimators.least_squares import LeastSquares, LsSettings
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.projection import ProjectionAnswer
 from excite.identification.estimators.quadratic import QpSettings, QuadraticProgram
+from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.inertia import inertia_matrices
 from excite.identification.judgement.judgement import check_consistency
 from excite.identification.problem import IdentificationProblem

@@ -32,7 +32,7 @@ from excite.identification.estimators.conic import (
     interior_point,
 )
 from excite.identification.estimators.entropic import EntropicAnswer, newton_steps
-from excite.identification.estimators.estimator import ESTIMATORS, SolveStatus
+from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hqp import HierarchicalProgram
 from excite.identification.estimators.least_squares import (
     Huber,
@@ -42,6 +42,7 @@ from excite.identification.estimators.least_squares import (
 )
 from excite.identification.estimators.projection import ProjectionAnswer
 from excite.identification.estimators.quadratic import BoundedNearBase, QuadraticProgram
+from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.physical import feasible_set
 from excite.identification.problem import IdentificationProblem

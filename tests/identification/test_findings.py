@@ -10,8 +10,8 @@ import pytest
 
 from excite.campaign.result import mass_comparison
 from excite.identification.changed_segments import ChangedSegment
-from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.method_settings import estimator_settings
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.judgement.judgement import TotalMassReport, _bounds, find_doubts, find_warnings

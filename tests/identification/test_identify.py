@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from excite.identification.changed_segments import find_changes
-from excite.identification.estimators.estimator import ESTIMATORS
+from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify_problem
 from excite.identification.regression import condense_problem, iterate_weights

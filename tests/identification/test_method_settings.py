@@ -11,12 +11,6 @@ import pytest
 
 from excite.errors import InputError, UnknownNameError
 from excite.identification.estimators.conic import Cls3Settings, LmiSettings
-from excite.identification.estimators.estimator import (
-    DEFAULT_METHOD,
-    ESTIMATORS,
-    find_estimator,
-    method_summaries,
-)
 from excite.identification.estimators.hqp import HqpSettings
 from excite.identification.estimators.method_settings import (
     estimator_settings,
@@ -24,6 +18,12 @@ from excite.identification.estimators.method_settings import (
     own_settings,
 )
 from excite.identification.estimators.quadratic import QpSettings
+from excite.identification.estimators.registry import (
+    DEFAULT_METHOD,
+    ESTIMATORS,
+    find_estimator,
+    method_summaries,
+)
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.physical.bounds import KnownBounds

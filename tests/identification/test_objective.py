@@ -13,7 +13,6 @@ from excite.identification.constraints.linear import LinearConstraints, stack_co
 from excite.identification.estimators.conic import LmiSettings, PhysicallyConsistent
 from excite.identification.estimators.entropic import entropic_divergence, pullback_metric, relative_map
 from excite.identification.estimators.estimator import (
-    ESTIMATORS,
     Estimate,
     SolveStatus,
     best_feasible,
@@ -27,6 +26,7 @@ from excite.identification.estimators.estimator import (
 from excite.identification.estimators.hqp import HqpSettings
 from excite.identification.estimators.least_squares import LsSettings
 from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum
+from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.scaled_problem import Ridge, ridge, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem

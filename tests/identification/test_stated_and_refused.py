@@ -13,12 +13,7 @@ from excite.identification.constraints.linear import LinearConstraints, equivale
 from excite.identification.estimators import quadratic as qp_module
 from excite.identification.estimators.conic import LmiSettings, PhysicallyConsistent
 from excite.identification.estimators.entropic import entropic_divergence
-from excite.identification.estimators.estimator import (
-    DEFAULT_METHOD,
-    ESTIMATORS,
-    SolveStatus,
-    method_summaries,
-)
+from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hierarchy import SemiProjection, pursue, semi_project
 from excite.identification.estimators.hqp import (
     HierarchicalProgram,
@@ -41,6 +36,7 @@ from excite.identification.estimators.method_settings import estimator_settings,
 from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings
 from excite.identification.estimators.projection import ActiveSetProjector, ProjectionAnswer
 from excite.identification.estimators.quadratic import QpSettings, QuadraticProgram
+from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS, method_summaries
 from excite.identification.estimators.scaled_problem import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, known_segments
 from excite.identification.inertia import inertia_matrices

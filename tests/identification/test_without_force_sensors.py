@@ -15,7 +15,7 @@ from excite.identification.problem import build_problem
 from excite.identification.regression import condense_problem, iterate_weights
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.robot import Robot
 from excite.rows.kinematics import imu_motion
 from excite.rows.settings import ProblemSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from excite.export.simulators.model_format import JOINT_TERMS, SERVO_TERMS
-from excite.export.simulators.write import MODEL_FORMATS
+from excite.export.simulators.registry import MODEL_FORMATS
 from tests.manual.pages import DOCS
 
 PAGE = (DOCS / "simulators.md").read_text(encoding="utf-8")

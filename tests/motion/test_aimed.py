@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.motion.generators.generator import central_range, leg_joints
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 

@@ -10,7 +10,7 @@ import yaml
 
 import excite
 from excite.errors import NothingSafeError
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.filter import path_grid

@@ -18,7 +18,8 @@ from excite.motion.generators.generator import (
     upper_body,
 )
 from excite.motion.generators.joint_motions import amplitude_scale, start_conditions
-from excite.motion.generators.mixture import GENERATORS, make_generator, plan_candidates
+from excite.motion.generators.mixture import plan_candidates
+from excite.motion.generators.registry import GENERATORS, make_generator
 from excite.motion.generators.walking import resting_soles, rocking_period
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

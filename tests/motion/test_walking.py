@@ -10,7 +10,7 @@ import pytest
 from excite.errors import NoSolutionError, RobotError
 from excite.motion.generators.curves import hermite_curve, polyline_curve
 from excite.motion.generators.generator import Candidate
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.motion.generators.walking import (
     Print,
     Sole,

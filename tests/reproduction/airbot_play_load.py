@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from excite.arrays import Array
-from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.method_settings import estimator_settings
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.load import identify_drive_gains, identify_load
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log

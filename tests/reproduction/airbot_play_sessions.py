@@ -10,8 +10,8 @@ from scipy.signal import butter, filtfilt
 from scipy.stats import norm
 
 from excite.arrays import Array
-from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.method_settings import estimator_settings
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.problem import build_problem
 from excite.identification.sessions.compare import Sessions, identify_sessions, split_sessions
 from excite.logs.files import load_log, save_log

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.campaign.loop import Experiment
 from excite.excitation.conditioning import MotionFactor, motion_factor, stack_factors
-from excite.identification.estimators.estimator import find_estimator
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.identify import identify
 from excite.identification.judgement.judgement import ChannelFit, channel_fits, check_consistency
 from excite.identification.problem import IdentificationProblem, build_problem

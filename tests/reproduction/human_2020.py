@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.method_settings import estimator_settings
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.problem import IdentificationProblem
 from excite.logs.robot import robot_for_log
 from excite.regressor.columns import PARAMETERS

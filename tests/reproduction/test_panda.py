@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.identification.estimators.estimator import find_estimator
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.problem import build_problem
 from excite.logs.robot import nominal_robot
 from excite.rows.settings import ProblemSettings

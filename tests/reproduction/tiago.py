@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.method_settings import estimator_settings
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.explanation import estimate_torque_delay
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log

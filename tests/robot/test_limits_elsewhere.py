@@ -9,7 +9,7 @@ import pytest
 
 import excite
 from excite.errors import RobotError
-from excite.robot.init_robot.model_metadata import Source
+from excite.robot.init_robot.source import Source
 from excite.robot.robot import Robot
 from tests.robot.small import ARM, ELBOW_LIMIT
 

@@ -18,7 +18,8 @@ from excite.robot.init_robot.bare_model import bare_model
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.init_robot.limbs import Footing
-from excite.robot.init_robot.model_metadata import Said, Source
+from excite.robot.init_robot.model_metadata import Said
+from excite.robot.init_robot.source import Source
 from excite.robot.legs import holding_torques, too_soft_to_stand
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.motion.generators.generator import leg_joints
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.legs import _carrying_velocities, holding_torques
 from excite.robot.loading import build_robot
 from excite.robot.quantities import Torques

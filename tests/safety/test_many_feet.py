@@ -10,7 +10,8 @@ import pytest
 
 from excite.errors import RobotError
 from excite.motion.generators.generator import support_centre, support_corners
-from excite.motion.generators.mixture import make_generator, plan_candidates, usual_mix
+from excite.motion.generators.mixture import plan_candidates, usual_mix
+from excite.motion.generators.registry import make_generator
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidate
 from excite.safety.ground_forces import polygon_margin

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from excite.motion.generators.generator import SupportPhase, leg_joints
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.joint_values import per_joint
 from excite.robot.loading import load_robot
 from excite.safety.filter import make_repairs

@@ -12,7 +12,7 @@ import pytest
 
 from excite.motion.generators.curves import SplineCurve, hermite_curve
 from excite.motion.generators.generator import Draws
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

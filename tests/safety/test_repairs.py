@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model

@@ -13,7 +13,8 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 import excite
-from excite.campaign.candidates import Asked, candidates_of
+from excite.campaign.candidates import candidates_of
+from excite.campaign.optimised_series import Asked
 from excite.errors import RobotError
 from excite.motion.motion import Motion
 from excite.robot.description import PayloadBlock, UncertaintyBlock

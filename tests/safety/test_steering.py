@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -11,7 +11,7 @@ import pytest
 
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Candidate, SupportPhase
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.checks.motion import SamplingCheck

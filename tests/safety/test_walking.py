@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from excite.motion.generators.generator import Candidate
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

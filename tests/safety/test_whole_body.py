@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from excite.motion.generators.curves import SplineCurve, hermite_curve
 from excite.motion.generators.generator import Candidate, pelvis_joint
-from excite.motion.generators.mixture import make_generator
+from excite.motion.generators.registry import make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.filter import WholeBody, follow_zmp, path_grid

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.logs.header import EFFECTS
+from excite.logs.vocabulary import EFFECTS
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import INJECTED_EFFECTS, inject_effects
 from excite.simulation.execution import execute_motion

@@ -41,10 +41,7 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Watch it move: scrubber, joint sliders, bodies that touch in red, a joint's residuals when it is clicked."""
-    from excite.viewer.serve import (
-        record_page,  # lazy: pinocchio
-        serve,  # lazy: pinocchio
-    )
+    from excite.viewer.serve import record_page, serve  # lazy: pinocchio
     from excite.viewer.source import read_thing  # lazy: pinocchio
 
     shown = read_thing(thing, robot)

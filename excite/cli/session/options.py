@@ -19,7 +19,7 @@ from excite.folder_lock import claim_folder
 from excite.parallel.cluster import executor
 from excite.parallel.jobs import AtMost, Jobs, check_jobs
 from excite.robot.catalogue import bundled_robots
-from excite.robot.init_robot.model_metadata import Source, models_read_by
+from excite.robot.init_robot.source import Source, models_read_by
 
 if TYPE_CHECKING:
     from excite.identification.estimators.settings import EstimatorSettings

@@ -14,7 +14,7 @@ from excite.cli.session.interruption import document_printed
 from excite.json_document import to_json, with_origin, write_json
 from excite.progress import Progress as ProgressCallback
 from excite.progress import silent
-from excite.robot.init_robot.model_metadata import Source, model_source
+from excite.robot.init_robot.source import Source, model_source
 
 EXIT_NEGATIVE = 1
 """Done, and the answer is "unsafe" or "targets not met"."""

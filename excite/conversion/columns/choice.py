@@ -7,10 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.conversion.column_words import read_clue
-from excite.conversion.columns.unfilled import live_columns
-from excite.conversion.columns.vocabulary import ASIDE, MEASURED
-from excite.conversion.families import (
+from excite.conversion.columns.families import (
     Family,
     columns_line,
     is_measured,
@@ -18,6 +15,9 @@ from excite.conversion.families import (
     says_quantity,
     with_others,
 )
+from excite.conversion.columns.unfilled import live_columns
+from excite.conversion.columns.vocabulary import ASIDE, MEASURED
+from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Recording, Stream
 

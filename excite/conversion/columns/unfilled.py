@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.conversion.families import Family
+from excite.conversion.columns.families import Family
 from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Recording
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.column_words import read_clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.shapes import longest_streams, split_batches, stream_of_arrays
 from excite.conversion.sources.npz import MOST_CONSTANTS, constants

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.column_words import name_tokens
+from excite.conversion.columns.words import name_tokens
 from excite.conversion.recording import Recording
 from excite.conversion.sources.hdf5 import hdf5_arrays, recordings_of
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from excite.conversion.column_words import read_clue
+from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Recording, Stream
 from excite.conversion.sources.messages import (
     decode,

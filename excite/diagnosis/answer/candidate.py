@@ -30,7 +30,7 @@ class Candidate:
     """An effect at a place, fitted on the identification trials.
 
     Attributes:
-        effect: name of the effect, a word of ``excite.logs.header.EFFECTS``.
+        effect: name of the effect, a word of ``excite.logs.vocabulary.EFFECTS``.
         location: joint, link, sensor (``SENSOR.AXIS``, ``SENSOR.AXIS->AXIS``), ``base``, ``torque`` or ``wrench``.
         parameters: fitted parameters by name.
         evidence: log-likelihood ratio against the model without it, per effective sample summed, less the

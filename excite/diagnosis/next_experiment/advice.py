@@ -14,6 +14,8 @@ from excite.diagnosis.attribution import Attribution, Judgement, Scored
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.next_experiment.candidates import touching
+from excite.diagnosis.next_experiment.choice import propose, written
 from excite.diagnosis.next_experiment.evidence import LONGEST_S, Expectation
 from excite.motion.motion import Motion, MotionMetadata
 
@@ -59,10 +61,6 @@ def advice(
         proposal = None
         untold = ""
         if out is not None:
-            # The filter, its checks and the generators, for the few records that leave something open.
-            from excite.diagnosis.next_experiment.candidates import touching  # lazy: coal
-            from excite.diagnosis.next_experiment.choice import propose, written  # lazy: pyarrow
-
             proposal = propose(baseline, [best, *others], floor, seed=0)
             file = None if proposal is None else written(proposal, out)
             untold = _no_motion(touching(baseline.samples)) if proposal is None else ""

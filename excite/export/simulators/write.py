@@ -26,11 +26,11 @@ from excite.export.simulators.model_format import (
     Subject,
     with_friction,
 )
+from excite.export.simulators.registry import MODEL_FORMATS
 from excite.export.simulators.subject_result import Change, changes_csv, list_changes, subject_of
 from excite.identification.result import Identification
 from excite.json_document import write_json
 from excite.logs.robot import is_bare
-from excite.registry import Registry
 from excite.regressor.columns import PARAMETERS
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Robot
@@ -361,7 +361,7 @@ def write_simulator_model(
     Args:
         result: an identification; or what ``excite identify``, ``campaign`` or ``diagnose --apply`` wrote: its folder,
             or the document in it.
-        format_name: one of :data:`~excite.export.simulators.write.MODEL_FORMATS`.
+        format_name: one of :data:`~excite.export.simulators.registry.MODEL_FORMATS`.
         out: folder to write to.
         robot: the robot that the result is of, where the result does not say or it lies elsewhere now.
         template: its MuJoCo model, whose text ``mjcf`` keeps, where the robot is not named by that.
@@ -428,18 +428,3 @@ def _lost_csv(lost: tuple[Lost, ...]) -> str:
             [item.parameter, item.where, "" if item.value is None else repr(item.value), item.why]
         )
     return stream.getvalue()
-
-
-# The formats of simulators by name. A new one is one file beside this one and one line here.
-
-MODEL_FORMATS: Registry[ModelFormat] = Registry(
-    "model format",
-    {
-        "urdf": "excite.export.simulators.urdf:UrdfFormat",
-        "mjcf": "excite.export.simulators.mjcf:MjcfFormat",
-        "isaaclab": "excite.export.simulators.labs:IsaacLabFormat",
-        "mjlab": "excite.export.simulators.labs:MjlabFormat",
-        "usda": "excite.export.simulators.usd:UsdaFormat",
-        "sdf": "excite.export.simulators.sdf:SdfFormat",
-    },
-)

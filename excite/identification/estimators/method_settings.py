@@ -8,7 +8,8 @@ from typing import Any, NoReturn
 import numpy as np
 
 from excite.errors import InputError, UnknownNameError
-from excite.identification.estimators.estimator import ESTIMATORS, Estimator, find_estimator
+from excite.identification.estimators.estimator import Estimator
+from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.estimators.settings import SOURCE, EstimatorSettings
 from excite.identification.physical.bounds import KnownBounds
 

@@ -14,7 +14,8 @@ from excite.display import percent
 from excite.finding import Finding, list_names
 from excite.identification.changed_segments import Changes
 from excite.identification.constraints.linear import measured_total_mass
-from excite.identification.estimators.estimator import ESTIMATORS, Estimate
+from excite.identification.estimators.estimator import Estimate
+from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import central_inertia_matrices, inertia_matrices, pseudo_inertia_matrices

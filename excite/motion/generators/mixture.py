@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.errors import RobotError
 from excite.motion.generators.generator import Candidate, Generator, Proposal, support_corners
-from excite.registry import Registry
+from excite.motion.generators.registry import GENERATORS, make_generator
 from excite.robot.robot import Robot
 from excite.robot.shapes.shape import has_area
 
@@ -136,26 +136,3 @@ def _apportion_counts(shares: np.ndarray, count: int) -> np.ndarray:
     order = np.argsort(-(exact - numbers), kind="stable")
     numbers[order[: count - int(numbers.sum())]] += 1
     return np.asarray(numbers)
-
-
-# All generators by name. A new one is one file beside this one and one line here.
-
-# Seeds of a plan follow the places in this table: new ones go to its end.
-GENERATORS: Registry[Generator] = Registry(
-    "generator",
-    {
-        "random_joint": "excite.motion.generators.joint_motions:RandomJoint",
-        "fourier": "excite.motion.generators.joint_motions:Fourier",
-        "leg_swing": "excite.motion.generators.leg_swing:LegSwing",
-        "squat": "excite.motion.generators.stances:Squat",
-        "walking": "excite.motion.generators.walking:Walking",
-        "aimed": "excite.motion.generators.aimed:Aimed",
-        "sway": "excite.motion.generators.stances:Sway",
-        "foot_swing": "excite.motion.generators.stances:FootSwing",
-    },
-)
-
-
-def make_generator(name: str) -> Generator:
-    """The generator of that name; raises UnknownNameError."""
-    return GENERATORS.make(name)

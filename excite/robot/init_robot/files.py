@@ -20,7 +20,8 @@ from excite.reading.file import first_bytes
 from excite.robot.description import Assumed
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still
-from excite.robot.init_robot.model_metadata import Said, Source, states_mass, weigh_links
+from excite.robot.init_robot.model_metadata import Said, states_mass, weigh_links
+from excite.robot.init_robot.source import Source
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
 from excite.robot.urdf.limits import (
     assumed_limits,

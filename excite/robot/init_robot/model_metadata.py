@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -45,44 +43,6 @@ class Said:
     couplings: tuple[Mapping[str, Any], ...] = ()
     assumed: tuple[Assumed, ...] = ()
     armature: Mapping[str, float] = field(default_factory=dict)
-
-
-# How a model file is to be read.
-
-
-@dataclass(frozen=True)
-class Source:
-    """How a model file is to be read.
-
-    Attributes:
-        srdf: a file of allowed collisions beside it, or None.
-        package_path: folders in which packages lie, beside those above the model and ``$ROS_PACKAGE_PATH``.
-        arguments: of a xacro file, by name.
-        limits: a file of joint limits of MoveIt's kind, or None.
-    """
-
-    srdf: Path | None = None
-    package_path: tuple[Path, ...] = ()
-    arguments: Mapping[str, str] = field(default_factory=dict)
-    limits: Path | None = None
-
-
-_READ_BY: ContextVar[Source | None] = ContextVar("read_by", default=None)
-
-
-@contextmanager
-def models_read_by(source: Source) -> Iterator[None]:
-    """Within it, models are read as ``source`` says where :func:`~excite.robot.load.load_robot` is not told."""
-    token = _READ_BY.set(source)
-    try:
-        yield
-    finally:
-        _READ_BY.reset(token)
-
-
-def model_source() -> Source:
-    """How models are read where :func:`~excite.robot.load.load_robot` is not told."""
-    return _READ_BY.get() or Source()
 
 
 # Masses in place of those that a model does not state: its links' geometry at the density of robots.

@@ -31,7 +31,7 @@ from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.servo.diagnose import LoggedOffset
 from excite.diagnosis.simulator.model_text import Found, read_notes
 from excite.diagnosis.simulator.rollout_compare import augmented_model, baseline_model
-from excite.logs.header import EFFECTS as WORDS
+from excite.logs.vocabulary import EFFECTS as WORDS
 from tests.diagnosis.effects.arm_record import Case, baseline, forms, place
 
 FORMS = forms()

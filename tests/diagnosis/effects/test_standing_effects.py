@@ -20,7 +20,7 @@ from excite.diagnosis.floating.search.refinement import Fitted, Placed, explaine
 from excite.diagnosis.floating.simulator import Simulator, standing_model
 from excite.errors import InputError
 from excite.logs.files import load_log
-from excite.logs.header import EFFECTS as WORDS
+from excite.logs.vocabulary import EFFECTS as WORDS
 
 # A TALOS over plates, its nominal inertials given and right.
 _CASE = "case_013"

@@ -18,8 +18,9 @@ from defusedxml.ElementTree import parse
 import excite
 from excite.errors import InputError, NoSolutionError
 from excite.export.simulators.model_format import JOINT_TERMS, SERVO_TERMS, Subject
+from excite.export.simulators.registry import MODEL_FORMATS
 from excite.export.simulators.subject_result import read_subject
-from excite.export.simulators.write import MODEL_FORMATS, SimulatorModel, prove_taken
+from excite.export.simulators.write import SimulatorModel, prove_taken
 from tests.export.simulators.foreign import (
     configuration,
     isaaclab,

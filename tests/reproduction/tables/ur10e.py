@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.identification.estimators.estimator import find_estimator
 from excite.identification.estimators.method_settings import estimator_settings
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.load import identify_drive_gains, identify_load
 from excite.identification.problem import build_problem
 from excite.logs.robot import nominal_robot

@@ -9,12 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.clock import row_seconds
-from excite.conversion.column_words import read_clue
-from excite.conversion.explicit_mapping import Map
-from excite.conversion.guesses import Guesses, Mapped
-from excite.conversion.recording import Column, Machine, Recording
-from excite.conversion.units import (
+from excite.conversion.columns.clock import row_seconds
+from excite.conversion.columns.units import (
     BEYOND,
     COUNT_RATES,
     COUNTS,
@@ -31,6 +27,10 @@ from excite.conversion.units import (
     unit_named,
     zero_of,
 )
+from excite.conversion.columns.words import read_clue
+from excite.conversion.explicit_mapping import Map
+from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.recording import Column, Machine, Recording
 
 # Factors from a recording's numbers to SI, channel by channel.
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from excite.conversion.column_words import Clue, name_tokens
+from excite.conversion.columns.families import POSE_AXES, quaternion_order, unit_quaternions
+from excite.conversion.columns.joints import match_labels
 from excite.conversion.columns.vocabulary import MEASURED
+from excite.conversion.columns.words import Clue, name_tokens
 from excite.conversion.explicit_mapping import Map
-from excite.conversion.families import POSE_AXES, quaternion_order, unit_quaternions
 from excite.conversion.guesses import Guesses, Mapped
-from excite.conversion.joint_columns import match_labels
 from excite.conversion.recording import Column, Machine, Recording
 from excite.logs.robot import foot_headers, sensor_headers
 

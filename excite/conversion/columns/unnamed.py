@@ -10,8 +10,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from excite.arrays import Array
-from excite.conversion.families import Family
-from excite.conversion.joint_columns import Placed
+from excite.conversion.columns.families import Family
+from excite.conversion.columns.joints import Placed
 from excite.conversion.recording import Machine
 
 # Samples that the comparison uses.

@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from excite.conversion.column_words import Clue, name_tokens
 from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, NOISE, OF_HANDS, OF_WORD
+from excite.conversion.columns.words import Clue, name_tokens
 
 # Which joints a word or a number in a column's name speaks of.
 

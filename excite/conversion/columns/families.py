@@ -11,18 +11,18 @@ from string import ascii_lowercase
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.column_words import Clue, read_clue, with_joints_numbers
-from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
-from excite.conversion.guesses import Guesses, Mapped
-from excite.conversion.joint_columns import (
+from excite.conversion.columns.joints import (
     BY_WORDS,
     Placed,
     first_number,
     place_columns,
     with_words_of_joints,
 )
+from excite.conversion.columns.units import QUANTITY_OF_UNIT, unit_named
+from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
+from excite.conversion.columns.words import Clue, read_clue, with_joints_numbers
+from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.recording import Column, Recording
-from excite.conversion.units import QUANTITY_OF_UNIT, unit_named
 
 # Columns of one recording as families: a quantity of all joints, measured or commanded.
 

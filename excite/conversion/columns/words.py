@@ -8,6 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
+from excite.conversion.columns.units import (
+    QUANTITY_OF_UNIT,
+    UNITS,
+    of_both,
+    trailing_unit,
+    unit_named,
+    without_brackets,
+    without_compound,
+)
 from excite.conversion.columns.vocabulary import (
     COMMANDED,
     KNOWN,
@@ -17,15 +26,6 @@ from excite.conversion.columns.vocabulary import (
     OF_WORD,
     SHARES,
     SURELY_COMMANDED,
-)
-from excite.conversion.units import (
-    QUANTITY_OF_UNIT,
-    UNITS,
-    of_both,
-    trailing_unit,
-    unit_named,
-    without_brackets,
-    without_compound,
 )
 
 # Where a name changes its case: JointPos, PosFR, FRHip; a single capital letter at an end (tauJ, qD) is no word.

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.conversion.column_words import Clue
 from excite.conversion.columns.vocabulary import OF_WORD
+from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.recording import Recording, Stream
 from excite.errors import LogError

@@ -1,0 +1,18 @@
+"""Searches for candidates by name. A new one is one file beside this one and one line here."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from excite.registry import Registry
+
+if TYPE_CHECKING:
+    from excite.campaign.optimised_series import CandidateSearch
+
+
+SEARCHES: Registry[CandidateSearch] = Registry(
+    "generator",
+    {
+        "optimised_fourier": "excite.campaign.optimised_series:OptimisedSeries",
+    },
+)
