@@ -27,7 +27,7 @@ SPACES: dict[str, dict[str, str]] = {
         "EstimatorSettings": "excite.identification.estimators.settings",
         "estimator_settings": "excite.identification.estimators.method_settings",
         "ProblemSettings": "excite.rows.settings",
-        "SeriesSettings": "excite.campaign.candidates",
+        "SeriesSettings": "excite.campaign.optimised_series",
         "CampaignSettings": "excite.campaign.journal",
         "load_bounds": "excite.identification.physical.bounds_file",
         "write_bounds_template": "excite.identification.physical.bounds_file",
@@ -61,7 +61,7 @@ SPACES: dict[str, dict[str, str]] = {
     },
     "catalogue": {
         "robot_summaries": "excite.robot.summary",
-        "method_summaries": "excite.identification.estimators.estimator",
+        "method_summaries": "excite.identification.estimators.registry",
         "effect_summaries": "excite.diagnosis.answer.effect_summary",
         "file_schema": "excite.campaign.schemas",
     },

@@ -51,7 +51,7 @@ def _check_checkout() -> None:
         raise InputError(
             "the benchmark is part of the repository, not of what is installed",
             source="excite blind",
-            remedy="run it from a checkout, installed with pip install --editable .",
+            remedy="run it from a checkout of the repository",
         )
 
 

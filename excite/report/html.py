@@ -39,7 +39,7 @@ Cell = str | float | int | bool | Said | None
 def format_number(value: float | None, digits: int = 3) -> str:
     """A number for reading: ``digits`` significant ones, a dash for None, ∞ for infinity.
 
-    >>> number(1234.567), number(0.000123), number(None), number(float("inf"))
+    >>> format_number(1234.567), format_number(0.000123), format_number(None), format_number(float("inf"))
     ('1235', '1.23 · 10⁻⁴', '–', '∞')
     """
     if value is None or math.isnan(value):

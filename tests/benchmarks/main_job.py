@@ -10,8 +10,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from excite.campaign.experiment import virtual_robot
 from excite.campaign.journal import Journal
-from excite.campaign.loop import virtual_robot
 from excite.robot.loading import load_robot
 from excite.simulation.replay import replay_motion
 from tests.benchmarks.table import Row

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from excite.campaign.loop import simulate
+from excite.campaign.experiment import simulate
 from excite.campaign.result import Campaign, force_comparison, save_findings
 from excite.identification.identify import identify
 from excite.identification.rollout import HORIZON_S

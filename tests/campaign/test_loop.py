@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from excite.campaign import loop
+from excite.campaign.experiment import simulate
 from excite.campaign.journal import CampaignSettings
-from excite.campaign.loop import campaign, simulate
+from excite.campaign.loop import campaign
 from excite.campaign.plan import plan
 from excite.campaign.result import Campaign
 from excite.errors import InputError, NoSolutionError

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.campaign.demo import check
+from excite.campaign.check import check
 from excite.campaign.plan import Plan, plan
 from excite.campaign.pool import OnDisk
 from excite.campaign.rank import rank

@@ -9,8 +9,8 @@ import pytest
 from pydantic import BaseModel
 
 from benchmarks.blind.hidden_effects import Answer, HiddenEffect
-from excite.campaign.demo import check
-from excite.campaign.loop import simulate
+from excite.campaign.check import check
+from excite.campaign.experiment import simulate
 from excite.campaign.rank import rank
 from excite.documents.document import read_document
 from excite.documents.registry import DOCUMENTS

@@ -19,9 +19,9 @@ PAGE = (ROOT / "docs" / "reference" / "findings.md").read_text(encoding="utf-8")
 MAKERS = {"Finding": 0, "Violation": 0, "first_violations": 0, "magnitude_result": 0, "rejected": 0}
 # Where codes stand in tables that loops go through, or are made by a rule of their own.
 TABLES = (
-    "safety/checks/foot.py",
-    "safety/checks/rest.py",
-    "export/arms/franka_limits.py",
+    "safety/checks/ground.py",
+    "safety/checks/joints.py",
+    "export/arms.py",
     "safety/repairs/time_scaling.py",
     "safety/repairs/rows.py",
 )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.campaign.loop import Experiment
+from excite.campaign.experiment import Experiment
 from excite.excitation.conditioning import MotionFactor, motion_factor, stack_factors
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.identify import identify

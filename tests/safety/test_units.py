@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.campaign.demo import check
+from excite.campaign.check import check
 from excite.json_document import write_json
 from excite.motion.motion import Motion
 from excite.report.page import report

@@ -290,7 +290,7 @@ _TAKEN, _FLAGS = ("--out", "--jobs", "--cluster", "-o"), ("--json", "--resume")
 def typed_command(arguments: Sequence[str]) -> str:
     """The command line of the program's arguments.
 
-    >>> typed(["plan", "ur10", "--jobs", "4", "--candidates", "6", "--out=arm", "--json"])
+    >>> typed_command(["plan", "ur10", "--jobs", "4", "--candidates", "6", "--out=arm", "--json"])
     'excite plan ur10 --candidates 6'
     """
     return command_line(*_kept_arguments(arguments))

@@ -40,7 +40,7 @@ def emit_result(summary: str, document: dict[str, Any], *, as_json: bool, then: 
 def command_line(*words: object) -> str:
     """A command as it can be typed, names with spaces quoted; models are read in it as in the one that says it."""
     # A report reads no model.
-    source = Source() if words[0] == "report" else model_source()
+    source = Source() if words[:1] == ("report",) else model_source()
     more = [word for folder in source.package_path for word in ("--package-path", folder)]
     more += [word for one in source.arguments.items() for word in ("--xacro-arg", ":=".join(one))]
     more += [] if source.limits is None else ["--limits", source.limits]

@@ -1,0 +1,152 @@
+"""The verb ``check``: the independent verdict on several motions, rehearsed where a robot stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from excite.campaign.rehearsal import can_fall, rehearse_alone
+from excite.display import Row, Tabled
+from excite.errors import InputError
+from excite.motion.collection import MotionsLike, as_motions
+from excite.motion.motion import Motion
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs
+from excite.progress import Progress, silent
+from excite.robot.description import Assumed
+from excite.robot.load import RobotLike, as_robot
+from excite.robot.prismatic import sliding_joints
+from excite.robot.robot import Robot
+from excite.safety.check import check_motion
+from excite.safety.parameter_set import stated_parameters
+from excite.safety.verdict import Verdict, Violation, check_document, unit_of
+
+
+@dataclass(frozen=True, repr=False)
+class CheckReport(Tabled):
+    """Verdicts on several motions.
+
+    Attributes:
+        verdicts: one a motion, in order.
+        assumed: what no file said of the robot, so that the verdicts hold as far as it does.
+        robot: name of the robot.
+    """
+
+    verdicts: tuple[Verdict, ...]
+    assumed: tuple[Assumed, ...] = ()
+    robot: str | None = None
+
+    tables = ("motions", "violations")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.display.Tabled`: verdict and smallest margins of each motion, or everything violated."""
+        if table == "motions":
+            return [
+                {"motion": one.motion, "safe": one.safe, **asdict(one.margins), "reason": one.reason}
+                for one in self.verdicts
+            ]
+        return [
+            {"motion": one.motion, **asdict(violation)}
+            for one in self.verdicts
+            for violation in one.violations
+        ]
+
+    @property
+    def safe(self) -> bool:
+        """True if every motion is safe."""
+        return all(verdict.safe for verdict in self.verdicts)
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``excite.check/1`` document."""
+        assumed = [one.model_dump() for one in self.assumed]
+        return {**check_document(self.verdicts), "robot": self.robot, "assumed": assumed}
+
+    def summary(self) -> str:
+        """A line a motion with its smallest margins below it, the total, and what the verdicts rest on."""
+        unsafe = sum(not verdict.safe for verdict in self.verdicts)
+        total = f"all {len(self.verdicts)} safe" if not unsafe else f"{unsafe} of {len(self.verdicts)} unsafe"
+        lines = []
+        for verdict in self.verdicts:
+            margins = verdict.margins_in_words() if verdict.readable else ""
+            lines += [verdict.summary(), *([f"  margins: {margins}"] if margins else [])]
+            if verdict.robust is not None:
+                lines.append(f"  {verdict.robust.in_words()}")
+        lines.append(total)
+        if self.assumed:
+            named = ", ".join(dict.fromkeys(one.what for one in self.assumed))
+            lines.append(f"as far as what was assumed of the robot holds: {named}")
+        return "\n".join(lines)
+
+
+def check(
+    robot: RobotLike,
+    motions: MotionsLike,
+    *,
+    robust: bool = False,
+    jobs: Jobs = 1,
+    progress: Progress = silent,
+) -> CheckReport:
+    """Judge motions independently of whatever planned them; those of a chain have to be among them all.
+
+    Args:
+        robot: the robot that shall run them, or what :func:`~excite.robot.load.load_robot` takes.
+        motions: what to judge: motions, files, folders.
+        robust: call a motion safe only if it is so for all robots of the set that the description states under
+            ``uncertainty`` (or of its default). The margins over that set are computed in any case.
+        jobs: number of processes, or an executor; the verdicts do not depend on it.
+        progress: told after each motion.
+
+    Motions of a robot that can fall, and that violate nothing, are run in simulation as well: what falls there, slips
+    by more than 10 mm, touches itself or holds a drive at its limit is not safe.
+
+    Returns:
+        A verdict for each motion, with margins and first violations.
+
+    Raises:
+        InputError: no motions.
+        RobotError: the identification that ``uncertainty`` names cannot be read.
+    """
+    robot = as_robot(robot)
+    motions = as_motions(motions, robot)
+    if not motions:
+        raise InputError("no motions to check", remedy="name at least one")
+    named = {motion.name: motion for motion in motions}
+    tasks = ((motion, _chain_neighbours(motion, named)) for motion in motions)
+    verdicts = in_order(
+        _check_one,
+        tasks,
+        jobs=jobs,
+        shared=(robot, robust),
+        total=len(motions),
+        stage="check",
+        progress=progress,
+    )
+    return CheckReport(tuple(verdicts), tuple(robot.description.assumed), robot.name)
+
+
+def _check_one(shared: tuple[Robot, bool], task: tuple[Motion, dict[str, Motion]]) -> Verdict:
+    (robot, robust), (motion, neighbours) = shared, task
+    parameters = stated_parameters(robot)
+    verdict = check_motion(robot, motion, neighbours=neighbours, parameters=parameters, robust=robust)
+    # A motion of a chain starts or ends on the way, which no rehearsal of it alone does.
+    if not verdict.safe or not can_fall(robot) or motion.metadata.previous or motion.metadata.following:
+        return verdict
+    rehearsal = rehearse_alone(robot, motion)
+    refused = rehearsal.refused
+    if refused is None:
+        return replace(verdict, rehearsal=rehearsal.to_json())
+    unit = unit_of(refused.reason, refused.where, sliding_joints(robot))
+    found = Violation(refused.reason, refused.time_s, refused.where, refused.value, refused.limit, unit)
+    return replace(verdict, violations=(found,), rehearsal=rehearsal.to_json())
+
+
+def _chain_neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:
+    """The motions of the chain that a motion says it is part of, as far as they are there."""
+    found: dict[str, Motion] = {}
+    for end in ("previous", "following"):
+        name = getattr(motion.metadata, end)
+        while name in named and name not in found:
+            found[name] = named[name]
+            name = getattr(named[name].metadata, end)
+    return found
