@@ -101,7 +101,7 @@ def test_same_seed_same_bytes_and_the_answers_lie_beside(
         plan = draw_mixture(rng, robots)
         return replace(plan, ingredients=plan.ingredients[:2])
 
-    monkeypatch.setattr(benchmarks.blind.make, "mixture", few)
+    monkeypatch.setattr(benchmarks.blind.make, "draw_mixture", few)
     monkeypatch.setattr(benchmarks.blind.arm_case, "TRIAL_S", 1.5)
     folders = [tmp_path / name for name in ("one", "two")]
     for folder in folders:
