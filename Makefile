@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export PYTHONDONTWRITEBYTECODE :=
 JOBS ?= 2
 
-.PHONY: check-properties demo manual test test-all test-fast bench bench-all reproduce lint format fuzz licences mutation report clean
+.PHONY: check-properties demo manual test test-all test-fast bench bench-all golden reproduce lint format fuzz licences mutation report clean
 
 # pip fetches and unpacks one package after the other, 85 s where uv takes 25. Where uv cannot be had, or does not reach
 # the index that pip is set up for, pip does it.
@@ -52,6 +52,10 @@ bench: $(VENV)/.ready
 
 bench-all: $(VENV)/.ready
 	$(BIN)/python -m tests.benchmarks --all
+
+# Documents of commands on fixed inputs, beside those that were kept.
+golden: $(VENV)/.ready
+	$(BIN)/python -m tests.golden --jobs $(JOBS)
 
 reproduce: $(VENV)/.ready
 	$(BIN)/python -m tests.reproduction

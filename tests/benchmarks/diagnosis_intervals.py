@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.blind.arm_case import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
-from benchmarks.blind.case import recordings_of
+from benchmarks.blind.case import _prepare_robot, log_session, noise_of, recordings_of
 from benchmarks.blind.draw import ROBOTS, draft_case
-from benchmarks.blind.make import _NOISE_TAU, _prepare, _session
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import gap_of
 from excite.diagnosis.arm.diagnose import judged_record
@@ -126,10 +125,10 @@ def cases_of(seed: int, cases: int) -> Iterator[Case]:
         if plan.kind in {"none", "unknown"} or "friction_drift" in dict(plan.effects):
             continue
         arm = arm_of(load_robot(plan.robot), plan.fixed, rng)
-        virtual, _, modelled, _ = _prepare(arm, plan, rng)
+        made = _prepare_robot(arm, plan, rng)
+        virtual, modelled = made.virtual, made.modelled
         recordings = recordings_of(virtual, arm)
-        spread = np.vstack([r.tau_motor for r in recordings]).std(axis=0)
-        sigma = plan.noise * (_NOISE_TAU * spread + 2e-4 * spread.max())
+        sigma = noise_of(recordings, plan.noise)
         more: list[Recording] = []
         memory: dict = {}
         while len(more) < 2 * PAIRS:
@@ -140,7 +139,7 @@ def cases_of(seed: int, cases: int) -> Iterator[Case]:
                 for reading in virtual.readings:
                     run = reading(run)
                 more.append(run)
-        noisy, headers = _session([*recordings, *more], arm, plan, sigma, rng)
+        noisy, headers = log_session([*recordings, *more], arm, plan.noise, plan.faults, sigma, rng)
         n_logged = len(recordings)
         roles = [
             "validation" if N_TRIALS <= k < n_logged - 1 or k >= n_logged else "identification"
