@@ -105,3 +105,6 @@ def test_numbers_that_leap_between_two_states_are_no_turns(tmp_path):
     file = table(tmp_path / "a.csv", {"time": data["time"]} | named(data, q="q{n}", tau="tau{n}") | beside)
     found = written.whole(file, arm, tmp_path)
     assert not any("goes on here" in note for note in found.notes)
+    # A torque of no number beside one of each joint is none of theirs.
+    torques = {target: source for target, (source, _) in found.columns.items() if target.startswith("tau")}
+    assert torques == {f"tau.{joint}": f"tau{k}" for k, joint in enumerate(JOINTS, 1)}

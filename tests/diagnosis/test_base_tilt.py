@@ -100,6 +100,14 @@ def test_a_direction_that_nothing_shows_is_not_told() -> None:
     assert told["angle"].std == pytest.approx(1e-3 / 9.81)
 
 
+def test_of_a_tilt_that_nothing_shows_no_deviation_is_told() -> None:
+    """A shaft that stands upright feels none."""
+    told = BaseTilt().estimates(
+        None, "base", (), SimpleNamespace(extra=np.zeros(4), extra_std=np.full(4, np.inf))
+    )
+    assert set(told) == {"angle"} and told["angle"].std is None
+
+
 TWO_ARMS = "".join(
     f"""<link name="{side}"><inertial><origin xyz="0 0 -{far}"/><mass value="2"/>
       <inertia ixx="0.02" iyy="0.02" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>

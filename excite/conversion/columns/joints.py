@@ -437,6 +437,11 @@ def place_columns(
     if found := match_columns(_joint_names_in(columns, clues, joints), joints):
         return Placed(found.placed, found.because, found.left_over, found.doubts, named=True)
     numbers = {c: n for c in columns if (n := clues[c].number) is not None}
+    # One number for each joint; what has none beside them is no joint's.
+    one_each = len(set(numbers.values())) == len(numbers) == len(joints)
+    if one_each and set(numbers.values()) == set(range(first, first + len(joints))):
+        placed = _by_number(numbers, joints, first)
+        return replace(placed, left_over=(*placed.left_over, *(c for c in columns if c not in numbers)))
     if len(set(numbers.values())) == len(columns):
         return _by_number(numbers, joints, first)
     if len(columns) == len(joints):

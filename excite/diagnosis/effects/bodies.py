@@ -126,12 +126,12 @@ class BaseTilt(Effect):
         return float(np.linalg.norm(beta[2:4])) <= most and super().admissible(context, location, theta, beta)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        # A slide that is level shows one of the two, or none.
+        # A slide that is level shows one of the two, a joint whose axis is upright none.
         shown = np.isfinite(fit.extra_std[:2])
         aside, spread = fit.extra[:2][shown], fit.extra_std[:2][shown]
         # Of no tilt nobody knows the direction: any is as likely.
         size = float(np.linalg.norm(aside))
-        along = aside / size if size > 0.0 else np.full(len(aside), len(aside) ** -0.5)
+        along = aside / size if size > 0.0 else np.full(len(aside), max(len(aside), 1) ** -0.5)
         std = float(np.linalg.norm(along * spread)) / _G if shown.any() else None
         angle = Estimate(float(np.arcsin(min(size / _G, 1.0))), std, "rad")
         found = super().estimates(context, location, theta, fit)

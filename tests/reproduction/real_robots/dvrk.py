@@ -62,7 +62,7 @@ def _weight(data: Path, folder: Path, place: Place, against: Place | None) -> En
                 "the payload alone",
                 ", ".join(f"{e.effect} at {e.location}" for e in d.effects) or "nothing named",
                 [e.effect for e in d.effects] == ["payload"],
-                "the runs differ by springs, cables and friction too, one of them by a constant torque",
+                "the runs differ by springs, cables and friction too, two of the three by a constant torque",
             ),
             Bar(
                 f"its first moment as by least squares, {least_squares:.4f} kg·m, within {1000 * _APART:.0f} g·m",

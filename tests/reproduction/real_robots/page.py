@@ -14,8 +14,8 @@ What `excite.diagnose` says of public recordings of real machines, beside what t
 
 Gaps are root mean squares, over joints, of measured minus predicted torque on trials that were not fitted, in percent
 of the torque's standard deviation. Evidence is in nats: a log-likelihood ratio over effective samples, less the price
-of the parameters and of the candidates tried. A tick is something
-known from elsewhere that the diagnosis says too, a cross something known from elsewhere that it misses.
+of the parameters and of the candidates tried. A tick is something known from elsewhere that the diagnosis says too, a
+cross something known from elsewhere that it misses.
 """
 _MARK = {True: "✓", False: "✗"}
 _LISTED = 4
