@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.campaign import candidates as optimised
+from excite.campaign import optimised_series as optimised
 from excite.campaign.optimised_series import Asked, OptimisedSeries, SeriesSettings
 from excite.campaign.plan import plan
 from excite.errors import InputError, NoSolutionError, UnknownNameError
@@ -26,7 +26,7 @@ def test_series_aim_at_joints_in_turn_and_take_the_period_asked_for(
     def quick(task: ExcitationTask, search: SearchSettings, **told: object) -> SearchResult:
         return optimise_excitation(task, replace(search, kicks=0, effort=0.02), **told)
 
-    monkeypatch.setattr(optimised, "optimise", quick)
+    monkeypatch.setattr(optimised, "optimise_excitation", quick)
     aimed = ("wrist_2_joint", "elbow_joint")
     settings = SeriesSettings("log_det", 7.0)
     made = OptimisedSeries().candidates(Asked(ur10, 2, aimed, settings), 3)
@@ -67,7 +67,7 @@ def test_humanoids_have_room_about_their_rest(name: str, monkeypatch: pytest.Mon
         starts.append(task.layout().start)
         raise NoSolutionError("nothing was searched")
 
-    monkeypatch.setattr(optimised, "optimise", solved)
+    monkeypatch.setattr(optimised, "optimise_excitation", solved)
     robot = load_robot(name)
     with pytest.raises(NoSolutionError, match="nothing was searched"):
         OptimisedSeries().candidates(Asked(robot, 1), 0)

@@ -186,7 +186,7 @@ def test_a_motion_near_falling_has_to_stand_without_the_load_too(
 
 def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     choice = import_module("excite.campaign.plan")
-    monkeypatch.setattr(choice, "rehearse", lambda robot, motions, **_: (FALLEN,) * len(motions))
+    monkeypatch.setattr(choice, "rehearse_motions", lambda robot, motions, **_: (FALLEN,) * len(motions))
     with pytest.raises(
         NoSolutionError, match=r"all 2 safe motions of ur10 fall or slip in rehearsal, with 5%.* of base"
     ):
@@ -199,7 +199,9 @@ def test_a_robot_that_cannot_carry_much_is_rehearsed_with_less(
     choice = import_module("excite.campaign.plan")
     monkeypatch.setattr(choice, "can_fall", lambda robot: True)
     monkeypatch.setattr(
-        choice, "rehearse", lambda robot, motions, load, **_: (None if load < 0.1 else FALLEN,) * len(motions)
+        choice,
+        "rehearse_motions",
+        lambda robot, motions, load, **_: (None if load < 0.1 else FALLEN,) * len(motions),
     )
     found = plan(ur10, n_candidates=2, seed=1)
     assert found.load == 0.05 and found.to_json()["rehearsed_load"] == 0.05
@@ -240,7 +242,7 @@ def test_more_are_drawn_where_motions_fall(ur10: Robot, monkeypatch: pytest.Monk
         rehearsed.extend(f"{name} {load}" for name in names)
         return tuple(None if int(name[-3:]) >= 3 else FALLEN for name in names)
 
-    monkeypatch.setattr(choice, "rehearse", falls)
+    monkeypatch.setattr(choice, "rehearse_motions", falls)
     monkeypatch.setattr(import_module("excite.campaign.plan"), "N_CANDIDATES", 3)
     found = plan(ur10, seed=3, generator="fourier")
     assert found.generated in (6, 9) and found.rejected["fell_in_rehearsal"] >= 2

@@ -196,7 +196,7 @@ STEPS = {
     "wls": (wls, "least_squares", broken),
     "robust": (robust, "_step", broken),
     "map": (map_module, "ridge", broken),
-    "physical": (feasible_set, "solve", no_point),
+    "physical": (feasible_set, "solve_cone_program", no_point),
 }
 
 

@@ -175,7 +175,7 @@ class TestRetrieval:
     def test_multipliers_that_lie_give_a_bound_that_holds(self, problem, found, monkeypatch):
         """The bound is recomputed for whatever multipliers: bad ones make it loose, never wrong."""
         allowed = feasible_set(problem, iiwa.bounds(), SETTINGS)
-        honest = relaxation_module.solve
+        honest = relaxation_module.solve_cone_program
         task = Relaxation(self._objective(problem), allowed, np.zeros(allowed.size), allowed.interior)
         box = allowed.bounds.lower[:, 1:4], allowed.bounds.upper[:, 1:4]
         tight = task.solve(*box).bound
@@ -185,7 +185,7 @@ class TestRetrieval:
             answer = honest(program)
             return replace(answer, linear=answer.linear * rng.uniform(0.0, 2.0, len(answer.linear)))
 
-        monkeypatch.setattr(relaxation_module, "solve", lying)
+        monkeypatch.setattr(relaxation_module, "solve_cone_program", lying)
         loose = task.solve(*box).bound
         assert task.objective.floor <= loose < tight <= found.certificate.objective
 

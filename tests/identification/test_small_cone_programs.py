@@ -179,7 +179,7 @@ class TestEstimates:
     @pytest.fixture(autouse=True)
     def unrefined(self, monkeypatch):
         """Answers stay as the solver gives them."""
-        monkeypatch.setattr(module, "refined", lambda problem, answer: answer)
+        monkeypatch.setattr(module, "refine_answer", lambda problem, answer: answer)
 
     def solve(self, solver, arm, weighted, objective) -> Estimate:
         return conic_estimate("lmi", weighted, objective, heavier(arm, 1.0), (), solver)
