@@ -66,8 +66,8 @@ _NONE = Candidates()
 
 
 # Share of what the nominal model leaves of contact wrenches that few changed bodies have to explain before the others
-# are held nearer to it. On G1, HRP-2-like and TALOS with 1 to 5 kg added they explain 0.995 to 1.000; on twelve simulated
-# people, whose segments all differ from the table's, 0 to 0.96.
+# are held nearer to it. On G1, HRP-2-like and TALOS with 1 to 5 kg added they explain 0.995 to 1.000; on twelve
+# simulated people, whose segments all differ from the table's, 0 to 0.96.
 _EXPLAINED = 0.98
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.errors import InputError
 from excite.robot.catalogue import MODEL_SUFFIXES, find_robot
-from excite.robot.init_robot.files import write_scaffold
 from excite.robot.init_robot.source import Source, model_source
 from excite.robot.loading import limited_description
 from excite.robot.loading import load_robot as load_described
@@ -51,6 +50,8 @@ def load_robot(name_or_path: str | Path, source: Source | None = None) -> Robot:
     if described is not None and source.limits is not None:
         text = limited_description(described, source.limits)
         return load_described(write_text(folder / "robot.yaml", text))
+    from excite.robot.init_robot.files import write_scaffold  # lazy: scipy
+
     written = write_scaffold(path, folder, overwrite=True, source=source, absolute=True)
     return load_described(written.description)
 

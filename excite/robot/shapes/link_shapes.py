@@ -15,7 +15,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-import scipy
 
 from excite.arrays import Array
 from excite.errors import RobotError
@@ -211,6 +210,8 @@ def _cache_folder() -> Path | None:
 def _rounding_key() -> str:
     """What the same points may have another hull with."""
     code = blake2b(Path(meshes.__file__).read_bytes()).hexdigest()
+    import scipy
+
     return f"{code} {np.__version__} {scipy.__version__} {blas_kernels()}"
 
 
