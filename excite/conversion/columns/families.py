@@ -156,7 +156,7 @@ def find_families(recording: Recording, clues: dict[str, Clue], joints: Sequence
             Family(
                 target=TARGETS.get((quantity, commanded), ""),
                 quantity=quantity,
-                placed=place_columns(names, clues, joints, first),
+                placed=place_columns(names, clues, joints, first, _silent_names(columns)),
                 columns=tuple(names),
                 unit=units[0] if len(set(units)) == 1 else "",
                 stated=all(column.channel for column in columns),
@@ -208,6 +208,11 @@ def with_others(family: Family, more: Family) -> Family:
         columns=family.columns + more.columns,
         unit=family.unit if family.unit == more.unit else "",
     )
+
+
+def _silent_names(columns: Iterable[Column]) -> frozenset[str]:
+    """Names of the columns that never change."""
+    return frozenset(c.name for c in columns if len(c.values) and bool(np.all(c.values == c.values[0])))
 
 
 def _one_machine_each(

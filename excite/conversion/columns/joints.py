@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from excite.conversion.columns.vocabulary import COMMANDED, MEASURED, NOISE, OF_HANDS, OF_WORD
@@ -420,7 +420,11 @@ class Placed:
 
 
 def place_columns(
-    columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str], first: int
+    columns: Sequence[str],
+    clues: dict[str, Clue],
+    joints: Sequence[str],
+    first: int,
+    silent: Collection[str] = (),
 ) -> Placed:
     """Joints of a family's columns.
 
@@ -429,6 +433,7 @@ def place_columns(
         clues: what every name says.
         joints: the robot's joints, or those that a map states, in order.
         first: the number of the first joint in this recording's names, 0 or 1.
+        silent: columns that never change, which speak for nothing beside others.
     """
     columns = _but_hands(columns, joints)
     if len(columns) == len(joints) == 1:
@@ -439,7 +444,11 @@ def place_columns(
     numbers = {c: n for c in columns if (n := clues[c].number) is not None}
     # One number for each joint; what has none beside them is no joint's.
     one_each = len(set(numbers.values())) == len(numbers) == len(joints)
-    if one_each and set(numbers.values()) == set(range(first, first + len(joints))):
+    if (
+        one_each
+        and not numbers.keys() <= set(silent)
+        and set(numbers.values()) == set(range(first, first + len(joints)))
+    ):
         placed = _by_number(numbers, joints, first)
         return replace(placed, left_over=(*placed.left_over, *(c for c in columns if c not in numbers)))
     if len(set(numbers.values())) == len(columns):
