@@ -90,13 +90,8 @@ def steps() -> list[Step]:
                 (f"identify {robot}",),
             ),
         ]
-    recordings = {
-        "emps": ("emps_ballscrew_axis",),
-        "lwr": ("kuka_lwr4_flobaroid",),
-        "tiago": ("tiago_arm_figaroh",),
-        "airbot": ("airbot_play_multi_traj",),
-    }
-    for name, (folder,) in recordings.items():
+    recordings = {"lwr": "kuka_lwr4_flobaroid", "ar5": "rokae_ar5", "kr300": "kuka_kr300"}
+    for name, folder in recordings.items():
         urdf = sorted((DATA / folder).glob("*.urdf")) if DATA.is_dir() else []
         if urdf:
             words = (
@@ -107,7 +102,17 @@ def steps() -> list[Step]:
                 "--out",
                 "{out}/converted_" + name,
             )
-            found.append(Step(f"convert {name}", words))
+            needs, log = (f"convert {name}",), "{out}/converted_" + name
+            found += [
+                Step(f"convert {name}", words),
+                Step(f"doctor {name}", ("doctor", log), needs),
+                Step(
+                    f"identify {name}",
+                    ("identify", str(urdf[0]), log, "--out", "{out}/result_" + name),
+                    needs,
+                ),
+                Step(f"diagnose {name}", ("diagnose", log), needs),
+            ]
     return found
 
 
