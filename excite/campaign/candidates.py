@@ -16,7 +16,6 @@ from excite.campaign.pool import Keeper
 from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
 from excite.campaign.searches import SEARCHES
 from excite.errors import NothingSafeError, UnknownNameError
-from excite.json_document import write_json
 from excite.motion.generators.generator import (
     Candidate,
     Proposal,
@@ -24,6 +23,7 @@ from excite.motion.generators.generator import (
 )
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.generators.registry import GENERATORS
+from excite.results import write_json
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidates
 from excite.safety.filter_report import FilterReport
@@ -171,7 +171,7 @@ class Refusals:
             "robot": robot.name,
             "generated": self.generated,
             **self.to_json(),
-            "assumed": [one.model_dump() for one in robot.description.assumed],
+            "assumed": [one.to_json() for one in robot.description.assumed],
             **robot_file(robot, folder),
         }
         return write_json(document, folder / REFUSALS_FILE)

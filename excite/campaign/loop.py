@@ -29,7 +29,6 @@ from excite.excitation.unexcited_directions import unexcited_parameters
 from excite.folder_lock import claim_folder
 from excite.identification.identify import identify
 from excite.identification.result import Identification
-from excite.json_document import write_json
 from excite.logs.header_blocks import Role
 from excite.logs.load_with_robot import join_logs
 from excite.logs.log import Log
@@ -37,6 +36,7 @@ from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.comparisons import ReportData, save_report_data
+from excite.results import write_json
 from excite.robot.load import RobotLike, as_robot, keep_description
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import inject_effects as inject_effects

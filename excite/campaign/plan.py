@@ -36,7 +36,6 @@ from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
 from excite.excitation.precision import row_noise
 from excite.excitation.selection import BEST_THREE, Candidates, Selection, check_selection, select_motions
-from excite.json_document import write_json
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
@@ -45,6 +44,7 @@ from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.report.comparisons import ReportData, save_report_data
+from excite.results import write_json
 from excite.robot.legs import too_soft_to_stand
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
@@ -552,7 +552,7 @@ class Plan(Tabled):
             else [parameter.to_json() for parameter in self.outlook.parameters],
             "forecast": None if self.forecast is None else self.forecast.to_json(),
             "as_far_as": list(shape_conditions(self.robot)),
-            "assumed": [one.model_dump() for one in self.robot.description.assumed],
+            "assumed": [one.to_json() for one in self.robot.description.assumed],
             "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
         }
 

@@ -13,7 +13,7 @@ from excite.documents.document import (
     Count,
     Document,
     FilePath,
-    Finding,
+    Findings,
     Maybe,
     MaybePositive,
     Name,
@@ -211,6 +211,4 @@ class Identification(Document):
     torque_delay: TorqueDelay | None = Field(default=None, description="null where it was not looked for")
     unmeasured: Names = Field(default=[], description="links that the sensors do not see")
     warnings: Texts = Field(description="what a careful reader should know, one sentence each")
-    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="the warnings with their figures"
-    )
+    findings: Findings = Field(default=[], description="the warnings with their figures")

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from excite.documents.check import Robust
 from excite.documents.document import (
     MOST_CHANNELS,
     MOST_ENTRIES,
-    AsFarAs,
     Assumptions,
     Block,
     Count,
     Document,
     FilePath,
-    Finding,
+    Findings,
     InnerPath,
     Maybe,
     MaybePositive,
@@ -26,6 +24,7 @@ from excite.documents.document import (
     Positive,
     Seconds,
     Text,
+    Texts,
 )
 
 
@@ -171,12 +170,14 @@ class Plan(Document):
     forecast: Forecast | None = Field(
         default=None, description="what that makes of the target; null where the sensors' noise is not stated"
     )
-    as_far_as: AsFarAs = Field(default=[])
+    as_far_as: Texts = Field(
+        default=[], description="what has to hold of shapes that are not known, for what is safe to be so"
+    )
     assumed: Assumptions = Field(default=[])
-    robust: Annotated[dict[Name, Robust], Field(max_length=MOST_ENTRIES)] = Field(
+    robust: Annotated[dict[Name, Any], Field(max_length=MOST_ENTRIES)] = Field(
         default={}, description="by chosen motion, least margins over the robots that it may be"
     )
-    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
+    findings: Findings = Field(
         default=[], description="what spoils the robot's description itself, worst first"
     )
     rehearsed_load: Maybe = Field(

@@ -13,7 +13,7 @@ from excite.documents.document import (
     Count,
     Document,
     FilePath,
-    Finding,
+    Findings,
     Maybe,
     MaybePositive,
     Name,
@@ -91,7 +91,7 @@ class Doctor(Document):
         default=None, description="the nominal robot where another than the log's was given, likewise"
     )
     healthy: bool = Field(description="whether nothing was found that spoils results")
-    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(description="worst first")
+    findings: Findings = Field(description="worst first")
     repaired: FilePath | None = Field(default=None, description="folder of the repaired log")
 
 
@@ -168,9 +168,7 @@ class Human(Document):
     trials: Annotated[list[MeasuredTrial], Field(max_length=MOST_CHANNELS)] = Field(
         default=[], description="in order"
     )
-    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="what was wrong with the recordings"
-    )
+    findings: Findings = Field(default=[], description="what was wrong with the recordings")
     table: Name = Field(description="table of the nominal masses")
     segments: Annotated[list[TableMass], Field(max_length=MOST_CHANNELS)] = Field(
         description="masses by the tables"

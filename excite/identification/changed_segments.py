@@ -21,8 +21,8 @@ from excite.identification.noise import NoiseModel, whitened_factor
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, prior_std
 from excite.identification.sessions.pooling import Pooled
-from excite.json_document import to_json
 from excite.regressor.base_parameters import BaseParameters
+from excite.results import to_json
 
 # Which segments are not what the model says.
 #

@@ -15,12 +15,12 @@ import pytest
 
 from excite.cli.main import _run
 from excite.errors import ExciteError
-from excite.json_document import write_json
 from excite.logs.files import load_log
 from excite.motion.collection import load_motions
 from excite.motion.files import save_motion
 from excite.report.comparisons import ReportData, save_report_data
 from excite.report.replay.tracks import unpack_table
+from excite.results import write_json
 from excite.robot.loading import load_robot
 from excite.viewer.serve import record_page, serve
 from excite.viewer.source import read_thing
