@@ -12,11 +12,12 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, fields
 from enum import Enum
 from functools import cache
 from pathlib import Path, PurePath
-from typing import Annotated, Any, ClassVar, NamedTuple, get_type_hints
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, Union, get_args, get_origin, get_type_hints
 
 from excite.atomic import write_text
 from excite.provenance import stated as stated_origin
@@ -41,13 +42,17 @@ ADDED = {"added": True}
 """Of a field that documents of earlier versions lack."""
 
 
-def named(name: str, **more: Any) -> Any:
-    """A field that stands in documents under another name; ``more`` as of :func:`dataclasses.field`."""
-    return field(metadata={"stated": name}, **more)
+def named(name: str) -> dict[str, Any]:
+    """Of a field that stands in documents under another name."""
+    return {"stated": name}
 
 
 class stated(property):
     """A property that stands in documents; the first line of its docstring is its meaning."""
+
+
+class stated_later(stated):
+    """The same of one that documents of earlier versions lack."""
 
 
 class StatedField(NamedTuple):
@@ -59,6 +64,7 @@ class StatedField(NamedTuple):
         meaning: in words, with the unit.
         kind: type of its values, with what :data:`Annotated` adds.
         source: the dataclass's field; None of a property.
+        added: whether documents of earlier versions lack it.
     """
 
     attribute: str
@@ -66,6 +72,7 @@ class StatedField(NamedTuple):
     meaning: str
     kind: Any
     source: Field[Any] | None
+    added: bool
 
     def has(self, word: str) -> bool:
         """Whether the field's metadata say so."""
@@ -76,12 +83,12 @@ class StatedField(NamedTuple):
         """Whether a document without it is refused."""
         one = self.source
         given = one is not None and (one.default is not MISSING or one.default_factory is not MISSING)
-        return not given and not self.has("added")
+        return not given and not self.added
 
     @property
     def default(self) -> Any:
         """What stands for it where a document lacks it, as plain objects."""
-        if self.source is None or self.has("added"):
+        if self.source is None or self.added:
             return None
         given = self.source
         return plain(given.default if given.default is not MISSING else given.default_factory())  # type: ignore[misc]
@@ -105,10 +112,37 @@ class Stated:
                 found[one.name] = plain(value)
         return found
 
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Self:
+        """The result of its document's content, which has been checked; a field that is left out has its default."""
+        found = {
+            one.attribute: _read_value(one.kind, content[one.name])
+            for one in stated_fields(cls)
+            if one.source is not None and one.name in content
+        }
+        lacking = {one.attribute: None for one in stated_fields(cls) if one.source is not None and one.added}
+        return cls(**lacking | found)
+
     def row(self, *names: str, **more: Any) -> dict[str, Any]:
         """A row of a table: the fields of those names, all where none is named, and ``more`` before them."""
         attributes = {one.name: one.attribute for one in stated_fields(type(self))}
         return {**more, **{name: getattr(self, attributes[name]) for name in names or attributes}}
+
+
+def _read_value(kind: Any, value: Any) -> Any:
+    """A value of a document as a field of that type holds it."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _read_value(parts[0], value)
+    if isinstance(value, Mapping):
+        if origin in (Union, UnionType):
+            return _read_value(next(part for part in parts if part is not NoneType), value)
+        if origin is None and issubclass(kind, Stated):
+            return kind.from_json(value)
+        return {key: _read_value(parts[1], item) for key, item in value.items()} if parts else value
+    if isinstance(value, list):
+        return tuple(_read_value(parts[0], item) for item in value) if origin is tuple else tuple(value)
+    return value
 
 
 @cache
@@ -119,11 +153,17 @@ def stated_fields(kind: type) -> tuple[StatedField, ...]:
     for one in fields(kind):
         name = one.metadata.get("stated", one.name)
         if name is not None:
-            found.append(StatedField(one.name, name, meanings.get(one.name, ""), hints[one.name], one))
+            found.append(
+                StatedField(
+                    one.name, name, meanings.get(one.name, ""), hints[one.name], one, "added" in one.metadata
+                )
+            )
     for attribute, value in inspect.getmembers_static(kind, lambda item: isinstance(item, stated)):
         returned = get_type_hints(value.fget, include_extras=True)["return"]
         meaning = (value.__doc__ or "").strip().partition("\n")[0].rstrip(".")
-        found.append(StatedField(attribute, attribute, meaning, returned, None))
+        found.append(
+            StatedField(attribute, attribute, meaning, returned, None, isinstance(value, stated_later))
+        )
     return tuple(found)
 
 

@@ -6,24 +6,16 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from excite.campaign.experiment import Simulation, Truth
+from excite.campaign.rank import RankReport
 from excite.conversion.explicit_mapping import Map
 from excite.documents.blind import BlindAnswer, BlindAnswers
+from excite.documents.campaign import Campaign
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document, model_of, schema_of
 from excite.documents.identification import Identification
-from excite.documents.plan import Plan, Refusals
-from excite.documents.results import (
-    Campaign,
-    Doctor,
-    Export,
-    Human,
-    Journal,
-    Model,
-    Rank,
-    Signals,
-    Simulation,
-    Truth,
-)
+from excite.documents.plan import PlanDocument, RefusalsDocument
+from excite.documents.results import Doctor, Export, Human, Journal, Model, Signals
 from excite.errors import UnknownNameError
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
@@ -40,9 +32,12 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS = (
-    *(Plan, Refusals, Rank, Export, Simulation, Identification, Campaign, Diagnosis, Doctor, Human, Model),
-    *(Signals, Journal, Truth, BlindAnswers, BlindAnswer),
-    *(model_of(result) for result in (CheckReport,)),
+    *(Export, Identification, Campaign, Diagnosis, Doctor, Human, Model, Signals, Journal),
+    *(BlindAnswers, BlindAnswer),
+    *(
+        model_of(result)
+        for result in (PlanDocument, RefusalsDocument, CheckReport, RankReport, Simulation, Truth)
+    ),
 )
 DOCUMENTS: dict[str, type[Document]] = {schema_of(kind): kind for kind in _KINDS}
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

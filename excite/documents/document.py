@@ -92,7 +92,7 @@ class Document(Block):
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
-_Kind = TypeVar("_Kind", bound=Document)
+_Kind = TypeVar("_Kind", bound=Document | Stated)
 
 
 def read_document(
@@ -106,7 +106,7 @@ def read_document(
 
     Args:
         path: of the file.
-        kind: what it has to be.
+        kind: what it has to be: a model, or a result whose fields the document's are.
         remedy: what to do where it is not.
         error: class of the errors.
 
@@ -114,6 +114,9 @@ def read_document(
         InputError: of the class ``error``: the file cannot be read, is no JSON object, is of another schema, or a
             field in it is missing or is not what it has to be.
     """
+    if issubclass(kind, Stated):
+        found = read_document(path, model_of(kind), remedy=remedy, error=error)
+        return kind.from_json(found.content())
     content = read_json(path, schema=schema_of(kind), remedy=remedy, error=error)
     return check_content(kind, content, Path(path), remedy=remedy, error=error)
 
@@ -151,7 +154,7 @@ def model_of(kind: type[Stated]) -> type[Document]:
     fields: dict[str, Any] = {}
     for one in stated_fields(kind):
         content = _content_kind(one.kind)
-        if one.has("added"):
+        if one.added:
             content = content | None
         default = {} if one.required else {"default": one.default}
         fields[one.name] = (content, Field(description=one.meaning, **default))

@@ -350,7 +350,7 @@ class CheckReport(Tabled, Stated):
 
     SCHEMA = "excite.check/1"
 
-    verdicts: tuple[Verdict, ...] = named("motions")
+    verdicts: tuple[Verdict, ...] = field(metadata=named("motions"))
     assumed: tuple[Assumed, ...] = ()
     robot: Name | None = None
     robot_file: FilePath | None = field(default=None, metadata=LEFT_OUT)

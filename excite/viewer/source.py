@@ -13,7 +13,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document
-from excite.documents.plan import Plan
+from excite.documents.plan import PlanDocument
 from excite.errors import InputError
 from excite.export.resolve_robot import robot_beside
 from excite.logs.columns import BASE_POSE
@@ -144,7 +144,7 @@ def _holds_motions(folder: Path) -> bool:
 
 
 def _read_plan(folder: Path, robot: str | None) -> Thing:
-    plan = read_document(folder / "plan.json", Plan, remedy="write it again with excite plan")
+    plan = read_document(folder / "plan.json", PlanDocument, remedy="write it again with excite plan")
     loaded = load_robot(robot or (str(folder / plan.robot_file) if plan.robot_file else plan.robot))
     motions = [load_motion(folder / entry.motion, loaded) for entry in plan.selected]
     if not motions:
