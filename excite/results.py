@@ -169,7 +169,7 @@ def stated_fields(kind: type) -> tuple[StatedField, ...]:
 
 def plain(value: Any) -> Any:
     """Dictionaries, lists, texts and numbers in place of results and what they hold."""
-    if isinstance(value, Stated):
+    if hasattr(value, "to_json"):
         return value.to_json()
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
