@@ -11,13 +11,24 @@ import inspect
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, fields
 from enum import Enum
 from functools import cache
 from pathlib import Path, PurePath
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, NamedTuple, Self, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    NamedTuple,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from excite.atomic import write_text
 from excite.provenance import stated as stated_origin
@@ -47,12 +58,19 @@ def named(name: str) -> dict[str, Any]:
     return {"stated": name}
 
 
-class stated(property):
-    """A property that stands in documents; the first line of its docstring is its meaning."""
+_Getter = TypeVar("_Getter", bound=Callable[..., Any])
 
 
-class stated_later(stated):
+def stated(getter: _Getter) -> _Getter:
+    """Of a property, below ``@property``: it stands in documents; the first line of its docstring is its meaning."""
+    getter.__dict__["stated"] = "always"
+    return getter
+
+
+def stated_later(getter: _Getter) -> _Getter:
     """The same of one that documents of earlier versions lack."""
+    getter.__dict__["stated"] = "later"
+    return getter
 
 
 class StatedField(NamedTuple):
@@ -90,8 +108,8 @@ class StatedField(NamedTuple):
         """What stands for it where a document lacks it, as plain objects."""
         if self.source is None or self.added:
             return None
-        given = self.source
-        return plain(given.default if given.default is not MISSING else given.default_factory())  # type: ignore[misc]
+        make = self.source.default_factory
+        return plain(self.source.default if isinstance(make, type(MISSING)) else make())
 
 
 class Stated:
@@ -145,8 +163,7 @@ def _read_value(kind: Any, value: Any) -> Any:
     return value
 
 
-@cache
-def stated_fields(kind: type) -> tuple[StatedField, ...]:
+def _fields_of(kind: type) -> tuple[StatedField, ...]:
     """What stands in a document of a result of that class, in order: fields, then properties."""
     hints, meanings = get_type_hints(kind, include_extras=True), dict(field_meanings(kind))
     found = []
@@ -158,13 +175,16 @@ def stated_fields(kind: type) -> tuple[StatedField, ...]:
                     one.name, name, meanings.get(one.name, ""), hints[one.name], one, "added" in one.metadata
                 )
             )
-    for attribute, value in inspect.getmembers_static(kind, lambda item: isinstance(item, stated)):
-        returned = get_type_hints(value.fget, include_extras=True)["return"]
-        meaning = (value.__doc__ or "").strip().partition("\n")[0].rstrip(".")
-        found.append(
-            StatedField(attribute, attribute, meaning, returned, None, isinstance(value, stated_later))
-        )
+    for attribute, value in inspect.getmembers_static(kind, lambda item: isinstance(item, property)):
+        word = value.fget.__dict__.get("stated")
+        if word is not None:
+            returned = get_type_hints(value.fget, include_extras=True)["return"]
+            meaning = (value.__doc__ or "").strip().partition("\n")[0].rstrip(".")
+            found.append(StatedField(attribute, attribute, meaning, returned, None, word == "later"))
     return tuple(found)
+
+
+stated_fields: Callable[[type], tuple[StatedField, ...]] = cache(_fields_of)
 
 
 def plain(value: Any) -> Any:

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from excite.robot.load import keep_description
 from excite.robot.robot import Robot
 
 
-def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
+def robot_file(robot: Robot, folder: Path) -> dict[str, Any]:
     """Where a robot of one's own is described, relative to a results folder; nothing for a bundled robot.
 
     The first description of a bare model is kept there.

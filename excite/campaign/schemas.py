@@ -31,7 +31,7 @@ _MODELS: dict[str, type[BaseModel]] = {
     "motion": MotionDocument,
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
-_KINDS = (
+_KINDS: tuple[type[Document], ...] = (
     *(Export, Identification, Campaign, Diagnosis, Doctor, Human, Model, Signals, Journal),
     *(BlindAnswers, BlindAnswer),
     *(

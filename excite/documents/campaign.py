@@ -72,16 +72,19 @@ class Iteration(Stated):
     missed: tuple[Miss, ...] = field(metadata=HIDDEN)
     forecast: Forecast | None = None
 
+    @property
     @stated
     def not_met(self) -> tuple[str, ...]:
         """Parameters that missed the target."""
         return tuple(miss.parameter for miss in self.missed)
 
+    @property
     @stated_later
     def helped(self) -> tuple[str, ...]:
         """Those of them that more motion may help."""
         return tuple(miss.parameter for miss in self.missed if miss.reason.helped_by_motion)
 
+    @property
     @stated_later
     def reasons(self) -> Mapping[str, str]:
         """Why each of them missed it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, reduce
 from operator import or_
 from pathlib import Path, PurePosixPath
@@ -144,8 +144,7 @@ _KINDS: dict[Any, Any] = {
 }
 
 
-@cache
-def model_of(kind: type[Stated]) -> type[Document]:
+def _build_model(kind: type[Stated]) -> type[Document]:
     """What a file has to hold to be the document of a result, with every field's meaning.
 
     Args:
@@ -161,8 +160,12 @@ def model_of(kind: type[Stated]) -> type[Document]:
     if kind.SCHEMA:
         stated = Field(alias="schema", description="version of this document")
         fields = {"schema_": (Literal[kind.SCHEMA], stated), **fields}
-    base = Document if kind.SCHEMA else Block
-    return create_model(kind.__name__, __base__=base, __doc__=sentence_of(kind), **fields)  # type: ignore[no-any-return]
+    base: Any = Document if kind.SCHEMA else Block
+    found: type[Document] = create_model(kind.__name__, __base__=base, __doc__=sentence_of(kind), **fields)
+    return found
+
+
+model_of: Callable[[type[Stated]], type[Document]] = cache(_build_model)
 
 
 def _content_kind(kind: Any) -> Any:
@@ -178,10 +181,12 @@ def _content_kind(kind: Any) -> Any:
         bounds = (
             Field(max_length=MOST_ENTRIES) if whole else Field(min_length=len(parts), max_length=len(parts))
         )
-        return Annotated[list[_content_kind(parts[0])], bounds]  # type: ignore[misc]
+        item: Any = _content_kind(parts[0])
+        return Annotated[list[item], bounds]
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        key = Text if get_origin(parts[0]) is None else _content_kind(parts[0])
-        return Annotated[dict[key, _content_kind(parts[1])], Field(max_length=MOST_ENTRIES)]  # type: ignore[valid-type]
+        key: Any = _content_kind(parts[0])
+        value: Any = _content_kind(parts[1])
+        return Annotated[dict[key, value], Field(max_length=MOST_ENTRIES)]
     if isinstance(kind, type) and issubclass(kind, Stated):
         return model_of(kind)
     return _KINDS.get(kind, kind)

@@ -148,4 +148,4 @@ class Identification(Document):
     torque_delay: TorqueDelay | None = Field(default=None, description="null where it was not looked for")
     unmeasured: Names = Field(default=[], description="links that the sensors do not see")
     warnings: Texts = Field(description="what a careful reader should know, one sentence each")
-    findings: Findings = Field(default=[], description="the warnings with their figures")
+    findings: Findings = Field(default=(), description="the warnings with their figures")

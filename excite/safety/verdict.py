@@ -165,16 +165,19 @@ class Robustness(Stated):
     worst: Mapping[Name, Worst | None]
     decides: bool = False
 
+    @property
     @stated
     def joint_torque_nm(self) -> float | None:
         """To the torque limit [N·m or N]."""
         return self._least("joint_torque_nm")
 
+    @property
     @stated
     def zmp_m(self) -> float | None:
         """Zero-moment point to the edge of the support polygon [m]."""
         return self._least("zmp_m")
 
+    @property
     @stated
     def friction(self) -> float | None:
         """Horizontal push at the feet that would make them slip, as a share of the vertical force."""
@@ -184,6 +187,7 @@ class Robustness(Stated):
         found = self.worst.get(name)
         return None if found is None else found.value
 
+    @property
     @stated
     def holds(self) -> bool:
         """Whether every limit is kept by every robot of the set."""
@@ -286,6 +290,7 @@ class Verdict(Stated):
     robust: Robustness | None = field(default=None, metadata=LEFT_OUT)
     file: FilePath | None = field(default=None, metadata=LEFT_OUT)
 
+    @property
     @stated
     def safe(self) -> bool:
         """Whether nothing is violated and every margin that applies could be computed."""
@@ -367,6 +372,7 @@ class CheckReport(Tabled, Stated):
             ]
         return [found.row(motion=one.motion) for one in self.verdicts for found in one.violations]
 
+    @property
     @stated
     def safe(self) -> bool:
         """Whether every motion is safe and there is at least one."""

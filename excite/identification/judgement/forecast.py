@@ -35,11 +35,13 @@ class Forecast(Stated):
         needed = {name: seconds * (rsd / target_rsd) ** 2 for name, rsd in rsd_percent.items()}
         return cls(target_rsd, seconds, needed)
 
+    @property
     @stated
     def within(self) -> int:
         """Number of parameters that are expected to reach the target with the motion at hand."""
         return sum(needed <= self.seconds for needed in self.needed_s.values())
 
+    @property
     @stated
     def essential(self) -> int:
         """Number of parameters expected to be essential."""
