@@ -27,7 +27,6 @@ from excite.campaign.rehearsal import rehearse_motions
 from excite.excitation.conditioning import compute_conditioning, motion_factor
 from excite.excitation.precision import nominal_values, row_noise
 from excite.excitation.selection import NEGLIGIBLE, TotalDeviation, candidate_information, greedy_choice
-from excite.json_document import write_json
 from excite.motion.content import with_verdict
 from excite.motion.files import load_motion, save_motion
 from excite.motion.generators.mixture import plan_candidates
@@ -35,11 +34,12 @@ from excite.motion.motion import Motion, jerk_peaks
 from excite.reading.documents import read_json
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.report.sections.motions import choose_motions, draw_snapshots
+from excite.results import write_json
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidates
 from excite.safety.repairs.shares import Shares
-from excite.safety.verdict import Verdict, check_document
+from excite.safety.verdict import CheckReport, Verdict
 
 LIBRARY = Path(__file__).resolve().parents[1] / "motion_library"
 SEED = 1
@@ -196,7 +196,7 @@ def judge(name: str) -> str:
         for entry, duration in zip(document["motions"], durations, strict=True):
             entry["duration_s"] = duration
         write_json(document, folder / "conditioning.json")
-    write_json(check_document(verdicts), folder / "check.json")
+    write_json(CheckReport(tuple(verdicts)).to_json(), folder / "check.json")
     return f"{name}: {len(verdicts)} motions, all safe"
 
 

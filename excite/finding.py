@@ -7,13 +7,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from excite.display import Row, Tabled
+from excite.results import Name, Positive, Stated
 
 Severity = Literal["fatal", "spoils", "limits", "note"]
 _WORST_FIRST: tuple[Severity, ...] = ("fatal", "spoils", "limits", "note")
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Stated):
     """What was found, in a sentence with its figures.
 
     Attributes:
@@ -29,12 +30,12 @@ class Finding:
         trials: names of the trials concerned; empty for all.
     """
 
-    kind: str
+    kind: Name
     text: str
-    figures: Mapping[str, float] = field(default_factory=dict)
+    figures: Mapping[Name, Any] = field(default_factory=dict)
     places: tuple[str, ...] = ()
     severity: Severity = "note"
-    sure: float = 1.0
+    sure: Positive = 1.0
     repaired: bool = False
     remedy: str = ""
     trials: tuple[str, ...] = ()
@@ -46,17 +47,7 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """The finding as it stands in documents."""
-        return {
-            "kind": self.kind,
-            "text": self.text,
-            "figures": dict(self.figures),
-            "places": list(self.places),
-            "severity": self.severity,
-            "sure": round(self.sure, 3),
-            "repaired": self.repaired,
-            "remedy": self.remedy,
-            "trials": list(self.trials),
-        }
+        return {**super().to_json(), "sure": round(self.sure, 3)}
 
 
 class FindingList(Tabled):

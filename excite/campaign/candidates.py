@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,8 +14,8 @@ from excite.campaign.plan_document import robot_file
 from excite.campaign.pool import Keeper
 from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
 from excite.campaign.searches import SEARCHES
+from excite.documents.plan import RefusalsDocument
 from excite.errors import NothingSafeError, UnknownNameError
-from excite.json_document import write_json
 from excite.motion.generators.generator import (
     Candidate,
     Proposal,
@@ -24,11 +23,12 @@ from excite.motion.generators.generator import (
 )
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.generators.registry import GENERATORS
+from excite.results import HIDDEN, Stated, write_json
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidates
 from excite.safety.filter_report import FilterReport
-from excite.safety.refusals import Refused, joined_refusals, refusals_table, tally_refusals
-from excite.safety.remedy import TRIED, Remedy, find_remedy
+from excite.safety.refusals import Refused, Remedy, joined_refusals, refusals_table, tally_refusals
+from excite.safety.remedy import TRIED, find_remedy
 from excite.safety.repairs.draft import Rejection
 
 # Candidates of a plan as they are drawn and judged, turn by turn while too few are safe.
@@ -105,7 +105,6 @@ class Judged:
 # Why a plan has few motions, or none: what refuses its candidates, and the change that lets most of them
 # pass.
 
-SCHEMA = "excite.refusals/1"
 REFUSALS_FILE = "refusals.json"
 
 # What to do about refusals that no limit lifted takes away, and that no candidate was tried again without.
@@ -147,7 +146,7 @@ class FirstOf:
 
 
 @dataclass(frozen=True)
-class Refusals:
+class Refusals(Stated):
     """What refuses a plan's candidates.
 
     Attributes:
@@ -158,30 +157,17 @@ class Refusals:
         page: where pictures of the worst are, None where nobody has drawn them.
     """
 
-    generated: int = 0
+    generated: int = field(default=0, metadata=HIDDEN)
     refused: tuple[Refused, ...] = ()
-    few: bool = False
+    few: bool = field(default=False, metadata=HIDDEN)
     remedy: Remedy | None = None
-    page: str | None = None
+    page: str | None = field(default=None, metadata=HIDDEN)
 
     def save(self, robot: Robot, folder: Path) -> Path:
         """Write ``refusals.json`` into a folder, for a report of a plan without any motion."""
-        document = {
-            "schema": SCHEMA,
-            "robot": robot.name,
-            "generated": self.generated,
-            **self.to_json(),
-            "assumed": [one.model_dump() for one in robot.description.assumed],
-            **robot_file(robot, folder),
-        }
-        return write_json(document, folder / REFUSALS_FILE)
-
-    def to_json(self) -> dict[str, Any]:
-        """The fields ``refused`` and ``remedy`` of a document."""
-        return {
-            "refused": [item.to_json() for item in self.refused],
-            "remedy": None if self.remedy is None else self.remedy.to_json(),
-        }
+        assumed, place = tuple(robot.description.assumed), robot_file(robot, folder)
+        document = RefusalsDocument(robot.name, self.generated, self.refused, self.remedy, assumed, **place)
+        return write_json(document.to_json(), folder / REFUSALS_FILE)
 
     @property
     def change(self) -> str:

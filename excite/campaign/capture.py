@@ -16,7 +16,7 @@ from excite.atomic import write_text
 from excite.conversion.capture_sheet import Capture, Run
 from excite.display import count
 from excite.documents.document import read_document
-from excite.documents.plan import Plan
+from excite.documents.plan import PlanDocument
 from excite.errors import InputError
 from excite.logs.header_blocks import Role
 from excite.motion.files import load_motion
@@ -118,7 +118,7 @@ def capture(
     """
     robot = as_robot(robot)
     folder = Path(plan).parent if Path(plan).name == "plan.json" else Path(plan)
-    document = read_document(folder / "plan.json", Plan)
+    document = read_document(folder / "plan.json", PlanDocument)
     if document.robot != robot.name:
         raise InputError(
             f"is a plan of {document.robot!r}, not of {robot.name!r}",

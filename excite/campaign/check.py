@@ -2,81 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
 
 from excite.campaign.rehearsal import can_fall, rehearse_alone
-from excite.display import Row, Tabled
 from excite.errors import InputError
 from excite.motion.collection import MotionsLike, as_motions
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
-from excite.robot.description import Assumed
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.parameter_set import stated_parameters
-from excite.safety.verdict import Verdict, Violation, check_document, unit_of
-
-
-@dataclass(frozen=True, repr=False)
-class CheckReport(Tabled):
-    """Verdicts on several motions.
-
-    Attributes:
-        verdicts: one a motion, in order.
-        assumed: what no file said of the robot, so that the verdicts hold as far as it does.
-        robot: name of the robot.
-    """
-
-    verdicts: tuple[Verdict, ...]
-    assumed: tuple[Assumed, ...] = ()
-    robot: str | None = None
-
-    tables = ("motions", "violations")
-
-    def rows(self, table: str) -> Sequence[Row]:
-        """See :class:`~excite.display.Tabled`: verdict and smallest margins of each motion, or everything violated."""
-        if table == "motions":
-            return [
-                {"motion": one.motion, "safe": one.safe, **asdict(one.margins), "reason": one.reason}
-                for one in self.verdicts
-            ]
-        return [
-            {"motion": one.motion, **asdict(violation)}
-            for one in self.verdicts
-            for violation in one.violations
-        ]
-
-    @property
-    def safe(self) -> bool:
-        """True if every motion is safe."""
-        return all(verdict.safe for verdict in self.verdicts)
-
-    def to_json(self) -> dict[str, Any]:
-        """The ``excite.check/1`` document."""
-        assumed = [one.model_dump() for one in self.assumed]
-        return {**check_document(self.verdicts), "robot": self.robot, "assumed": assumed}
-
-    def summary(self) -> str:
-        """A line a motion with its smallest margins below it, the total, and what the verdicts rest on."""
-        unsafe = sum(not verdict.safe for verdict in self.verdicts)
-        total = f"all {len(self.verdicts)} safe" if not unsafe else f"{unsafe} of {len(self.verdicts)} unsafe"
-        lines = []
-        for verdict in self.verdicts:
-            margins = verdict.margins_in_words() if verdict.readable else ""
-            lines += [verdict.summary(), *([f"  margins: {margins}"] if margins else [])]
-            if verdict.robust is not None:
-                lines.append(f"  {verdict.robust.in_words()}")
-        lines.append(total)
-        if self.assumed:
-            named = ", ".join(dict.fromkeys(one.what for one in self.assumed))
-            lines.append(f"as far as what was assumed of the robot holds: {named}")
-        return "\n".join(lines)
+from excite.safety.verdict import CheckReport, Verdict, Violation, unit_of
 
 
 def check(
@@ -135,10 +76,10 @@ def _check_one(shared: tuple[Robot, bool], task: tuple[Motion, dict[str, Motion]
     rehearsal = rehearse_alone(robot, motion)
     refused = rehearsal.refused
     if refused is None:
-        return replace(verdict, rehearsal=rehearsal.to_json())
+        return replace(verdict, rehearsal=rehearsal)
     unit = unit_of(refused.reason, refused.where, sliding_joints(robot))
     found = Violation(refused.reason, refused.time_s, refused.where, refused.value, refused.limit, unit)
-    return replace(verdict, violations=(found,), rehearsal=rehearsal.to_json())
+    return replace(verdict, violations=(found,), rehearsal=rehearsal)
 
 
 def _chain_neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:

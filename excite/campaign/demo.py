@@ -12,10 +12,10 @@ from excite.campaign.loop import campaign
 from excite.campaign.result import Campaign
 from excite.display import Shown, count
 from excite.errors import InputError
-from excite.json_document import write_json
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.page import report
+from excite.results import write_json
 from excite.robot.loading import load_robot
 
 ROBOT = "g1"

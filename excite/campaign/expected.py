@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
-from excite.display import span
 from excite.excitation.precision import determined_columns, excitable_parameters, nominal_values
 from excite.identification.judgement.essential import EssentialParameters, essential_parameters
-from excite.identification.judgement.judgement import PATIENCE, said_rsd
+from excite.identification.judgement.forecast import ParameterOutlook
+from excite.identification.judgement.judgement import said_rsd
 from excite.identification.noise import EquationNoise, equation_noise, trial_grids, upper_triangle
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, condense_problem, least_squares
@@ -187,109 +186,11 @@ def check_target(target_rsd: float) -> None:
     check_number(target_rsd, "target_rsd", *_TARGETS_RSD, "percent")
 
 
-@dataclass(frozen=True)
-class Forecast:
-    """What is to be expected of a target before anything is measured.
-
-    Standard deviations fall with the square root of the amount of motion, so that ``(rsd / target)²`` times the
-    motion at hand is needed where it is more of the same kind. Motion that aims at single joints takes less.
-
-    Attributes:
-        target_rsd: relative standard deviation to reach [percent].
-        seconds: motion at hand [s].
-        needed_s: motion with which each essential parameter reaches the target, by its name [s].
-    """
-
-    target_rsd: float
-    seconds: float
-    needed_s: Mapping[str, float]
-
-    @classmethod
-    def of(cls, rsd_percent: Mapping[str, float], target_rsd: float, seconds: float) -> Forecast:
-        """The forecast of predicted relative standard deviations [percent], by essential parameter."""
-        needed = {name: seconds * (rsd / target_rsd) ** 2 for name, rsd in rsd_percent.items()}
-        return cls(target_rsd, seconds, needed)
-
-    @classmethod
-    def from_json(cls, entry: Mapping[str, Any] | None) -> Forecast | None:
-        """The forecast of an entry in ``excite.plan/1``; None for none."""
-        return (
-            None if entry is None else cls(entry["target_rsd_percent"], entry["seconds"], entry["needed_s"])
-        )
-
-    @property
-    def within(self) -> int:
-        """Number of parameters that are expected to reach the target with the motion at hand."""
-        return sum(needed <= self.seconds for needed in self.needed_s.values())
-
-    def to_json(self) -> dict[str, Any]:
-        """Its entry in ``excite.plan/1``."""
-        return {
-            "target_rsd_percent": self.target_rsd,
-            "seconds": self.seconds,
-            "within": self.within,
-            "essential": len(self.needed_s),
-            "needed_s": dict(self.needed_s),
-        }
-
-    def summary(self) -> str:
-        """One line for a person."""
-        total = len(self.needed_s)
-        line = (
-            f"to be expected of {self.seconds:.0f} s: {self.within} of {total} essential parameters within "
-        )
-        line += f"{self.target_rsd:g} %"
-        later = np.array([needed for needed in self.needed_s.values() if needed > self.seconds])
-        within_reach = later[later <= PATIENCE * self.seconds]
-        if len(within_reach):
-            least, most = f"{within_reach.min():.0f} s", f"{within_reach.max():.0f} s"
-            line += f"; {len(within_reach)} more would take motion like this for "
-            line += f"{span(least, most, ' to ')} in all"
-        if len(later) > len(within_reach):
-            line += f"; {len(later) - len(within_reach)} would take more than {PATIENCE:g} times as much"
-        return line
-
-
 # What motions promise for each base parameter: whether it can be excited, is excited, and how precisely.
 
 # As in excite.excitation.unexcited_directions: feet stay on the ground to the tolerance of a solver only.
 _UNEXCITED = 1e-6
 _NAMED = 6
-
-
-@dataclass(frozen=True)
-class ParameterOutlook:
-    """What is to be expected of one base parameter.
-
-    Attributes:
-        name: of its own column.
-        expression: the whole combination.
-        excitable: whether any motion can show it, within joint limits and with a foot on the ground.
-        excited: whether the motions at hand do.
-        value: in the model [SI].
-        rsd_percent: predicted relative standard deviation; None where it is not excited, or is zero.
-        essential: whether identification is expected to keep it.
-    """
-
-    name: str
-    expression: str
-    excitable: bool
-    excited: bool
-    value: float
-    rsd_percent: float | None
-    essential: bool
-
-    def to_json(self) -> dict[str, Any]:
-        """Its entry in ``excite.plan/1``."""
-        return {
-            "name": self.name,
-            "expression": self.expression,
-            "excitable": self.excitable,
-            "excited": self.excited,
-            "value": self.value,
-            "predicted_rsd_percent": self.rsd_percent,
-            "essential": self.essential,
-        }
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from excite.display import Shown, count
+from excite.documents.document import read_document
+from excite.documents.plan import PlanDocument
 from excite.errors import MotionError, NoSolutionError
-from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role
-from excite.logs.log import Log
+from excite.logs.log import Log, Trial
 from excite.motion.collection import MotionsLike, as_motions
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_seed
+from excite.results import FilePath, Name, Stated, UnboundedPositive, write_json
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.safety.checks.motion import time_faults
@@ -31,6 +33,90 @@ from excite.simulation.virtual_robot import Injected, VirtualRobot, changed_robo
 
 # Streams of random numbers of one experiment, kept apart so that one does not shift the other.
 _TRUTH_STREAM, _NOISE_STREAM = 1, 2
+
+
+@dataclass(frozen=True)
+class Added(Stated):
+    """A body that the model does not have.
+
+    Attributes:
+        what: what it is.
+        link: link that carries it.
+        mass: [kg].
+    """
+
+    what: Name
+    link: Name
+    mass: float
+
+
+@dataclass(frozen=True)
+class Truth(Stated):
+    """True inertial parameters of a virtual robot, for comparison afterwards.
+
+    Attributes:
+        robot: name of the robot.
+        masses: true mass by link [kg].
+        added: bodies that were added.
+        parameters: ten inertial parameters a link, about its joint's frame [SI].
+        injected: effects that were injected, which the log's ``modelled`` does not name.
+    """
+
+    SCHEMA = "excite.truth/1"
+
+    robot: Name
+    masses: Mapping[Name, float]
+    added: tuple[Added, ...] = ()
+    parameters: tuple[float, ...] = ()
+    injected: tuple[Injected, ...] = ()
+
+
+@dataclass(frozen=True)
+class SimulatedTrial(Stated):
+    """What became of one motion.
+
+    Attributes:
+        trial: name of the motion.
+        samples: number of logged samples.
+        fell: whether the robot fell.
+        self_collided: whether it touched itself.
+        slip_m: largest slip of a foot [m].
+        tracking_error_rad: largest error of tracking [rad or m].
+    """
+
+    trial: Name
+    samples: int
+    fell: bool
+    self_collided: bool
+    slip_m: UnboundedPositive
+    tracking_error_rad: UnboundedPositive
+
+    @classmethod
+    def of(cls, trial: Trial, replay: Replay) -> SimulatedTrial:
+        """Of the recording, and of what was watched."""
+        error = replay.max_tracking_error_rad
+        return cls(trial.name, len(trial.time), replay.fell, replay.self_collided, replay.max_slip_m, error)
+
+
+@dataclass(frozen=True)
+class Simulation(Stated):
+    """What became of motions on the virtual robot.
+
+    Attributes:
+        robot: name of the robot.
+        log: description of the log, relative to ``--out``.
+        trials: in the order of the motions.
+        fell: whether the robot fell in any motion.
+        other_version: motions that were made for this robot with another description or model.
+    """
+
+    SCHEMA = "excite.simulation/1"
+
+    robot: Name
+    log: FilePath
+    trials: tuple[SimulatedTrial, ...]
+    fell: bool
+    other_version: tuple[Name, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,38 +151,25 @@ class Experiment(Shown):
 
     def truth_json(self) -> dict[str, Any]:
         """True masses and what was added, for comparison afterwards; no part of the log."""
-        masses = self.truth.phi[::10]
-        return {
-            "schema": "excite.truth/1",
-            "robot": self.robot.name,
-            "masses": {
-                segment.link: float(m) for segment, m in zip(self.robot.segments, masses, strict=True)
-            },
-            "added": [{"what": part.what, "link": part.link, "mass": part.mass} for part in self.truth.parts],
-            "parameters": self.truth.phi.tolist(),
-            "injected": [asdict(one) for one in self.injected],
-        }
+        links = (segment.link for segment in self.robot.segments)
+        return Truth(
+            robot=self.robot.name,
+            masses=dict(zip(links, self.truth.phi[::10].tolist(), strict=True)),
+            added=tuple(Added(part.what, part.link, part.mass) for part in self.truth.parts),
+            parameters=tuple(self.truth.phi.tolist()),
+            injected=self.injected,
+        ).to_json()
 
     def to_json(self) -> dict[str, Any]:
         """The ``excite.simulation/1`` document."""
-        return {
-            "schema": "excite.simulation/1",
-            "robot": self.robot.name,
-            "log": "log.yaml",
-            "trials": [
-                {
-                    "trial": trial.name,
-                    "samples": len(trial.time),
-                    "fell": replay.fell,
-                    "self_collided": replay.self_collided,
-                    "slip_m": replay.max_slip_m,
-                    "tracking_error_rad": replay.max_tracking_error_rad,
-                }
-                for trial, replay in zip(self.log.trials, self.replays, strict=True)
-            ],
-            "fell": self.fell,
-            "other_version": list(self.other_version),
-        }
+        pairs = zip(self.log.trials, self.replays, strict=True)
+        return Simulation(
+            self.robot.name,
+            "log.yaml",
+            tuple(SimulatedTrial.of(trial, replay) for trial, replay in pairs),
+            self.fell,
+            self.other_version,
+        ).to_json()
 
     def summary(self) -> str:
         """A few lines for a person."""
@@ -228,3 +301,21 @@ def _every_fifth(motions: Sequence[Motion]) -> dict[str, Role]:
     if len(motions) < 5:
         return {}
     return {motion.name: "validation" for motion in motions[4::5]}
+
+
+# What planned motions are for: to identify from, or to validate on, as the plan beside them says.
+
+
+def planned_roles(paths: Iterable[Path]) -> dict[str, Role]:
+    """Roles of motions by their names, from the ``plan.json`` in or above their folders; empty where there is none."""
+    found: dict[str, Role] = {}
+    for folder in dict.fromkeys(
+        f for path in paths for f in (Path(path), *Path(path).absolute().parents[:2])
+    ):
+        file = folder / "plan.json"
+        if not file.is_file():
+            continue
+        plan = read_document(file, PlanDocument)
+        found |= {Path(item.motion).stem: "identification" for item in plan.selected}
+        found |= {Path(item).stem: "validation" for item in plan.validation}
+    return found

@@ -9,23 +9,23 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from excite.campaign.expected import TARGET_RSD, check_target
 from excite.campaign.plan import MAX_CANDIDATES
 from excite.documents.document import read_document
-from excite.documents.plan import Plan as PlanDocument
+from excite.documents.plan import PlanDocument
 from excite.documents.results import Journal as JournalDocument
 from excite.errors import InputError, LogError
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
-from excite.json_document import write_json
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.reading.number import check_count, check_seed
+from excite.results import Stated, write_json
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.journal/1"
@@ -44,7 +44,7 @@ class PlannedMotions:
 
     chosen: tuple[Motion, ...]
     validation: tuple[Motion, ...]
-    document: dict[str, Any]
+    document: PlanDocument
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Journal:
         return PlannedMotions(
             chosen=_load_motions_of(folder, chosen, robot),
             validation=_load_motions_of(folder, plan.validation, robot),
-            document=plan.stated(),
+            document=plan,
         )
 
     def logged(self, number: int, robot: Robot, motions: Sequence[Motion] | None = None) -> Log | None:
@@ -216,7 +216,7 @@ _MOST_ITERATIONS = 1000
 
 
 @dataclass(frozen=True)
-class CampaignSettings:
+class CampaignSettings(Stated):
     """Settings of a campaign; a resumed one has to have the same.
 
     Attributes:
@@ -242,7 +242,3 @@ class CampaignSettings:
         check_seed(self.seed)
         find_estimator(self.method)
         check_target(self.target_rsd)
-
-    def to_json(self) -> dict[str, Any]:
-        """All settings by name."""
-        return asdict(self)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from excite.campaign.expected import Forecast
 from excite.campaign.experiment import simulate
 from excite.campaign.journal import CampaignSettings, Journal, PlannedMotions, motion_prefix
 from excite.campaign.plan import plan
@@ -23,13 +21,14 @@ from excite.campaign.result import (
     joints_to_aim_at,
     missed_targets,
 )
+from excite.documents.plan import PlanDocument
 from excite.errors import NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
 from excite.excitation.unexcited_directions import unexcited_parameters
 from excite.folder_lock import claim_folder
 from excite.identification.identify import identify
+from excite.identification.judgement.forecast import Forecast
 from excite.identification.result import Identification
-from excite.json_document import write_json
 from excite.logs.header_blocks import Role
 from excite.logs.load_with_robot import join_logs
 from excite.logs.log import Log
@@ -37,6 +36,7 @@ from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.comparisons import ReportData, save_report_data
+from excite.results import write_json
 from excite.robot.load import RobotLike, as_robot, keep_description
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import inject_effects as inject_effects
@@ -128,7 +128,7 @@ class _State:
         self.factors: list[MotionFactor] = []
         self.motions: list[Motion] = []
         self.logs: list[Log] = []
-        self.documents: list[dict[str, Any]] = []
+        self.documents: list[PlanDocument] = []
         self.iterations: list[Iteration] = []
         self.identification: Identification | None = None
         self.conditioning: Conditioning | None = None
@@ -137,7 +137,7 @@ class _State:
     def plan(self, number: int, targets: Sequence[str]) -> PlannedMotions:
         """The motions of an iteration, planned now or before."""
         planned = self.journal.planned(number, self.robot) or self._plan_anew(number, targets)
-        self.expected = Forecast.from_json(planned.document.get("forecast"))
+        self.expected = planned.document.forecast
         return planned
 
     def _plan_anew(self, number: int, targets: Sequence[str]) -> PlannedMotions:
@@ -157,7 +157,7 @@ class _State:
             # What is found complete when the campaign goes on was planned with all candidates.
             raise KeyboardInterrupt
         made.save(self.journal.iteration(number))
-        return PlannedMotions(tuple(made.motions), tuple(made.validation_motions), made.to_json())
+        return PlannedMotions(tuple(made.motions), tuple(made.validation_motions), made.document())
 
     def run(self, number: int, planned: PlannedMotions) -> Log | None:
         """The log of an iteration: recorded before, or simulated now; None if it is to be recorded."""
@@ -231,7 +231,7 @@ class _State:
             save_report_data(data, folder / "report_data.npz")
             merged = merged_plan(self.robot, self.documents, self.conditioning)
             described = robot_file(self.robot, folder)
-            write_json({**merged, **described}, folder / "plan.json")
+            write_json(replace(merged, **described).to_json(), folder / "plan.json")
             identified = {**self.identification.to_json(), **described, "log_file": self._log_of(data)}
             write_json(identified, folder / "identification.json")
         write_json(result.to_json(), folder / "campaign.json")

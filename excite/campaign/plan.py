@@ -23,7 +23,7 @@ from excite.campaign.candidates import (
     check_generator,
     none_is_safe,
 )
-from excite.campaign.expected import TARGET_RSD, Forecast, Outlook, check_target, is_predictable, outlook
+from excite.campaign.expected import TARGET_RSD, Outlook, check_target, is_predictable, outlook
 from excite.campaign.optimised_series import Asked, SeriesSettings
 from excite.campaign.plan_document import conditioning_comparison, robot_file
 from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments, write_value
@@ -31,12 +31,12 @@ from excite.campaign.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehear
 from excite.campaign.searches import SEARCHES
 from excite.display import Row, Tabled, count
 from excite.documents.document import read_document
-from excite.documents.plan import Plan as PlanDocument
+from excite.documents.plan import CandidateCounts, PlanDocument, SelectedMotion, Stage
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
 from excite.excitation.precision import row_noise
 from excite.excitation.selection import BEST_THREE, Candidates, Selection, check_selection, select_motions
-from excite.json_document import write_json
+from excite.identification.judgement.forecast import Forecast
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
@@ -45,6 +45,7 @@ from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.report.comparisons import ReportData, save_report_data
+from excite.results import write_json
 from excite.robot.legs import too_soft_to_stand
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
@@ -418,8 +419,6 @@ def _check_settings(
 
 # What a plan is: motions that were found safe and chosen, and what they promise.
 
-SCHEMA = "excite.plan/1"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Tabled):
@@ -477,10 +476,10 @@ class Plan(Tabled):
                 for item in self.selection.selected
             ]
         if table == "segments":
-            return [{"segment": s.segment, "condition": s.condition} for s in self.conditioning.segments]
+            return [one.row() for one in self.conditioning.segments]
         if table == "rejected":
             return [{"reason": reason, "candidates": n} for reason, n in sorted(self.rejected.items())]
-        return [] if self.outlook is None else [one.to_json() for one in self.outlook.parameters]
+        return [] if self.outlook is None else [one.row() for one in self.outlook.parameters]
 
     @property
     def accepted(self) -> OnDisk[Motion]:
@@ -522,39 +521,36 @@ class Plan(Tabled):
 
     def to_json(self) -> dict[str, Any]:
         """The ``excite.plan/1`` document."""
-        return {
-            "schema": SCHEMA,
-            "robot": self.robot.name,
-            "candidates": {
-                "generated": self.generated,
-                "accepted": len(self.pool.entries),
-                "rejected": dict(sorted(self.rejected.items())),
-            },
-            **self.refusals.to_json(),
-            "selected": [
-                {
-                    "motion": f"motions/{item.motion}.parquet",
-                    "segments": list(item.segments),
-                    "duration_s": self.pool.entries[item.index].duration_s,
-                }
-                for item in self.selection.selected
-            ],
-            "robust": {
-                item.motion: one.to_json()
-                for item, one in zip(self.selection.selected, self.robust, strict=False)
-            },
-            "rehearsed_load": self.load,
-            "interrupted": self.interrupted,
-            "validation": [f"motions/{self.pool.names[i]}.parquet" for i in self.validation],
-            "conditioning": dict(self.conditioning.to_json()),
-            "base_parameters": []
-            if self.outlook is None
-            else [parameter.to_json() for parameter in self.outlook.parameters],
-            "forecast": None if self.forecast is None else self.forecast.to_json(),
-            "as_far_as": list(shape_conditions(self.robot)),
-            "assumed": [one.model_dump() for one in self.robot.description.assumed],
-            "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
-        }
+        return self.document().to_json()
+
+    def document(self, **place: Any) -> PlanDocument:
+        """What scripts read, and where the robot's file is, as :func:`robot_file` says."""
+        names, chosen = self.pool.names, self.selection.selected
+        return PlanDocument(
+            robot=self.robot.name,
+            candidates=CandidateCounts(
+                self.generated, len(self.pool.entries), dict(sorted(self.rejected.items()))
+            ),
+            selected=tuple(
+                SelectedMotion(
+                    _motion_file(one.motion), one.segments, self.pool.entries[one.index].duration_s
+                )
+                for one in chosen
+            ),
+            conditioning=self.conditioning,
+            stages=tuple(Stage(*stage) for stage in self.stages.items()),
+            refused=self.refusals.refused,
+            remedy=self.refusals.remedy,
+            robust={item.motion: one for item, one in zip(chosen, self.robust, strict=False)},
+            rehearsed_load=self.load,
+            interrupted=self.interrupted,
+            validation=tuple(_motion_file(names[i]) for i in self.validation),
+            base_parameters=() if self.outlook is None else self.outlook.parameters,
+            forecast=self.forecast,
+            as_far_as=shape_conditions(self.robot),
+            assumed=tuple(self.robot.description.assumed),
+            **place,
+        )
 
     def summary(self) -> str:
         """A few lines for a person."""
@@ -631,13 +627,18 @@ class Plan(Tabled):
             for motion in (*self.motions, *self.validation_motions):
                 save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
             save_report_data(self.report_data(), folder / "report_data.npz")
-            write_json({**self.to_json(), **robot_file(self.robot, folder)}, folder / "plan.json")
+            document = self.document(**robot_file(self.robot, folder))
+            write_json(document.to_json(), folder / "plan.json")
         # Motions of a plan before this one are of another robot, or were chosen beside others.
         for name in before - {motion.name for motion in (*self.motions, *self.validation_motions)}:
             (folder / "motions" / f"{name}.parquet").unlink(missing_ok=True)
         # Of a plan before this one, in which nothing was safe.
         (folder / REFUSALS_FILE).unlink(missing_ok=True)
         return folder
+
+
+def _motion_file(name: str) -> str:
+    return f"motions/{name}.parquet"
 
 
 def _written_before(file: Path) -> set[str]:

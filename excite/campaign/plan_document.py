@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from excite.documents.plan import CandidateCounts, PlanDocument, Stage
 from excite.excitation.conditioning import Conditioning
 from excite.report.comparisons import ConditioningComparison
 from excite.robot.catalogue import data_folder
@@ -16,7 +19,7 @@ from excite.robot.load import keep_description
 from excite.robot.robot import Robot
 
 
-def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
+def robot_file(robot: Robot, folder: Path) -> dict[str, Any]:
     """Where a robot of one's own is described, relative to a results folder; nothing for a bundled robot.
 
     The first description of a bare model is kept there.
@@ -45,29 +48,28 @@ def conditioning_comparison(
     )
 
 
-def merged_plan(robot: Robot, documents: Sequence[dict[str, Any]], together: Conditioning) -> dict[str, Any]:
+def merged_plan(robot: Robot, plans: Sequence[PlanDocument], together: Conditioning) -> PlanDocument:
     """One ``excite.plan/1`` document for all iterations, paths relative to the campaign's folder."""
-    rejected: dict[str, int] = {}
+    folders = [f"iteration_{number}/" for number in range(1, len(plans) + 1)]
+    parts = list(zip(folders, plans, strict=True))
+    rejected: Counter[str] = Counter()
     stages: dict[str, float] = {}
-    selected, validation = [], []
-    for number, document in enumerate(documents, start=1):
-        folder = f"iteration_{number}/"
-        for reason, count in document["candidates"]["rejected"].items():
-            rejected[reason] = rejected.get(reason, 0) + count
-        for stage in document["stages"]:
-            stages[stage["stage"]] = stages.get(stage["stage"], 0.0) + stage["seconds"]
-        selected += [{**item, "motion": folder + item["motion"]} for item in document["selected"]]
-        validation += [folder + item for item in document.get("validation", [])]
-    return {
-        "schema": documents[0]["schema"],
-        "robot": robot.name,
-        "candidates": {
-            "generated": sum(document["candidates"]["generated"] for document in documents),
-            "accepted": sum(document["candidates"]["accepted"] for document in documents),
-            "rejected": dict(sorted(rejected.items())),
-        },
-        "selected": selected,
-        "validation": validation,
-        "conditioning": dict(together.to_json()),
-        "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in stages.items()],
-    }
+    for plan in plans:
+        rejected.update(plan.candidates.rejected)
+        for one in plan.stages:
+            stages[one.stage] = stages.get(one.stage, 0.0) + one.seconds
+    return PlanDocument(
+        robot=robot.name,
+        candidates=CandidateCounts(
+            sum(plan.candidates.generated for plan in plans),
+            sum(plan.candidates.accepted for plan in plans),
+            dict(sorted(rejected.items())),
+        ),
+        selected=tuple(
+            replace(one, motion=folder + one.motion) for folder, plan in parts for one in plan.selected
+        ),
+        conditioning=together,
+        stages=tuple(Stage(*stage) for stage in stages.items()),
+        validation=tuple(folder + one for folder, plan in parts for one in plan.validation),
+        assumed=tuple(robot.description.assumed),
+    )

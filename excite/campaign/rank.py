@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,11 +13,12 @@ from excite.excitation.conditioning import Conditioning, compute_conditioning, m
 from excite.motion.collection import MotionsLike, as_motions
 from excite.progress import Progress, silent
 from excite.regressor.base_parameters import structural_base_parameters
+from excite.results import Name, Seconds, Stated, named
 from excite.robot.load import RobotLike, as_robot
 
 
 @dataclass(frozen=True)
-class RankedMotion:
+class RankedMotion(Stated):
     """One motion's own conditioning.
 
     Attributes:
@@ -27,13 +27,13 @@ class RankedMotion:
         conditioning: of the motion alone.
     """
 
-    motion: str
-    duration_s: float
+    motion: Name
+    duration_s: Seconds
     conditioning: Conditioning
 
 
 @dataclass(frozen=True, repr=False)
-class RankReport(Tabled):
+class RankReport(Tabled, Stated):
     """Motions from the best to the worst, and all of them together.
 
     Attributes:
@@ -42,9 +42,11 @@ class RankReport(Tabled):
         together: conditioning of all motions stacked.
     """
 
-    robot: str
+    SCHEMA = "excite.rank/1"
+
+    robot: Name
     motions: tuple[RankedMotion, ...]
-    together: Conditioning
+    together: Conditioning = field(metadata=named("conditioning"))
 
     tables = ("motions", "segments")
 
@@ -61,27 +63,7 @@ class RankReport(Tabled):
                 }
                 for item in self.motions
             ]
-        return [
-            {"motion": item.motion, "segment": one.segment, "condition": one.condition}
-            for item in self.motions
-            for one in item.conditioning.segments
-        ]
-
-    def to_json(self) -> dict[str, Any]:
-        """The ``excite.rank/1`` document; ``conditioning`` as in ``excite.plan/1``."""
-        return {
-            "schema": "excite.rank/1",
-            "robot": self.robot,
-            "motions": [
-                {
-                    "motion": item.motion,
-                    "duration_s": item.duration_s,
-                    "conditioning": item.conditioning.to_json(),
-                }
-                for item in self.motions
-            ],
-            "conditioning": self.together.to_json(),
-        }
+        return [one.row(motion=item.motion) for item in self.motions for one in item.conditioning.segments]
 
     def summary(self) -> str:
         """One line a motion, best first, then all together."""

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,9 +16,11 @@ from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.results import HIDDEN
 from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Rejection
+from excite.safety.verdict import Rehearsed
 from excite.simulation.execution import DivergedError, Machine
 from excite.simulation.replay import FALL_END_TILT_RAD, WatchedRun, watched_run
 from excite.simulation.true_parameters import AddedPart, with_part
@@ -123,31 +124,14 @@ def _slip_under_load(robot: Robot) -> float:
 
 
 @dataclass(frozen=True)
-class Rehearsal:
+class Rehearsal(Rehearsed):
     """What a motion did in simulation on a robot as its model says, without any load.
 
     Attributes:
-        stands: whether it did not fall.
-        slip_m: largest slip of a foot that stands [m].
-        touches: whether parts other than soles touched each other or the ground.
-        drive_share: largest torque of a drive, of its limit; one or more where it had no more to give.
         refused: why the motion is not safe, None if it is.
     """
 
-    stands: bool
-    slip_m: float
-    touches: bool
-    drive_share: float
-    refused: Rejection | None
-
-    def to_json(self) -> dict[str, Any]:
-        """The entry ``rehearsal`` of a motion in ``check.json``."""
-        return {
-            "stands": self.stands,
-            "slip_m": self.slip_m,
-            "touches": self.touches,
-            "drive_share": self.drive_share,
-        }
+    refused: Rejection | None = field(default=None, metadata=HIDDEN)
 
 
 def rehearse_alone(robot: Robot, motion: Motion) -> Rehearsal:
@@ -164,9 +148,8 @@ def rehearse_alone(robot: Robot, motion: Motion) -> Rehearsal:
         limit = float(robot.limits.torque[joint])
         name, time = robot.joint_names[joint], float(recording.time[row])
         refused = Rejection(motion.name, AT_LIMIT, name, time, float(shares[row, joint]) * limit, limit)
-    return Rehearsal(
-        not replay.fell, replay.max_slip_m, replay.self_collided, float(shares.max(initial=0.0)), refused
-    )
+    most = float(shares.max(initial=0.0))
+    return Rehearsal(not replay.fell, replay.max_slip_m, replay.self_collided, most, refused)
 
 
 def _refuse_run(robot: Robot, motion: Motion, run: WatchedRun | None, may_slip: float) -> Rejection | None:

@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,16 +13,17 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array, Moved
-from excite.campaign.expected import Forecast
+from excite.campaign.experiment import Truth
 from excite.display import Row, Tabled, count
 from excite.doctor.examine import examine
+from excite.documents.campaign import Iteration, Miss, Reason
 from excite.documents.document import read_document
-from excite.documents.results import Truth
 from excite.errors import LogError
 from excite.excitation.conditioning import Conditioning
 from excite.excitation.unexcited_directions import UnexcitedParameter
 from excite.identification.adaptation import with_terms_of
-from excite.identification.judgement.judgement import PATIENCE, said_rsd
+from excite.identification.judgement.forecast import Forecast
+from excite.identification.judgement.judgement import PATIENCE
 from excite.identification.parameter_statistics import BaseParameter
 from excite.identification.preparation import prepare_trial
 from excite.identification.problem import IdentificationProblem, build_problem
@@ -49,20 +49,6 @@ from excite.rows.settings import ProblemSettings
 _SQUARE_ROOT = 0.5
 
 
-class Reason(Enum):
-    """Why a parameter misses its target; the value is what a person is told."""
-
-    MORE_MOTION = "more motion of its joint would bring it there"
-    NOISE = "too small against the sensors' noise: no reasonable amount of motion would bring it there"
-    STALLED = "hardly fell with the motion added so far: no reasonable amount of more would bring it there"
-    NOT_EXCITED = "the motions do not excite it"
-
-    @property
-    def helped_by_motion(self) -> bool:
-        """Whether more motion may bring a parameter to its target."""
-        return self in {Reason.MORE_MOTION, Reason.NOT_EXCITED}
-
-
 @dataclass(frozen=True)
 class Earlier:
     """What an earlier iteration found.
@@ -74,27 +60,6 @@ class Earlier:
 
     seconds: float
     rsd_percent: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Miss:
-    """A base parameter that misses the target.
-
-    Attributes:
-        parameter: name of its first standard parameter.
-        rsd_percent: relative standard deviation [percent]; None where the data say nothing of it.
-        reason: why.
-        joints: joints whose motion would help.
-    """
-
-    parameter: str
-    rsd_percent: float | None
-    reason: Reason
-    joints: tuple[str, ...]
-
-    def __str__(self) -> str:
-        rsd = "" if self.rsd_percent is None else f" ({said_rsd(self.rsd_percent)})"
-        return f"{self.parameter}{rsd}: {self.reason.value}"
 
 
 def missed_targets(
@@ -174,37 +139,6 @@ def _joints_moving(robot: Robot, parameter: str) -> tuple[str, ...]:
 
 
 SCHEMA = "excite.campaign/1"
-
-
-@dataclass(frozen=True, eq=False)
-class Iteration:
-    """One turn of plan, run, identify.
-
-    Attributes:
-        n_motions: motions run in this iteration, those for validation included.
-        seconds: motion that identification had after it, all iterations together [s].
-        rsd_percent: by essential base parameter.
-        missed: parameters that missed the target after it.
-        forecast: what its plan said of the target beforehand; None where the sensors' noise is not stated.
-    """
-
-    n_motions: int
-    seconds: float
-    rsd_percent: dict[str, float]
-    missed: tuple[Miss, ...]
-    forecast: Forecast | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """The iteration's entry in ``excite.campaign/1``."""
-        return {
-            "n_motions": self.n_motions,
-            "seconds": self.seconds,
-            "rsd_percent": self.rsd_percent,
-            "not_met": [miss.parameter for miss in self.missed],
-            "helped": [miss.parameter for miss in self.missed if miss.reason.helped_by_motion],
-            "forecast": None if self.forecast is None else self.forecast.to_json(),
-            "reasons": {miss.parameter: miss.reason.value for miss in self.missed},
-        }
 
 
 @dataclass(frozen=True, eq=False, repr=False)

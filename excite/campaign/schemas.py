@@ -6,14 +6,23 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from excite.campaign.experiment import Simulation, Truth
+from excite.campaign.rank import RankReport
 from excite.conversion.explicit_mapping import Map
-from excite.documents.registry import DOCUMENTS
+from excite.documents.blind import BlindAnswer, BlindAnswers
+from excite.documents.campaign import Campaign
+from excite.documents.diagnosis import Diagnosis
+from excite.documents.document import Document, model_of, schema_of
+from excite.documents.identification import Identification
+from excite.documents.plan import PlanDocument, RefusalsDocument
+from excite.documents.results import Doctor, Export, Human, Journal, Model, Signals
 from excite.errors import UnknownNameError
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.logs.log import LogHeader
 from excite.motion.files import MotionDocument
 from excite.robot.description import RobotDescription
+from excite.safety.verdict import CheckReport
 
 _MODELS: dict[str, type[BaseModel]] = {
     "log": LogHeader,
@@ -21,6 +30,16 @@ _MODELS: dict[str, type[BaseModel]] = {
     "map": Map,
     "motion": MotionDocument,
 }
+# Documents of which a class is a model, then results whose own fields are the document's.
+_KINDS: tuple[type[Document], ...] = (
+    *(Export, Identification, Campaign, Diagnosis, Doctor, Human, Model, Signals, Journal),
+    *(BlindAnswers, BlindAnswer),
+    *(
+        model_of(result)
+        for result in (PlanDocument, RefusalsDocument, CheckReport, RankReport, Simulation, Truth)
+    ),
+)
+DOCUMENTS: dict[str, type[Document]] = {schema_of(kind): kind for kind in _KINDS}
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 

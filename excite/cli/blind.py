@@ -26,10 +26,10 @@ from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.display import count
 from excite.errors import ExciteError, InputError
 from excite.folder_lock import claim_folder
-from excite.json_document import write_json
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, at_once
 from excite.progress import Progress
+from excite.results import write_json
 from excite.temporary_folder import TemporaryFolder
 
 NAME = "blind"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -23,7 +24,7 @@ from excite.cli.session.output import (
     relative_to,
     stated_origin,
 )
-from excite.json_document import write_json
+from excite.results import write_json
 
 NAME = "check"
 
@@ -68,14 +69,14 @@ def command(
             loaded, excite.load_motions(motions, loaded), robust=robust, jobs=crew, progress=progress
         )
     chart = examine_model(loaded)
-    document = result.to_json() | {"findings": [finding.to_json() for finding in chart.spoiling]}
+    result = replace(result, findings=tuple(chart.spoiling))
     if out is not None:
-        document |= stated_origin(robot, None, out)
-        for entry, path in zip(document["motions"], motion_paths(motions), strict=True):
-            entry["file"] = relative_to(out, path)
-        write_json(document, out / "check.json")
+        paths = zip(result.verdicts, motion_paths(motions), strict=True)
+        verdicts = tuple(replace(one, file=relative_to(out, path)) for one, path in paths)
+        result = replace(result, verdicts=verdicts, **stated_origin(robot, None, out))
+        write_json(result.to_json(), out / "check.json")
     then = command_line("rank", robot, *motions) if result.safe else ""
     said = "\n".join(filter(None, (chart.worst_in_words(), result.summary())))
-    emit_result(said, document, as_json=as_json, then=then)
+    emit_result(said, result.to_json(), as_json=as_json, then=then)
     if not result.safe:
         raise typer.Exit(EXIT_NEGATIVE)

@@ -11,7 +11,7 @@ import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.output import command_line, emit_result, progress_bars, stated_origin
 from excite.errors import RobotError
-from excite.json_document import write_json
+from excite.results import write_json
 
 if TYPE_CHECKING:
     from excite.diagnosis.answer.answer import Diagnosis

@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.output import command_line, emit_result, stated_origin
-from excite.json_document import write_json
+from excite.results import write_json
 from excite.robot.catalogue import is_robot, robot_of_log
 
 if TYPE_CHECKING:

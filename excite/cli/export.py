@@ -12,7 +12,7 @@ import excite
 from excite.cli.session.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption, one_of
 from excite.cli.session.output import command_line, emit_result
 from excite.export.registry import EXPORTERS
-from excite.json_document import write_json
+from excite.results import write_json
 
 NAME = "export"
 

@@ -21,7 +21,7 @@ from excite.cli.session.options import (
 from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.errors import InputError
 from excite.identification.estimators.registry import find_estimator
-from excite.json_document import write_json
+from excite.results import write_json
 
 if TYPE_CHECKING:
     from excite.identification.estimators.settings import EstimatorSettings

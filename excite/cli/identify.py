@@ -26,7 +26,7 @@ from excite.cli.session.outcome import of_error
 from excite.cli.session.output import command_line, emit_result, progress_bars, stated_origin
 from excite.errors import InputError
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
-from excite.json_document import write_json
+from excite.results import write_json
 
 if TYPE_CHECKING:
     from excite.identification.sessions.compare import Sessions

@@ -11,7 +11,7 @@ import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.session.output import command_line, emit_result
 from excite.errors import InputError
-from excite.json_document import write_json
+from excite.results import write_json
 
 NAME = "identify-load"
 

@@ -55,7 +55,7 @@ def command(
         "schema": "excite.init-robot/1",
         "file": "robot.yaml" if out else str(written.description),
         "fill_in": [],
-        "assumed": [one.model_dump() for one in written.assumed],
+        "assumed": [one.to_json() for one in written.assumed],
         "urdf": str(written.urdf) if not out else written.urdf.name,
         "notes": list(written.notes),
         "findings": [finding.to_json() for finding in chart.findings],

@@ -12,7 +12,7 @@ from excite.cli.session.options import (
     SeedOption,
 )
 from excite.cli.session.output import command_line, emit_result, progress_bars
-from excite.json_document import write_json
+from excite.results import write_json
 
 NAME = "rank"
 

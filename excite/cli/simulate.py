@@ -48,8 +48,8 @@ def command(
     cluster: ClusterOption = None,
 ) -> None:
     """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
+    from excite.campaign.experiment import planned_roles  # lazy: pydantic
     from excite.logs.files import check_replaceable  # lazy: pinocchio
-    from excite.motion.collection import planned_roles  # lazy: pydantic
 
     check_replaceable(out or Path("log"))
     loaded = excite.load_robot(robot)

@@ -13,7 +13,6 @@ from excite.documents.document import (
     Count,
     Document,
     FilePath,
-    Finding,
     Interval,
     Maybe,
     MaybePositive,
@@ -22,7 +21,9 @@ from excite.documents.document import (
     Seconds,
     Text,
     Texts,
+    model_of,
 )
+from excite.finding import Finding
 
 # What explains how much of a diagnosis's gap: a part of ``excite.diagnosis/1``.
 
@@ -182,7 +183,7 @@ class LogFault(Block):
     repaired: bool = Field(description="whether it was repaired for the diagnosis")
 
 
-class Noticed(Finding):
+class Noticed(model_of(Finding)):  # type: ignore[misc]
     """What the doctor found in the record."""
 
     code: Name = Field(description="as kind")

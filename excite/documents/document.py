@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import cache, reduce
+from operator import or_
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal, TypeVar
+from types import UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
 from excite.errors import InputError
+from excite.finding import Finding
 from excite.reading.documents import check_content, read_json
+from excite.results import Assumed, Stated, sentence_of, stated_fields
 
 # Products of three such numbers are still finite in double precision, so that no sum of squares, ratio or axis of a
 # figure overflows; nothing in SI units comes near it.
@@ -62,23 +68,6 @@ class Block(BaseModel):
     )
 
 
-class AssumedValue(Block):
-    """Something that no file said of a robot and that was assumed."""
-
-    what: Text = Field(description="what was not said")
-    value: Text = Field(description="what was taken for it")
-    consequence: Text = Field(description="what follows from it")
-
-
-Assumptions = Annotated[
-    list[AssumedValue], Field(max_length=MOST_ENTRIES, description="what no file said of the robot")
-]
-
-AsFarAs = Annotated[
-    Texts, Field(description="what has to hold of shapes that are not known, for what is safe to be so")
-]
-
-
 class Made(Block):
     """How a document came to be."""
 
@@ -103,7 +92,7 @@ class Document(Block):
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
-_Kind = TypeVar("_Kind", bound=Document)
+_Kind = TypeVar("_Kind", bound=Document | Stated)
 
 
 def read_document(
@@ -117,7 +106,7 @@ def read_document(
 
     Args:
         path: of the file.
-        kind: what it has to be.
+        kind: what it has to be: a model, or a result whose fields the document's are.
         remedy: what to do where it is not.
         error: class of the errors.
 
@@ -125,6 +114,9 @@ def read_document(
         InputError: of the class ``error``: the file cannot be read, is no JSON object, is of another schema, or a
             field in it is missing or is not what it has to be.
     """
+    if issubclass(kind, Stated):
+        found = read_document(path, model_of(kind), remedy=remedy, error=error)
+        return kind.from_json(found.content())
     content = read_json(path, schema=schema_of(kind), remedy=remedy, error=error)
     return check_content(kind, content, Path(path), remedy=remedy, error=error)
 
@@ -135,24 +127,78 @@ def schema_of(kind: type[Document]) -> str:
     return str(stated)
 
 
-# A finding, as it stands in every document that has any.
+# Documents of results whose fields stand on their own dataclass.
+
+# What a file may hold of each kind of value, by the word or the type that says it.
+_KINDS: dict[Any, Any] = {
+    "name": Name,
+    "path": FilePath,
+    "inner path": InnerPath,
+    "positive": Positive,
+    "seconds": Seconds,
+    "maybe": Maybe,
+    "maybe positive": MaybePositive,
+    float: Number,
+    int: Count,
+    str: Text,
+}
 
 
-class Finding(Block):
-    """What a careful reader should know."""
+def _build_model(kind: type[Stated]) -> type[Document]:
+    """What a file has to hold to be the document of a result, with every field's meaning.
 
-    kind: Name = Field(description="a word that programs can test for")
-    text: Text = Field(description="what was found, the likely cause, what to do")
-    figures: Annotated[dict[Name, Any], Field(max_length=MOST_ENTRIES)] = Field(
-        default={}, description="the numbers behind it by name [SI]"
-    )
-    places: Texts = Field(default=[], description="joints, links, channels or parameters concerned")
-    severity: Literal["fatal", "spoils", "limits", "note"] = Field(
-        default="note", description="fatal: nothing can be told; spoils results; limits them; or a note"
-    )
-    sure: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
-        default=1.0, description="how far it is to be believed"
-    )
-    repaired: bool = Field(default=False, description="whether what follows works with it mended")
-    remedy: Text = Field(default="", description="what was done, or what is to be done")
-    trials: Texts = Field(default=[], description="trials concerned; empty for all")
+    Args:
+        kind: its dataclass.
+    """
+    fields: dict[str, Any] = {}
+    for one in stated_fields(kind):
+        content = _content_kind(one.kind)
+        if one.added:
+            content = content | None
+        default = {} if one.required else {"default": one.default}
+        fields[one.name] = (content, Field(description=one.meaning, **default))
+    if kind.SCHEMA:
+        stated = Field(alias="schema", description="version of this document")
+        fields = {"schema_": (Literal[kind.SCHEMA], stated), **fields}
+    base: Any = Document if kind.SCHEMA else Block
+    found: type[Document] = create_model(kind.__name__, __base__=base, __doc__=sentence_of(kind), **fields)
+    return found
+
+
+model_of: Callable[[type[Stated]], type[Document]] = cache(_build_model)
+
+
+def _content_kind(kind: Any) -> Any:
+    """What a file may hold of a field of that type."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        words = [word for word in parts[1:] if word in _KINDS]
+        return _KINDS[words[0]] if words else Annotated[(_content_kind(parts[0]), *parts[1:])]
+    if origin in (Union, UnionType):
+        return reduce(or_, (_content_kind(part) for part in parts))
+    if origin is tuple:
+        whole = parts[-1] is Ellipsis
+        bounds = (
+            Field(max_length=MOST_ENTRIES) if whole else Field(min_length=len(parts), max_length=len(parts))
+        )
+        item: Any = _content_kind(parts[0])
+        return Annotated[list[item], bounds]
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        key: Any = _content_kind(parts[0])
+        value: Any = _content_kind(parts[1])
+        return Annotated[dict[key, value], Field(max_length=MOST_ENTRIES)]
+    if isinstance(kind, type) and issubclass(kind, Stated):
+        return model_of(kind)
+    return _KINDS.get(kind, kind)
+
+
+class _AsDocument:
+    """Of a result inside a model that is written out: what :func:`model_of` makes of it."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return handler(_content_kind(source))
+
+
+AS_DOCUMENT = _AsDocument()
+Findings = Annotated[tuple[Finding, ...], AS_DOCUMENT]
+Assumptions = Annotated[tuple[Assumed, ...], AS_DOCUMENT, Field(description="what no file said of the robot")]

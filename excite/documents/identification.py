@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from excite.documents.document import (
+    AS_DOCUMENT,
     MOST_CHANNELS,
     MOST_ENTRIES,
     Block,
     Count,
     Document,
     FilePath,
-    Finding,
+    Findings,
     Maybe,
     MaybePositive,
     Name,
@@ -24,6 +26,9 @@ from excite.documents.document import (
     Vector3,
     Vector6,
 )
+from excite.identification.changed_segments import ChangedSegment
+from excite.identification.judgement.judgement import ChannelFit, Consistency, TotalMassReport
+from excite.identification.parameter_statistics import BaseParameter
 
 
 class Inertial(Block):
@@ -49,79 +54,7 @@ class SegmentParameters(Inertial):
     )
 
 
-class BaseParameter(Block):
-    """A base parameter and how well it is known."""
-
-    name: Text | None = Field(default=None, description="the parameter that stands for it")
-    expression: Text = Field(description="the whole combination")
-    link: Name | None = Field(default=None, description="link of that parameter; null for a drive's")
-    value: Maybe = Field(description="[SI]")
-    std: MaybePositive = Field(description="standard deviation [SI]")
-    rsd_percent: MaybePositive = Field(description="100·std/|value| [percent]; null where the value is zero")
-    half_width_95: MaybePositive = Field(
-        default=None, description="half the width of the 95 % interval [SI]; null where it was not asked for"
-    )
-
-
-class Consistency(Block):
-    """Whether the parameters are those of bodies that can exist; null where it was not judged."""
-
-    mass_positive: bool | None = Field(default=None, description="every mass is positive")
-    inertia_positive_definite: bool | None = Field(
-        default=None, description="every inertia is positive definite"
-    )
-    triangle_inequality: bool | None = Field(
-        default=None, description="principal inertias obey the triangle inequality"
-    )
-    pseudo_inertia_min_eigenvalue: Maybe = Field(
-        default=None, description="least eigenvalue of all pseudo-inertias [units mixed]"
-    )
-    inconsistent: Names = Field(default=[], description="segments whose pseudo-inertia is not positive")
-
-
-class ChannelFit(Block):
-    """How well one channel is predicted, against the nominal model."""
-
-    unit: Name | None = Field(default=None, description="unit of the errors")
-    rmse: MaybePositive = Field(description="root mean square error of the identified model [unit]")
-    cc: Maybe = Field(description="correlation of measured and predicted; null where one is constant")
-    reference_rmse: MaybePositive = Field(
-        default=None, description="root mean square error of the nominal model [unit]"
-    )
-    reference_cc: Maybe = Field(default=None, description="correlation of the nominal model")
-    std: MaybePositive = Field(default=None, description="standard deviation of the channel [unit]")
-
-
-class ChangedSegment(Block):
-    """A segment that is not what the model says."""
-
-    segment: Name = Field(description="readable name")
-    link: Name = Field(description="its link")
-    mass_change_kg: Maybe = Field(description="identified minus nominal mass [kg]")
-    std_kg: MaybePositive = Field(description="its standard deviation [kg]")
-    evidence: Maybe = Field(description="natural logarithm of how much likelier the change makes the data")
-    tied_with: Names = Field(description="links that would explain the data as well")
-    centre_m: Vector3 | None = Field(
-        default=None, description="centre of mass of what came or went, in the joint's frame [m]"
-    )
-    centre_std_m: Vector3 | None = Field(default=None, description="its standard deviations [m]")
-
-
-class TotalMass(Block):
-    """The total mass from several sides [kg]; null where a side says nothing."""
-
-    identified: Maybe = Field(description="sum of the identified masses [kg]")
-    nominal: Maybe = Field(description="sum of the model's masses [kg]")
-    measured: Maybe = Field(description="what the measured forces say [kg]")
-    measured_std: MaybePositive = Field(description="its standard deviation [kg]")
-    weighed: Maybe = Field(description="what the scale said [kg]")
-    of_torques: bool = Field(
-        default=False, description="whether joints' torques measure it, in place of wrenches"
-    )
-
-
-Fits = Annotated[dict[Name, ChannelFit], Field(max_length=MOST_CHANNELS)]
-BaseParameters = Annotated[list[BaseParameter], Field(max_length=MOST_ENTRIES)]
+Fits = Annotated[Mapping[Name, ChannelFit], AS_DOCUMENT]
 
 
 class TorqueDelay(Block):
@@ -193,24 +126,26 @@ class Identification(Document):
     drive_parameters: Annotated[dict[Name, Maybe], Field(max_length=MOST_ENTRIES)] = Field(
         default={}, description="parameters of the drives by name [SI]"
     )
-    base_parameters: BaseParameters = Field(description="base parameters")
+    base_parameters: Annotated[tuple[BaseParameter, ...], AS_DOCUMENT] = Field(description="base parameters")
     n_structural_base_parameters: Count | None = Field(
         default=None, description="number that free motion would determine; null where it is not known"
     )
-    essential: Annotated[list[BaseParameter | Text], Field(max_length=MOST_ENTRIES)] = Field(
+    essential: Annotated[tuple[BaseParameter | str, ...], AS_DOCUMENT] = Field(
         description="base parameters left after the negligible ones were removed, or their names"
     )
-    consistency: Consistency | None = Field(description="physical consistency of the parameters")
+    consistency: Annotated[Consistency | None, AS_DOCUMENT] = Field(
+        description="physical consistency of the parameters"
+    )
     fit: Fits = Field(description="by channel, on the trials that were identified from")
     validation: Fits = Field(description="by channel, on the trials that were not")
-    changed_segments: Annotated[list[ChangedSegment], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="segments that are not what the model says"
+    changed_segments: Annotated[tuple[ChangedSegment, ...], AS_DOCUMENT] = Field(
+        default=(), description="segments that are not what the model says"
     )
-    total_mass: TotalMass | None = Field(default=None, description="the total mass from all sides")
+    total_mass: Annotated[TotalMassReport | None, AS_DOCUMENT] = Field(
+        default=None, description="the total mass from all sides"
+    )
     sessions: Sessions | None = Field(default=None, description="null where no sessions were pooled")
     torque_delay: TorqueDelay | None = Field(default=None, description="null where it was not looked for")
     unmeasured: Names = Field(default=[], description="links that the sensors do not see")
     warnings: Texts = Field(description="what a careful reader should know, one sentence each")
-    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="the warnings with their figures"
-    )
+    findings: Findings = Field(default=(), description="the warnings with their figures")

@@ -13,67 +13,16 @@ from excite.documents.document import (
     Count,
     Document,
     FilePath,
-    Finding,
+    Findings,
     Maybe,
     MaybePositive,
     Name,
     Names,
     Number,
     Positive,
-    Seconds,
     Text,
     Texts,
 )
-from excite.documents.identification import Identification
-from excite.documents.plan import Conditioning, Forecast
-
-# ``excite.campaign/1``: certainty iteration by iteration.
-
-# A figure has a column for each; three are usual.
-_MOST_ITERATIONS = 100
-
-
-class Iteration(Block):
-    """One turn of plan, run, identify."""
-
-    n_motions: Count = Field(description="motions that were run")
-    seconds: Seconds | None = Field(default=None, description="motion to identify from, so far [s]")
-    rsd_percent: Annotated[dict[Text, MaybePositive], Field(max_length=MOST_ENTRIES)] = Field(
-        description="relative standard deviation by base parameter [percent]; null where it is infinite"
-    )
-    not_met: Texts = Field(description="parameters that missed the target")
-    helped: Texts | None = Field(
-        default=None, description="those of them that more motion may help; null where nobody says"
-    )
-    forecast: Forecast | None = Field(
-        default=None,
-        description="what its plan said of the target; null where the sensors' noise is not stated",
-    )
-    reasons: Annotated[dict[Text, Text], Field(max_length=MOST_ENTRIES)] = Field(
-        default={}, description="why, by parameter"
-    )
-
-
-class Campaign(Document):
-    """A campaign, finished or waiting for a recording."""
-
-    schema_: Literal["excite.campaign/1"] = Field(alias="schema", description="version of this document")
-    robot: Name | None = Field(default=None, description="name of the robot")
-    target_rsd_percent: Positive | None = Field(
-        default=None, description="relative standard deviation that was asked for [percent]"
-    )
-    iterations: Annotated[list[Iteration], Field(max_length=_MOST_ITERATIONS)] = Field(
-        description="in their order"
-    )
-    targets_met: bool = Field(description="whether every essential parameter reached the target")
-    interrupted: bool = Field(default=False, description="whether the user broke off after these iterations")
-    awaits: FilePath | None = Field(
-        default=None, description="folder that a log has to be put into; null where it is finished"
-    )
-    identification: Identification | None = Field(
-        description="from all logs so far; null before the first one"
-    )
-
 
 # ``excite.doctor/1``: what is wrong with a log, worst first.
 
@@ -91,7 +40,7 @@ class Doctor(Document):
         default=None, description="the nominal robot where another than the log's was given, likewise"
     )
     healthy: bool = Field(description="whether nothing was found that spoils results")
-    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(description="worst first")
+    findings: Findings = Field(description="worst first")
     repaired: FilePath | None = Field(default=None, description="folder of the repaired log")
 
 
@@ -168,9 +117,7 @@ class Human(Document):
     trials: Annotated[list[MeasuredTrial], Field(max_length=MOST_CHANNELS)] = Field(
         default=[], description="in order"
     )
-    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="what was wrong with the recordings"
-    )
+    findings: Findings = Field(default=(), description="what was wrong with the recordings")
     table: Name = Field(description="table of the nominal masses")
     segments: Annotated[list[TableMass], Field(max_length=MOST_CHANNELS)] = Field(
         description="masses by the tables"
@@ -254,26 +201,6 @@ class Model(Document):
     proof: FollowedParameters = Field(description="that the files are understood as they are meant")
 
 
-# ``excite.rank/1``: condition numbers of motions, each alone and all together.
-
-
-class RankedMotion(Block):
-    """One motion's own conditioning."""
-
-    motion: FilePath = Field(description="its name")
-    duration_s: Seconds = Field(description="duration [s]")
-    conditioning: Conditioning = Field(description="of the motion alone")
-
-
-class Rank(Document):
-    """Motions from the best to the worst."""
-
-    schema_: Literal["excite.rank/1"] = Field(alias="schema", description="version of this document")
-    robot: Name = Field(description="name of the robot")
-    motions: Annotated[list[RankedMotion], Field(max_length=MOST_ENTRIES)] = Field(description="best first")
-    conditioning: Conditioning = Field(description="of all motions together")
-
-
 # ``excite.signals/1``: what each step of the signal processing did to one channel.
 
 # A figure has a panel a step; the processing has nine.
@@ -317,72 +244,4 @@ class Signals(Document):
     channel: Name = Field(description="joint or component of the wrench that is shown")
     steps: Annotated[list[SignalStep], Field(min_length=1, max_length=_MOST_STEPS)] = Field(
         description="in their order"
-    )
-
-
-# ``excite.simulation/1``: what became of motions on the virtual robot.
-
-
-class SimulatedTrial(Block):
-    """What became of one motion."""
-
-    trial: Name = Field(description="name of the motion")
-    samples: Count = Field(description="number of logged samples")
-    fell: bool = Field(description="whether the robot fell")
-    self_collided: bool = Field(description="whether it touched itself")
-    slip_m: MaybePositive = Field(description="largest slip of a foot [m]")
-    tracking_error_rad: MaybePositive = Field(description="largest error of tracking [rad or m]")
-
-
-class Simulation(Document):
-    """What became of motions on the virtual robot."""
-
-    schema_: Literal["excite.simulation/1"] = Field(alias="schema", description="version of this document")
-    robot: Name = Field(description="name of the robot")
-    log: FilePath = Field(description="description of the log, relative to --out")
-    trials: Annotated[list[SimulatedTrial], Field(max_length=MOST_ENTRIES)] = Field(
-        description="in the order of the motions"
-    )
-    fell: bool = Field(description="whether the robot fell in any motion")
-    other_version: Names = Field(
-        default=[], description="motions that were made for this robot with another description or model"
-    )
-
-
-# ``excite.truth/1``: what a virtual robot truly weighs.
-
-
-class Added(Block):
-    """A body that the model does not have."""
-
-    what: Name = Field(description="what it is")
-    link: Name = Field(description="link that carries it")
-    mass: Number = Field(description="[kg]")
-
-
-class InjectedEffect(Block):
-    """An effect that the nominal model lacks."""
-
-    effect: Name = Field(description="name of the effect")
-    location: Name = Field(description="where it sits")
-    value: Number = Field(description="how much, in its unit")
-    unit: str = Field(description="unit of the value", max_length=40)
-
-
-class Truth(Document):
-    """True inertial parameters of a virtual robot, for comparison afterwards."""
-
-    schema_: Literal["excite.truth/1"] = Field(alias="schema", description="version of this document")
-    robot: Name = Field(description="name of the robot")
-    masses: Annotated[dict[Name, Number], Field(max_length=MOST_CHANNELS)] = Field(
-        description="true mass by link [kg]"
-    )
-    added: Annotated[list[Added], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="bodies that were added"
-    )
-    parameters: Annotated[list[Number], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="ten inertial parameters a link, about its joint's frame [SI]"
-    )
-    injected: Annotated[list[InjectedEffect], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="effects that were injected, which the log's `modelled` does not name"
     )

@@ -7,7 +7,7 @@ alike. Condition numbers come from R factors and never from a Gram matrix, which
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from excite.regressor.base_parameters import (
     structural_base_parameters,
 )
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
+from excite.results import ADDED, HIDDEN, Name, Stated, Unbounded, UnboundedPositive, finite
 from excite.robot.robot import Robot
 
 # Sub-regressors: the columns of one segment, and their condition number (Jovic et al. 2015, II.B).
@@ -32,20 +33,20 @@ RANK_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True)
-class SegmentCondition:
+class SegmentCondition(Stated):
     """Condition number of a segment's sub-regressor.
 
     Attributes:
         segment: name of the segment.
-        condition: condition number, infinite where the motions lack rank.
+        condition: condition number of the segment's columns [no unit]; null where it is infinite, for lack of rank.
         smallest: smallest singular value, by which motions of equal condition number are told apart.
         n_columns: number of the segment's structurally independent columns, ten at most.
     """
 
-    segment: str
-    condition: float
-    smallest: float
-    n_columns: int
+    segment: Name
+    condition: UnboundedPositive
+    smallest: float = field(default=0.0, metadata=HIDDEN)
+    n_columns: int = field(default=0, metadata=HIDDEN)
 
 
 def segment_columns(robot: Robot, columns: Columns, base: BaseParameters) -> dict[str, NDArray[np.int64]]:
@@ -113,38 +114,27 @@ class MotionFactor:
 
 
 @dataclass(frozen=True, eq=False)
-class Conditioning:
-    """How well a set of motions excites the base parameters.
+class ConditionNumbers(Stated):
+    """How well motions excite the base parameters.
 
     Attributes:
-        full: condition number on the base columns, infinite where rank is lacking.
-        log_det: log-determinant of the information matrix YᵀY on the base columns, 2 Σ log σ; -inf likewise.
+        full: condition number of the base columns [no unit]; null where it is infinite, for lack of rank.
+        log_det: log-determinant of the information matrix YᵀY on the base columns, 2 Σ log σ; null likewise.
         n_base_parameters: number of structural base parameters.
-        rank: how many of them the motions excite, to rounding.
+        rank: number of base parameters that are excited, to rounding.
         segments: by segment that the sensors see and that has a parameter of its own.
-        factor: stacked factor of the motions.
-        base: the structural base parameters.
     """
 
-    full: float
-    log_det: float
+    full: UnboundedPositive
+    log_det: Unbounded
     n_base_parameters: int
-    rank: int
+    rank: int = field(metadata=ADDED)
     segments: tuple[SegmentCondition, ...]
-    factor: MotionFactor
-    base: BaseParameters
 
-    def to_json(self) -> Mapping[str, Any]:
-        """The ``compute_conditioning`` object of ``excite.plan/1``; infinite numbers become null."""
-        return {
-            "full": _finite_or_none(self.full),
-            "log_det": _finite_or_none(self.log_det),
-            "n_base_parameters": self.n_base_parameters,
-            "rank": self.rank,
-            "segments": [
-                {"segment": s.segment, "condition": _finite_or_none(s.condition)} for s in self.segments
-            ],
-        }
+    def to_json(self) -> dict[str, Any]:
+        """Numbers that are not finite become null."""
+        found: dict[str, Any] = finite(super().to_json())
+        return found
 
     def summary(self) -> str:
         """One line for a person."""
@@ -153,6 +143,19 @@ class Conditioning:
             f"rank {self.rank} of {self.n_base_parameters}, condition number {self.full:.3g}, "
             f"log-determinant {self.log_det:.4g}; worst segment {worst.segment} ({worst.condition:.3g})"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioning(ConditionNumbers):
+    """The same with what it was computed from.
+
+    Attributes:
+        factor: stacked factor of the motions.
+        base: the structural base parameters.
+    """
+
+    factor: MotionFactor = field(metadata=HIDDEN)
+    base: BaseParameters = field(metadata=HIDDEN)
 
 
 def motion_factor(
@@ -297,10 +300,6 @@ def base_singular_values(factor: MotionFactor, base: BaseParameters) -> Array:
 
 def _row_weights(factor: MotionFactor) -> Array:
     return np.ones(1) if factor.row_std is None else factor.row_std
-
-
-def _finite_or_none(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 # Motions ranked by how well each of them alone excites each segment.

@@ -17,9 +17,9 @@ from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.result import Identification
-from excite.json_document import write_json
 from excite.logs.files import load_log
 from excite.logs.log import Log
+from excite.results import write_json
 from excite.robot.loading import load_robot
 from excite.robot.shapes.com_box import com_boxes
 

@@ -21,8 +21,8 @@ from excite.identification.noise import NoiseModel, whitened_factor
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, prior_std
 from excite.identification.sessions.pooling import Pooled
-from excite.json_document import to_json
 from excite.regressor.base_parameters import BaseParameters
+from excite.results import Name, Stated, Unbounded, UnboundedPositive, to_json
 
 # Which segments are not what the model says.
 #
@@ -44,7 +44,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class ChangedSegment:
+class ChangedSegment(Stated):
     """A segment whose inertial parameters differ from the model's.
 
     Attributes:
@@ -60,14 +60,14 @@ class ChangedSegment:
         centre_std_m: its standard deviations [m].
     """
 
-    segment: str
-    link: str
-    mass_change_kg: float
-    std_kg: float
-    evidence: float
-    tied_with: tuple[str, ...]
-    centre_m: tuple[float, float, float] | None = None
-    centre_std_m: tuple[float, float, float] | None = None
+    segment: Name
+    link: Name
+    mass_change_kg: Unbounded
+    std_kg: UnboundedPositive
+    evidence: Unbounded
+    tied_with: tuple[Name, ...]
+    centre_m: tuple[Unbounded, Unbounded, Unbounded] | None = None
+    centre_std_m: tuple[Unbounded, Unbounded, Unbounded] | None = None
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,11 @@ from excite.identification.problem import IdentificationProblem
 from excite.identification.statistics import BaseStatistics
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
+from excite.results import ADDED, Name, Stated, Unbounded, UnboundedPositive, plain
 
 
 @dataclass(frozen=True)
-class BaseParameter:
+class BaseParameter(Stated):
     """A base parameter and how well it is known.
 
     Attributes:
@@ -27,18 +28,18 @@ class BaseParameter:
         link: link of that parameter, None for a drive's.
         value: [SI].
         std: standard deviation [SI], valid for filtered and correlated noise.
-        rsd_percent: ``100·std/|value|``.
+        rsd_percent: ``100·std/|value|`` [percent]; null where the value is zero.
         half_width_95: half the width of the interval that holds the truth in 95 of 100 cases [SI], None where
             it was not asked for.
     """
 
-    name: str
+    name: str = field(metadata=ADDED)
     expression: str
-    link: str | None
-    value: float
-    std: float
-    rsd_percent: float
-    half_width_95: float | None = None
+    link: Name | None = field(metadata=ADDED)
+    value: Unbounded
+    std: UnboundedPositive
+    rsd_percent: UnboundedPositive
+    half_width_95: UnboundedPositive | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +61,9 @@ class ParameterStatistics:
     def to_json(self) -> dict[str, Any]:
         """Its blocks of the document; the uncertainty stands beside the parameters there."""
         return {
-            "base_parameters": [asdict(item) for item in self.base],
+            "base_parameters": plain(self.base),
             "n_structural_base_parameters": self.structural_rank,
-            "essential": [asdict(item) for item in self.essential],
+            "essential": plain(self.essential),
         }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from excite.identification.judgement.judgement import ChannelFit, Consistency, J
 from excite.identification.judgement.uncertainty import ParameterUncertainty
 from excite.identification.parameter_statistics import BaseParameter, ParameterStatistics
 from excite.identification.physical.retrieval import Certificate
+from excite.results import finite, plain
 
 # Lines of an identification's summary.
 
@@ -89,7 +90,7 @@ class Solution:
             "status": self.status,
             "solved": self.solved,
             "violations": self.violations,
-            "certificate": None if self.certificate is None else self.certificate.to_json(),
+            "certificate": plain(self.certificate),
             "n_samples": self.n_samples,
         }
 
@@ -151,11 +152,11 @@ class Identification(Tabled):
         if table == "parameters":
             return self.identified.rows(self.uncertainty)
         if table in ("base", "essential"):
-            return [asdict(one) for one in (self.base if table == "base" else self.essential)]
+            return [one.row() for one in (self.base if table == "base" else self.essential)]
         if table == "drives":
             return [{"parameter": name, "value": v} for name, v in self.identified.by_drive().items()]
         fits = self.fit if table == "fit" else self.validation
-        return [{"channel": name, **asdict(one)} for name, one in fits.items()]
+        return [one.row(channel=name) for name, one in fits.items()]
 
     @property
     def method(self) -> str:
@@ -242,9 +243,9 @@ class Identification(Tabled):
             **self.statistics.to_json(),
             **self.judgement.to_json(),
             "warnings": list(self.warnings),
-            "findings": [finding.to_json() for finding in self.findings],
+            "findings": plain(self.findings),
         }
-        return {name: _finite_copy(blocks[name]) for name in _BLOCKS}
+        return {name: finite(blocks[name]) for name in _BLOCKS}
 
     def summary(self) -> str:
         """The result in words and a table, for a terminal."""
@@ -318,14 +319,3 @@ class Identification(Tabled):
             *lines,
             "  (the fewest that explain what the nominal model leaves; sizes hold if nothing else differs)",
         ]
-
-
-def _finite_copy(value: Any) -> Any:
-    """A copy in which numbers that JSON cannot hold are None."""
-    if isinstance(value, dict):
-        return {key: _finite_copy(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite_copy(item) for item in value]
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value

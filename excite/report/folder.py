@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from excite.documents.check import Check
+from excite.documents.campaign import Campaign
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document as Model
-from excite.documents.document import read_document
+from excite.documents.document import model_of, read_document
 from excite.documents.identification import Identification
-from excite.documents.plan import Plan, Refusals
-from excite.documents.results import Campaign, Doctor, Human, Signals
+from excite.documents.plan import PlanDocument, RefusalsDocument
+from excite.documents.results import Doctor, Human, Signals
 from excite.errors import ExciteError, InputError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
@@ -26,13 +26,14 @@ from excite.report.comparisons import DOCTOR_DATA, Record, ReportData, load_repo
 from excite.robot.catalogue import find_robot
 from excite.robot.load import load_robot
 from excite.robot.robot import Robot
+from excite.safety.verdict import CheckReport
 
 Document = dict[str, Any]
 
 _KINDS: dict[str, type[Model]] = {
-    "plan": Plan,
-    "refusals": Refusals,
-    "check": Check,
+    "plan": model_of(PlanDocument),
+    "refusals": model_of(RefusalsDocument),
+    "check": model_of(CheckReport),
     "identification": Identification,
     "campaign": Campaign,
     "signals": Signals,

@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from excite.errors import RobotError
 from excite.reading.documents import read_yaml
+from excite.results import Assumed
 from excite.robot.mechanisms.closures import CouplingBlock, LoopBlock, TieBlock, TransmissionBlock
 from excite.robot.quantities import (
     Accelerations,
@@ -261,17 +262,6 @@ class PostureBlock(Block):
     base_height: Coordinate | None = None
     base_rpy: Rotation3 = (0.0, 0.0, 0.0)
     source: Source
-
-
-class Assumed(Block):
-    """Something that no file said and that was assumed: what, which value, and what follows from it."""
-
-    what: str
-    value: str
-    consequence: str
-
-    def __str__(self) -> str:
-        return f"{self.what}: {self.value} ({self.consequence})"
 
 
 class RobotDescription(Block):

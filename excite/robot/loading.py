@@ -17,8 +17,9 @@ from excite.arrays import Array
 from excite.errors import RobotError
 from excite.reading.documents import MAX_XML_BYTES, read_xml
 from excite.reading.file import read_bytes
+from excite.results import Assumed
 from excite.robot.catalogue import example_robot_data, find_robot
-from excite.robot.description import FREE_BASES, Assumed, FootBlock, RobotDescription, read_description
+from excite.robot.description import FREE_BASES, FootBlock, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
 from excite.robot.mechanisms.closures import TieBlock, add_motors, closures_of
@@ -243,7 +244,7 @@ def _with_limits(
         block = content["limits"].get(what) or {"source": file.name}
         content["limits"][what] = {**block, "joints": {**block.get("joints", {}), **joints}}
     said = assumed_limits({file.name: {what: list(joints) for what, joints in changed.items()}})
-    content["assumed"] = [*content.get("assumed", []), *(one.model_dump() for one in said)]
+    content["assumed"] = [*content.get("assumed", []), *(one.to_json() for one in said)]
     return RobotDescription.model_validate(content)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Any
 
+from excite.results import Name, Stated
 from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Rejection
@@ -31,7 +32,7 @@ _SMALLER_IS_WORSE = frozenset(
 
 
 @dataclass(frozen=True)
-class Refused:
+class Refused(Stated):
     """One thing that refuses candidates.
 
     Attributes:
@@ -46,14 +47,14 @@ class Refused:
         posture: configuration of the worst ``(nq,)``, None where there is none to show.
     """
 
-    reason: str
+    reason: Name
     where: str
     candidates: int
     worst: float | None
     limit: float | None
-    unit: str
-    time_s: float | None
-    candidate: str
+    unit: str = ""
+    time_s: float | None = None
+    candidate: str = ""
     posture: tuple[float, ...] | None = None
 
     @property
@@ -70,17 +71,8 @@ class Refused:
 
     def to_json(self) -> dict[str, Any]:
         """The entry in a document."""
-        return {
-            "reason": self.reason,
-            "where": self.where,
-            "candidates": self.candidates,
-            "worst": self.worst,
-            "limit": self.limit,
-            "unit": self.unit,
-            "time_s": self.time_s,
-            "candidate": self.candidate,
-            "posture": None if self.posture is None else [round(x, 5) for x in self.posture],
-        }
+        posture = None if self.posture is None else [round(x, 5) for x in self.posture]
+        return {**super().to_json(), "posture": posture}
 
     @property
     def sentence(self) -> str:
@@ -92,6 +84,30 @@ class Refused:
         if self.worst is not None and self.limit is not None:
             text += f": {self.worst:.3g} {self.unit}".rstrip() + f" (limit {self.limit:.3g})"
         return text if self.time_s is None else f"{text} at {self.time_s:.2f} s"
+
+
+@dataclass(frozen=True)
+class Remedy(Stated):
+    """A change, and how many refused candidates pass with it.
+
+    Attributes:
+        change: what to do, in words.
+        reason: of the refusals that it takes away.
+        where: places of them.
+        passes: how many of the tried candidates pass.
+        tried: how many were tried.
+    """
+
+    change: str
+    reason: Name
+    where: tuple[Name, ...]
+    passes: int
+    tried: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.change}: {self.passes} of {self.tried} refused candidates that were tried again pass then"
+        )
 
 
 class RefusalTally:

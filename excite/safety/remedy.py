@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from excite.robot.description import UncertaintyBlock
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE
 from excite.safety.filter import filter_candidates
-from excite.safety.refusals import Refused
+from excite.safety.refusals import Refused, Remedy
 
 # Refused candidates that are tried again with each change, and changes that are tried: some 30 candidates' work at
 # most, beside the 140 that a plan generates.
@@ -28,34 +27,6 @@ _UNLIMITED = {"velocity": 20.0, "acceleration": 100.0, "jerk": 1e4, "torque": 1e
 # Soles whose corners lie this much further out [m]: no posture of a standing robot leaves these.
 _LARGER_M = 0.5
 _MORE_FRICTION = 10.0
-
-
-@dataclass(frozen=True)
-class Remedy:
-    """A change, and how many refused candidates pass with it.
-
-    Attributes:
-        change: what to do, in words.
-        reason: of the refusals that it takes away.
-        where: places of them.
-        passes: how many of the tried candidates pass.
-        tried: how many were tried.
-    """
-
-    change: str
-    reason: str
-    where: tuple[str, ...]
-    passes: int
-    tried: int
-
-    def to_json(self) -> dict[str, Any]:
-        """The entry in a document."""
-        return {**asdict(self), "where": list(self.where)}
-
-    def __str__(self) -> str:
-        return (
-            f"{self.change}: {self.passes} of {self.tried} refused candidates that were tried again pass then"
-        )
 
 
 def find_remedy(

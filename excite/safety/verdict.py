@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field, fields
 
-SCHEMA = "excite.check/1"
+from excite.display import Row, Tabled
+from excite.finding import Finding
+from excite.results import ADDED, HIDDEN, LEFT_OUT, Assumed, FilePath, Name, Stated, named, stated
 
 
 @dataclass(frozen=True)
-class Violation:
+class Violation(Stated):
     """One thing that a motion must not do, at the first time at which it does it.
 
     Attributes:
@@ -22,7 +23,7 @@ class Violation:
         unit: of both, that of what the joint does: rad or m; empty where none is known.
     """
 
-    kind: str
+    kind: Name
     time_s: float | None
     where: str
     value: float | None
@@ -38,7 +39,7 @@ class Violation:
 
 
 @dataclass(frozen=True)
-class Nearest:
+class Nearest(Stated):
     """The joint that comes nearest to its limit, of those that slide or of those that turn.
 
     Attributes:
@@ -47,13 +48,13 @@ class Nearest:
         unit: of the margin.
     """
 
-    where: str
+    where: Name
     value: float
-    unit: str
+    unit: Name
 
 
 @dataclass(frozen=True)
-class Margins:
+class Margins(Stated):
     """Smallest margins over a whole motion; None where one could not be computed or does not apply.
 
     The first five are what is left to the nearest limit, negative beyond it. The last two are distances as
@@ -81,7 +82,7 @@ class Margins:
 
 
 @dataclass(frozen=True)
-class Worst:
+class Worst(Stated):
     """The least margin over a motion and a set of robots.
 
     Attributes:
@@ -111,41 +112,91 @@ _ROBUST = {
 
 
 @dataclass(frozen=True)
-class Robustness:
+class LoadRange(Stated):
+    """What may be carried.
+
+    Attributes:
+        link: that carries it.
+        mass: from nothing to this [kg].
+        position: where, in the link's frame [m].
+    """
+
+    link: Name
+    mass: float
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Uncertainty(Stated):
+    """The set of robots that margins are wanted for, as ``robot.yaml`` states it.
+
+    Attributes:
+        mass: of each body, as a share.
+        com: centre of mass along each axis [m].
+        inertia: principal moments of each body, as a share.
+        payload: what may be carried.
+        identified: file of an identification, whose ellipsoid stands in place of the shares.
+        sigmas: standard deviations of that ellipsoid.
+        stated: whether ``robot.yaml`` states it; else it is the default.
+        words: the same for a person.
+    """
+
+    mass: float
+    com: float
+    inertia: float
+    payload: LoadRange | None
+    identified: FilePath | None = None
+    sigmas: float = 2.0
+    stated: bool = field(default=True, metadata=ADDED)
+    words: str = field(default="", metadata=HIDDEN)
+
+
+@dataclass(frozen=True)
+class Robustness(Stated):
     """Least margins over a set of robots, those whose inertial parameters are as uncertain as stated.
 
     Attributes:
-        uncertainty: the set, as ``robot.yaml`` states it, and ``stated`` whether it does.
-        words: the same for a person.
-        joint_torque_nm: to the torque limit [N·m or N]; None where it could not be computed.
-        zmp_m: of the zero-moment point from the edge of the support polygon [m]; None likewise, or without feet.
-        friction: horizontal push at the feet that would make them slip, as a share of the vertical force.
-        not_applicable: margins that mean nothing for this robot.
+        uncertainty: the set.
+        worst: by margin that applies, where and when it is least; null where it could not be computed.
         decides: whether the motion is called safe only if it holds for all of the set.
     """
 
-    uncertainty: Mapping[str, Any]
-    words: str
-    joint_torque_nm: Worst | None
-    zmp_m: Worst | None = None
-    friction: Worst | None = None
-    not_applicable: tuple[str, ...] = ()
+    uncertainty: Uncertainty
+    worst: Mapping[Name, Worst | None]
     decides: bool = False
 
     @property
-    def margins(self) -> dict[str, Worst | None]:
-        """Those that apply, by field."""
-        return {name: getattr(self, name) for name in _ROBUST if name not in self.not_applicable}
+    @stated
+    def joint_torque_nm(self) -> float | None:
+        """To the torque limit [N·m or N]."""
+        return self._least("joint_torque_nm")
 
     @property
+    @stated
+    def zmp_m(self) -> float | None:
+        """Zero-moment point to the edge of the support polygon [m]."""
+        return self._least("zmp_m")
+
+    @property
+    @stated
+    def friction(self) -> float | None:
+        """Horizontal push at the feet that would make them slip, as a share of the vertical force."""
+        return self._least("friction")
+
+    def _least(self, name: str) -> float | None:
+        found = self.worst.get(name)
+        return None if found is None else found.value
+
+    @property
+    @stated
     def holds(self) -> bool:
         """Whether every limit is kept by every robot of the set."""
-        return all(worst is not None and worst.holds for worst in self.margins.values())
+        return all(worst is not None and worst.holds for worst in self.worst.values())
 
     def violations(self) -> tuple[Violation, ...]:
         """What some robot of the set violates, one a margin; the value is the least margin."""
         found = []
-        for name, worst in self.margins.items():
+        for name, worst in self.worst.items():
             kind = _ROBUST[name][3]
             if worst is None:
                 found.append(Violation(kind, None, "all of the set", None, None))
@@ -153,20 +204,10 @@ class Robustness:
                 found.append(Violation(kind, worst.time_s, worst.where, worst.value, worst.limit))
         return tuple(found)
 
-    def to_json(self) -> dict[str, Any]:
-        """The block ``robust`` of a motion's entry."""
-        return {
-            "uncertainty": dict(self.uncertainty),
-            **{name: None if (worst := getattr(self, name)) is None else worst.value for name in _ROBUST},
-            "holds": self.holds,
-            "decides": self.decides,
-            "worst": {name: None if worst is None else asdict(worst) for name, worst in self.margins.items()},
-        }
-
     def in_words(self) -> str:
         """One line: for which robots, whether it holds, and the least margins or by how much they fall short."""
         said = []
-        for name, worst in self.margins.items():
+        for name, worst in self.worst.items():
             what, factor, unit, _ = _ROBUST[name]
             if worst is None:
                 said.append(f"{what} not computed")
@@ -176,7 +217,9 @@ class Robustness:
                 short = f"{factor * (worst.limit - worst.value):.3g} {unit}".rstrip()
                 number += f", which falls short by {short}, of {worst.where} at {worst.time_s:.2f} s"
             said.append(number)
-        return f"for {self.words}: {'holds' if self.holds else 'does not hold'}; {'; '.join(said)}"
+        return (
+            f"for {self.uncertainty.words}: {'holds' if self.holds else 'does not hold'}; {'; '.join(said)}"
+        )
 
 
 def robustness_of_all(found: Sequence[Robustness]) -> str:
@@ -184,10 +227,10 @@ def robustness_of_all(found: Sequence[Robustness]) -> str:
     holding = sum(one.holds for one in found)
     said = []
     for name, (what, factor, unit, _) in _ROBUST.items():
-        values = [worst.value for one in found if (worst := one.margins.get(name)) is not None]
+        values = [worst.value for one in found if (worst := one.worst.get(name)) is not None]
         if values:
             said.append(f"{what} {factor * min(values):.3g} {unit}".rstrip())
-    return f"for {found[0].words}: {holding} of {len(found)} hold; at least {', '.join(said)}"
+    return f"for {found[0].uncertainty.words}: {holding} of {len(found)} hold; at least {', '.join(said)}"
 
 
 _IN_WORDS = {
@@ -203,7 +246,24 @@ MARGIN_FIELDS = tuple(item.name for item in fields(Margins))
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Rehearsed(Stated):
+    """What a motion of a standing robot did in simulation, without any load.
+
+    Attributes:
+        stands: whether it did not fall.
+        slip_m: largest slip of a foot that stands [m].
+        touches: whether parts other than soles touched each other or the ground.
+        drive_share: largest torque of a drive, of its limit; one or more where it had no more to give [no unit].
+    """
+
+    stands: bool
+    slip_m: float
+    touches: bool
+    drive_share: float
+
+
+@dataclass(frozen=True)
+class Verdict(Stated):
     """The verdict on one motion.
 
     Attributes:
@@ -213,24 +273,27 @@ class Verdict:
         not_applicable: margins that mean nothing for this robot (``zmp_m`` of a robot without feet).
         readable: False where the motion is so broken that nothing could be computed from it.
         nearest: by margin of joints, the nearest to its limit in each unit: metres and radians are not compared.
-        rehearsal: what it did in simulation, as it stands in the document; None where that was not tried.
-        as_far_as: what has to hold of the robot's shapes, of which some are not known.
-        robust: least margins over the robots that it may be; None where nobody asked for them.
+        rehearsal: what it did in simulation; left out where that was not tried.
+        as_far_as: what has to hold of the robot's shapes, of which some are not known, for what is safe to be so.
+        robust: least margins over the robots that it may be; left out where nobody asked for them.
+        file: that the motion was read from, relative to the document's folder.
     """
 
-    motion: str
+    motion: FilePath
     margins: Margins
     violations: tuple[Violation, ...]
-    not_applicable: tuple[str, ...] = ()
-    readable: bool = True
-    nearest: Mapping[str, tuple[Nearest, ...]] = field(default_factory=dict)
-    rehearsal: Mapping[str, Any] | None = None
+    not_applicable: tuple[Name, ...] = ()
+    readable: bool = field(default=True, metadata=HIDDEN)
+    nearest: Mapping[Name, tuple[Nearest, ...]] = field(default_factory=dict)
+    rehearsal: Rehearsed | None = field(default=None, metadata=LEFT_OUT)
     as_far_as: tuple[str, ...] = ()
-    robust: Robustness | None = None
+    robust: Robustness | None = field(default=None, metadata=LEFT_OUT)
+    file: FilePath | None = field(default=None, metadata=LEFT_OUT)
 
     @property
+    @stated
     def safe(self) -> bool:
-        """True if nothing is violated and every margin that applies could be computed."""
+        """Whether nothing is violated and every margin that applies could be computed."""
         return not self.violations and not self.not_computed
 
     @property
@@ -249,22 +312,6 @@ class Verdict:
             more = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
             return f"{self.violations[0]}{more}"
         return f"could not compute {', '.join(self.not_computed)}" if self.not_computed else ""
-
-    def to_json(self) -> dict[str, Any]:
-        """The motion's entry in an ``excite.check/1`` document, with the other fields too."""
-        rehearsal = {} if self.rehearsal is None else {"rehearsal": dict(self.rehearsal)}
-        robust = {} if self.robust is None else {"robust": self.robust.to_json()}
-        return {
-            "motion": self.motion,
-            "safe": self.safe,
-            "as_far_as": list(self.as_far_as),
-            "margins": asdict(self.margins),
-            "nearest": {name: [asdict(one) for one in items] for name, items in self.nearest.items()},
-            "not_applicable": list(self.not_applicable),
-            "violations": [asdict(violation) for violation in self.violations],
-            **rehearsal,
-            **robust,
-        }
 
     def margins_in_words(self) -> str:
         """The smallest margins in one line; of a robot whose joints slide and turn, of both, and where."""
@@ -294,11 +341,58 @@ def conditions(as_far_as: Iterable[str]) -> str:
     return f", as far as {said}" if said else ""
 
 
-def check_document(verdicts: Iterable[Verdict]) -> dict[str, Any]:
-    """The ``excite.check/1`` document of several verdicts; ``safe`` if all are and there is at least one."""
-    entries = [verdict.to_json() for verdict in verdicts]
-    safe = bool(entries) and all(entry["safe"] for entry in entries)
-    return {"schema": SCHEMA, "safe": safe, "motions": entries}
+@dataclass(frozen=True, repr=False)
+class CheckReport(Tabled, Stated):
+    """Verdicts on several motions.
+
+    Attributes:
+        verdicts: one a motion, in order.
+        assumed: what no file said of the robot, so that the verdicts hold as far as it does.
+        robot: name of the robot that shall run them.
+        robot_file: its file where it is not a bundled one, relative to the document's folder.
+        findings: what spoils the robot's description itself, worst first.
+    """
+
+    SCHEMA = "excite.check/1"
+
+    verdicts: tuple[Verdict, ...] = field(metadata=named("motions"))
+    assumed: tuple[Assumed, ...] = ()
+    robot: Name | None = None
+    robot_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
+    findings: tuple[Finding, ...] = ()
+
+    tables = ("motions", "violations")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.display.Tabled`: verdict and smallest margins of each motion, or everything violated."""
+        if table == "motions":
+            return [
+                {"motion": one.motion, "safe": one.safe, **one.margins.row(), "reason": one.reason}
+                for one in self.verdicts
+            ]
+        return [found.row(motion=one.motion) for one in self.verdicts for found in one.violations]
+
+    @property
+    @stated
+    def safe(self) -> bool:
+        """Whether every motion is safe and there is at least one."""
+        return bool(self.verdicts) and all(verdict.safe for verdict in self.verdicts)
+
+    def summary(self) -> str:
+        """A line a motion with its smallest margins below it, the total, and what the verdicts rest on."""
+        unsafe = sum(not verdict.safe for verdict in self.verdicts)
+        total = f"all {len(self.verdicts)} safe" if not unsafe else f"{unsafe} of {len(self.verdicts)} unsafe"
+        lines = []
+        for verdict in self.verdicts:
+            margins = verdict.margins_in_words() if verdict.readable else ""
+            lines += [verdict.summary(), *([f"  margins: {margins}"] if margins else [])]
+            if verdict.robust is not None:
+                lines.append(f"  {verdict.robust.in_words()}")
+        lines.append(total)
+        if self.assumed:
+            named = ", ".join(dict.fromkeys(one.what for one in self.assumed))
+            lines.append(f"as far as what was assumed of the robot holds: {named}")
+        return "\n".join(lines)
 
 
 # Units of what limits a motion: those of a joint are what it moves in, radians or metres.

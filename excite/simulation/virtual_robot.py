@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.results import Name, Stated
 from excite.robot.robot import Robot
 from excite.simulation.drives import Drives, nominal_drives, scattered_drives
 from excite.simulation.mjcf import World
@@ -138,11 +139,18 @@ Reading = Callable[[Recording], Recording]
 
 
 @dataclass(frozen=True)
-class Injected:
-    """An effect that was injected: its name, its location, and its value in the effect's unit."""
+class Injected(Stated):
+    """An effect that was injected, which the nominal model lacks.
 
-    effect: str
-    location: str
+    Attributes:
+        effect: its name.
+        location: where it sits.
+        value: how much, in its unit.
+        unit: of the value.
+    """
+
+    effect: Name
+    location: Name
     value: float
     unit: str
 

@@ -14,7 +14,7 @@ from benchmarks.blind.hidden_effects import Answer, HiddenEffect, JointGap
 from benchmarks.blind.score import score_entry
 from excite.cli.main import app
 from excite.errors import InputError
-from excite.json_document import write_json
+from excite.results import write_json
 from tests.documents.small import SMALL
 
 LIFT, ELBOW, WRIST = "shoulder_lift_joint", "elbow_joint", "wrist_1_joint"

@@ -23,8 +23,8 @@ from benchmarks.blind.hidden_effects import HiddenEffect
 from benchmarks.blind.make import load_answers
 from excite.cli.main import app
 from excite.errors import LogError
-from excite.json_document import write_json
 from excite.logs.files import save_log
+from excite.results import write_json
 from excite.robot.loading import load_robot
 
 

@@ -49,7 +49,7 @@ def test_a_changed_plan_is_taken_up_or_one_line(
         try:
             planned = Journal(begun).planned(1, ur10)
             assert planned is not None and planned.chosen
-            json.dumps(merged_plan(ur10, [planned.document], together))
+            json.dumps(merged_plan(ur10, [planned.document], together).to_json())
             read += 1
         except ExciteError as error:
             assert "iteration_1" in str(error) and "\n" not in str(error), what

@@ -11,8 +11,7 @@ from excite.campaign.plan import Plan, plan
 from excite.cli.session.outcome import of_error
 from excite.errors import NothingSafeError
 from excite.robot.robot import Robot
-from excite.safety.refusals import Refused
-from excite.safety.remedy import Remedy
+from excite.safety.refusals import Refused, Remedy
 
 PAIR = "forearm_link - wrist_2_link"
 

@@ -13,7 +13,7 @@ import pytest
 import excite
 from excite.cli.session.outcome import of_error, refusals_shown
 from excite.documents.document import read_document
-from excite.documents.plan import Refusals
+from excite.documents.plan import RefusalsDocument
 from excite.errors import NothingSafeError
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
@@ -33,7 +33,7 @@ def failure(ur10: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
 def test_the_posture_that_is_shown_is_the_worst(failure: tuple[Path, NothingSafeError], ur10: Robot) -> None:
     """coal, asked for the distance of the two links in it, finds the very number."""
     folder, _ = failure
-    entry = read_document(folder / "refusals.json", Refusals).content()["refused"][0]
+    entry = read_document(folder / "refusals.json", RefusalsDocument).to_json()["refused"][0]
     assert entry["where"] == PAIR
     robot = touching(ur10, "wrist_2_link")
     geometry = collision_model(robot)

@@ -12,9 +12,9 @@ import pytest
 
 import excite
 from excite.campaign.capture import sheet_text
+from excite.campaign.experiment import planned_roles
 from excite.conversion.capture_sheet import Capture, Run, read_capture
 from excite.errors import InputError, LogError
-from excite.motion.collection import planned_roles
 
 OFF = Run(name="zero_torque", kind="zero_torque", duration_s=10.0)
 

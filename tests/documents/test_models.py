@@ -12,11 +12,11 @@ from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from excite.campaign.check import check
 from excite.campaign.experiment import simulate
 from excite.campaign.rank import rank
+from excite.campaign.schemas import DOCUMENTS
 from excite.documents.document import read_document
-from excite.documents.registry import DOCUMENTS
 from excite.errors import InputError
-from excite.json_document import write_json
 from excite.motion.collection import load_motions
+from excite.results import write_json
 from excite.robot.loading import load_robot
 from tests.documents.small import SMALL
 from tests.report.diagnosed import ambiguous, two_joints_diagnosed, unknown

@@ -16,8 +16,8 @@ from excite.cli.main import _run
 from excite.export.export import export_motions
 from excite.export.resolve_robot import robot_beside
 from excite.motion.files import save_motion
+from excite.report.view import read_thing
 from excite.robot.load import keep_description, load_robot
-from excite.viewer.source import read_thing
 from tests.robot.small import ARM
 from tests.simulation.motions import standing
 

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from excite.errors import InputError
-from excite.json_document import write_json
 from excite.provenance import made_by
 from excite.report.page import report
 from excite.report.sections.diagnosed import rollout_share
+from excite.results import write_json
 from tests.documents.small import SMALL
 
 

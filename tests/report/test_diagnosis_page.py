@@ -9,9 +9,9 @@ import pytest
 
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.errors import InputError
-from excite.json_document import write_json
 from excite.report.comparisons import ReportData, save_report_data
 from excite.report.page import report
+from excite.results import write_json
 from tests.report.diagnosed import ambiguous, trial, two_joints_diagnosed, unknown
 
 

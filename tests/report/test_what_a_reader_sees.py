@@ -11,12 +11,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.json_document import write_json
 from excite.provenance import made_by
 from excite.report.comparisons import Record, load_report_data, save_report_data
 from excite.report.html import html_table
 from excite.report.page import report
 from excite.report.sections.moving import Moving
+from excite.results import write_json
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log
 from tests.report.sample import sample_folder

@@ -16,7 +16,7 @@ from excite.safety.checks.base import Check
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.motion import SamplingCheck
 from excite.safety.checks.sweep import Sweep
-from excite.safety.verdict import MARGIN_FIELDS, check_document
+from excite.safety.verdict import MARGIN_FIELDS, CheckReport
 from tests.safety.motions import arm_motion, moved_base, moved_joint, smooth, squat, standing_motion
 
 
@@ -65,11 +65,11 @@ def test_rest_margins_are_those_of_the_samples(arm: Robot, swinging: Motion) -> 
 
 
 def test_document_follows_the_contract(arm: Robot, swinging: Motion) -> None:
-    document = check_document([check_motion(arm, swinging)])
+    document = CheckReport((check_motion(arm, swinging),)).to_json()
     assert document["schema"] == "excite.check/1"
     assert document["safe"] is True
     assert list(document["motions"][0]["margins"]) == list(MARGIN_FIELDS)
-    assert check_document([])["safe"] is False
+    assert CheckReport(()).to_json()["safe"] is False
 
 
 # --- Every check

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from excite.campaign.check import check
-from excite.json_document import write_json
 from excite.motion.motion import Motion
 from excite.report.page import report
+from excite.results import write_json
 from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion

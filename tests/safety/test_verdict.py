@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from excite.safety.verdict import MARGIN_FIELDS, Margins, Verdict, Violation, check_document
+from excite.safety.verdict import MARGIN_FIELDS, CheckReport, Margins, Verdict, Violation
 
 ALL = Margins(*(0.1 * k for k in range(1, len(MARGIN_FIELDS) + 1)))
 LATE = Violation("joint_torque", 1.25, "elbow", 151.0, 150.0, "N·m")
@@ -70,7 +70,31 @@ def test_scripts_read_everything() -> None:
 
 def test_a_document_is_safe_if_all_motions_are_and_there_is_one() -> None:
     good, bad = Verdict("good", ALL, ()), Verdict("bad", ALL, (LATE,))
-    assert check_document([good, good])["safe"] is True
-    assert check_document([good, bad])["safe"] is False
-    assert check_document([])["safe"] is False
-    assert [entry["motion"] for entry in check_document([good, bad])["motions"]] == ["good", "bad"]
+    assert (
+        CheckReport(
+            (
+                good,
+                good,
+            )
+        ).to_json()["safe"]
+        is True
+    )
+    assert (
+        CheckReport(
+            (
+                good,
+                bad,
+            )
+        ).to_json()["safe"]
+        is False
+    )
+    assert CheckReport(()).to_json()["safe"] is False
+    assert [
+        entry["motion"]
+        for entry in CheckReport(
+            (
+                good,
+                bad,
+            )
+        ).to_json()["motions"]
+    ] == ["good", "bad"]

@@ -40,9 +40,8 @@ def command(
     seed: SeedOption = 0,
     jobs: JobsOption = None,
 ) -> None:
-    """Watch it move: scrubber, joint sliders, bodies that touch in red, a joint's residuals when it is clicked."""
-    from excite.viewer.serve import record_page, serve  # lazy: pinocchio
-    from excite.viewer.source import read_thing  # lazy: pinocchio
+    """Watch it move, with the signals of a joint and its residuals beside it."""
+    from excite.report.view import read_thing, record_page, serve  # lazy: pinocchio
 
     shown = read_thing(thing, robot)
     if record is not None:

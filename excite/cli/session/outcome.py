@@ -23,7 +23,7 @@ from excite.cli.session.left_behind import kept_files, left_behind
 from excite.errors import ExciteError, NothingSafeError
 from excite.finding import Finding
 from excite.folders import unwritable_error
-from excite.json_document import to_json
+from excite.results import to_json
 
 if TYPE_CHECKING:
     from excite.robot.robot import Robot

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from excite.cli.session.interruption import document_printed
-from excite.json_document import to_json, with_origin, write_json
 from excite.progress import Progress as ProgressCallback
 from excite.progress import silent
+from excite.results import to_json, with_origin, write_json
 from excite.robot.init_robot.source import Source, model_source
 
 EXIT_NEGATIVE = 1

@@ -14,7 +14,7 @@ from excite.diagnosis.answer.gap import Curves, Gap, RolloutPath, Where, closed_
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.display import Row, Tabled, span
 from excite.finding import Finding
-from excite.json_document import finite
+from excite.results import finite
 
 # What a diagnosis says: its verdict, gap and effects, as a document, as a sentence and in words for a
 # terminal.

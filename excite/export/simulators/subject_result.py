@@ -14,10 +14,10 @@ from excite.arrays import Array
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.units import unit_at
 from excite.diagnosis.simulator.augmented_plant import in_no_description
+from excite.documents.campaign import Campaign
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of
 from excite.documents.identification import Identification
-from excite.documents.results import Campaign
 from excite.errors import InputError, UnknownNameError
 from excite.export.models.parameters import Found, ModelParameters, with_servos
 from excite.export.simulators.model_format import JOINT_TERMS, Lost, Subject

@@ -29,10 +29,10 @@ from excite.export.simulators.model_format import (
 from excite.export.simulators.registry import MODEL_FORMATS
 from excite.export.simulators.subject_result import Change, changes_csv, list_changes, subject_of
 from excite.identification.result import Identification
-from excite.json_document import write_json
 from excite.logs.robot import is_bare
 from excite.regressor.columns import PARAMETERS
 from excite.regressor.kernels import joint_torque_regressor
+from excite.results import write_json
 from excite.robot.robot import Robot
 
 # What a format has no place for: said beside the files, not left for the simulation to show.

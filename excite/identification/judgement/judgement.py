@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, prior_std
 from excite.identification.statistics import BaseStatistics
 from excite.logs.columns import WRENCH_AXES
+from excite.results import ADDED, Name, Stated, Unbounded, UnboundedPositive, plain
 
 # Whether identified parameters are those of bodies that can exist.
 
@@ -33,7 +34,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Consistency:
+class Consistency(Stated):
     """Physical consistency of a set of segments, recomputed from the parameters themselves.
 
     Attributes:
@@ -44,11 +45,11 @@ class Consistency:
         inconsistent: names of the segments whose pseudo-inertia is not positive semidefinite.
     """
 
-    mass_positive: bool
-    inertia_positive_definite: bool
-    triangle_inequality: bool
-    pseudo_inertia_min_eigenvalue: float
-    inconsistent: tuple[str, ...]
+    mass_positive: bool = field(metadata=ADDED)
+    inertia_positive_definite: bool = field(metadata=ADDED)
+    triangle_inequality: bool = field(metadata=ADDED)
+    pseudo_inertia_min_eigenvalue: Unbounded = field(metadata=ADDED)
+    inconsistent: tuple[Name, ...] = ()
 
 
 def check_consistency(parameters: Array, names: tuple[str, ...]) -> Consistency:
@@ -92,7 +93,7 @@ def check_consistency(parameters: Array, names: tuple[str, ...]) -> Consistency:
 
 
 @dataclass(frozen=True)
-class ChannelFit:
+class ChannelFit(Stated):
     """Agreement of one channel, as in Table II of Jovic et al. (Humanoids 2015).
 
     Attributes:
@@ -104,12 +105,12 @@ class ChannelFit:
         std: standard deviation of the measured channel.
     """
 
-    unit: str
-    rmse: float
+    unit: Name = field(metadata=ADDED)
+    rmse: UnboundedPositive
     cc: float | None
-    reference_rmse: float
-    reference_cc: float | None
-    std: float
+    reference_rmse: UnboundedPositive = field(metadata=ADDED)
+    reference_cc: float | None = field(metadata=ADDED)
+    std: UnboundedPositive = field(metadata=ADDED)
 
 
 def channel_fits(
@@ -156,7 +157,7 @@ def _rms(values: Array) -> float:
 
 
 @dataclass(frozen=True)
-class TotalMassReport:
+class TotalMassReport(Stated):
     """Total mass as it was known from several sides [kg]; None where a side says nothing.
 
     Attributes:
@@ -168,10 +169,10 @@ class TotalMassReport:
         of_torques: whether joints' torques measure it, in place of wrenches.
     """
 
-    identified: float
-    nominal: float
-    measured: float | None
-    measured_std: float | None
+    identified: Unbounded
+    nominal: Unbounded
+    measured: Unbounded | None
+    measured_std: UnboundedPositive | None
     weighed: float | None
     of_torques: bool = False
 
@@ -199,15 +200,13 @@ class Judgement:
     def to_json(self) -> dict[str, Any]:
         """Its blocks of the document."""
         return {
-            "bounds": None if self.bounds is None else self.bounds.to_json(),
-            "consistency": {**asdict(self.consistency), "inconsistent": list(self.consistency.inconsistent)},
-            "fit": {name: asdict(item) for name, item in self.fit.items()},
-            "validation": {name: asdict(item) for name, item in self.validation.items()},
-            "changed_segments": [
-                {**asdict(item), "tied_with": list(item.tied_with)} for item in self.changes.segments
-            ],
+            "bounds": plain(self.bounds),
+            "consistency": plain(self.consistency),
+            "fit": plain(self.fit),
+            "validation": plain(self.validation),
+            "changed_segments": plain(self.changes.segments),
             "changes": {"explained": self.changes.explained, "dispersion": self.changes.dispersion},
-            "total_mass": asdict(self.total_mass),
+            "total_mass": plain(self.total_mass),
         }
 
 

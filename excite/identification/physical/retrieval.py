@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -15,12 +14,13 @@ from excite.errors import InputError
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
 from excite.identification.physical.coordinates import COLUMNS, ROWS, STEINER
 from excite.identification.physical.feasible_set import FeasibleSet, TorqueObjective
+from excite.results import Stated
 
 # What is proven about a retrieval's objective.
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Stated):
     """How far an objective can be from the best one that the constraints allow.
 
     Attributes:
@@ -37,10 +37,6 @@ class Certificate:
     gap: float
     relaxations: int
     optima: tuple[float, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """The block ``certificate`` of the document."""
-        return {**asdict(self), "optima": list(self.optima)}
 
     def summary(self) -> str:
         """One line."""

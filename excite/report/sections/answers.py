@@ -162,7 +162,7 @@ class Certainty(Section):
         plot = plot_rsd(iterations, target)
         last = iterations[-1]
         missed = sorted(last["not_met"], key=lambda name: -(last["rsd_percent"].get(name) or float("inf")))
-        why = last["reasons"]
+        why = last["reasons"] or {}
         deviations = [last["rsd_percent"].get(name) for name in missed]
         rows = [
             (name, Said(rsd, said_rsd(rsd)), why.get(name, ""))

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.finding import first_names
-from excite.robot.description import Assumed
+from excite.results import Assumed
 from excite.robot.init_robot.first_guesses import JointGuess, drawn_posture
 from excite.robot.legs import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot

@@ -15,7 +15,7 @@ import yaml
 
 from excite.arrays import Array
 from excite.display import span
-from excite.robot.description import Assumed
+from excite.results import Assumed
 from excite.robot.init_robot import assumed_numbers as numbers
 from excite.robot.init_robot.bare_model import BareModel, bare_model
 from excite.robot.init_robot.first_guesses import (
@@ -92,7 +92,7 @@ def draft_description(
     if more_weak and len(more_weak) < len(model.free):
         return draft_description(path, folder, rng, said, {**weak, **more_weak})
     content = _description_content(model, rest, Path(folder or path.parent), rng, said.armature)
-    content["assumed"] = [*(one.model_dump() for one in said.assumed), *content["assumed"]]
+    content["assumed"] = [*(one.to_json() for one in said.assumed), *content["assumed"]]
     return content
 
 
@@ -143,7 +143,7 @@ def _description_content(
         **({"drives": {"armature": _armature_block(rotors)}} if rotors else {}),
         **({"segments": {"pairs": pairs}} if pairs else {}),
         "collision": _collision_block(model, rest, ground),
-        "assumed": [one.model_dump() for one in (*structure, *rest.assumed, *more, *stiff, *noise)],
+        "assumed": [one.to_json() for one in (*structure, *rest.assumed, *more, *stiff, *noise)],
     }
     follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
     drives = content.get("drives", {}).values()

@@ -17,7 +17,7 @@ from excite.errors import InputError, RobotError
 from excite.reading.child import in_child
 from excite.reading.documents import read_xml
 from excite.reading.file import first_bytes
-from excite.robot.description import Assumed
+from excite.results import Assumed
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still
 from excite.robot.init_robot.model_metadata import Said, states_mass, weigh_links
@@ -217,7 +217,7 @@ def _check_absent(path: Path, overwrite: bool) -> None:
 
 
 def _read_assumed(text: str) -> tuple[Assumed, ...]:
-    return tuple(Assumed.model_validate(one) for one in yaml.safe_load(text)["assumed"])
+    return tuple(Assumed(**one) for one in yaml.safe_load(text)["assumed"])
 
 
 # Pairs of links that an SRDF file lets touch.

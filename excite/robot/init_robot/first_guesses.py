@@ -13,7 +13,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.display import count
 from excite.finding import first_names
-from excite.robot.description import Assumed
+from excite.results import Assumed
 from excite.robot.init_robot.limbs import Figure
 from excite.robot.init_robot.rest import Rest
 from excite.robot.robot import Robot

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import RobotError
-from excite.robot.description import Assumed
+from excite.results import Assumed
 from excite.robot.shapes.link_shapes import origin_of, solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import coal_geometry

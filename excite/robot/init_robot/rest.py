@@ -13,7 +13,8 @@ from scipy.optimize import minimize
 
 from excite.arrays import Array
 from excite.errors import MotionError
-from excite.robot.description import Assumed, Base
+from excite.results import Assumed
+from excite.robot.description import Base
 from excite.robot.init_robot.limbs import Figure, FootGuess, Footing, Standing
 from excite.robot.init_robot.model_metadata import Said
 from excite.robot.legs import TORQUE_SHARE, holding_torques, usable_torque

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 from excite.errors import RobotError
 from excite.finding import first_names
 from excite.reading.documents import read_yaml
-from excite.robot.description import Assumed
+from excite.results import Assumed
 from excite.robot.quantities import MAX_ANGLE
 from excite.robot.urdf.numbers import read_numbers
 

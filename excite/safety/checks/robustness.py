@@ -10,12 +10,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
+from excite.robot.robot import Robot
 from excite.safety.checks.ground import ZMP_MARGIN
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
 from excite.safety.ground_forces import RESIDUAL_TOLERANCE, cone_facets, hull_edges, shares_of_wrench
 from excite.safety.parameter_set import ParameterSet, RowsOfSet, uncertainty_in_words, uncertainty_of
-from excite.safety.verdict import Robustness, Worst
+from excite.safety.verdict import LoadRange, Robustness, Uncertainty, Worst
 
 # Samples whose regressor is looked at together: of a humanoid 5 MB, which stay in the processor's cache.
 _BLOCK = 64
@@ -35,19 +36,27 @@ def judge_robustness(sweep: Sweep, parameters: ParameterSet, *, decides: bool = 
         parameters: the set, of the robot's own description as far as words go.
         decides: whether the motion is to be called safe only if it holds for all of the set.
     """
-    robot, stated = sweep.robot, uncertainty_of(sweep.robot)
+    robot = sweep.robot
     stands = bool(robot.feet) and robot.floating
-    return Robustness(
-        uncertainty={
-            **stated.model_dump(exclude={"source"}),
-            "stated": robot.description.uncertainty is not None,
-        },
-        words=uncertainty_in_words(stated) + ("" if robot.description.uncertainty else " (assumed)"),
-        joint_torque_nm=worst_torque(sweep, parameters),
-        zmp_m=worst_zmp(sweep, parameters) if stands else None,
-        friction=worst_friction(sweep, parameters) if stands else None,
-        not_applicable=() if stands else ("zmp_m", "friction"),
-        decides=decides,
+    worst = {"joint_torque_nm": worst_torque(sweep, parameters)}
+    if stands:
+        worst |= {"zmp_m": worst_zmp(sweep, parameters), "friction": worst_friction(sweep, parameters)}
+    return Robustness(_stated_set(robot), worst, decides)
+
+
+def _stated_set(robot: Robot) -> Uncertainty:
+    """The set as ``robot.yaml`` states it, or the default."""
+    stated, known = uncertainty_of(robot), robot.description.uncertainty is not None
+    load = stated.payload
+    return Uncertainty(
+        stated.mass,
+        stated.com,
+        stated.inertia,
+        None if load is None else LoadRange(load.link, load.mass, load.position),
+        stated.identified,
+        stated.sigmas,
+        known,
+        uncertainty_in_words(stated) + ("" if known else " (assumed)"),
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.json_document import write_json
+from excite.results import write_json
 from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.true_parameters import scattered_parameters

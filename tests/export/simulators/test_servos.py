@@ -15,7 +15,7 @@ from defusedxml.ElementTree import parse
 import excite
 from excite.errors import InputError
 from excite.export.simulators.registry import MODEL_FORMATS
-from excite.json_document import write_json
+from excite.results import write_json
 from excite.robot.loading import load_robot, model_file
 from excite.simulation.drives import nominal_drives
 from tests.export.identified import identification_of

@@ -1,19 +1,24 @@
-"""What can be viewed, whatever it is: a motion, a plan, a log, a diagnosis, a trial of people."""
+"""A motion, a plan, a log or a diagnosis, moving: a page of it, alone or served to browsers until it is interrupted."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from html import escape
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.atomic import write_text
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document
-from excite.documents.plan import Plan
+from excite.documents.plan import PlanDocument
 from excite.errors import InputError
 from excite.export.resolve_robot import robot_beside
 from excite.logs.columns import BASE_POSE
@@ -25,27 +30,19 @@ from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
 from excite.motion.readers.registry import is_motion
 from excite.report.comparisons import Record, ReportData, load_report_data, read_record
-from excite.report.replay.scene import TrialFrames, trial_frames
-from excite.report.replay.tracks import motion_tracks
+from excite.report.html import html_paragraph, live_replay
+from excite.report.page import html_page
+from excite.report.replay.scene import TrialFrames, robot_scene, trial_frames
+from excite.report.replay.tracks import motion_tracks, pack_table
 from excite.robot.load import load_robot
 from excite.robot.robot import Robot
 
-# What is watched: configurations over time, and what belongs to each joint.
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """Signals of one joint.
-
-    Attributes:
-        title: with the unit.
-        time: ``(n,)`` [s].
-        lines: by what they are, ``(n,)`` each.
-    """
-
-    title: str
-    time: Array
-    lines: Mapping[str, Array]
+# Ports that are tried from the one that was asked for.
+_PORTS = 100
+_HOW = (
+    "Drag the picture to look from elsewhere. One cursor runs over all plots: a click takes the robot there, a drag "
+    "along a plot zooms, a double click shows all of it again."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,22 +51,11 @@ class Clip:
 
     Attributes:
         title: for reading.
-        time: ``(n,)`` [s], from zero.
-        q: configurations, ``(n, nq)``.
-        ghost: what the other robot is, and its configurations, ``(n, nq)``; None without one.
-        curves: by joint, what is shown of it when it is clicked: its residuals where there are any.
-        content: the same as a page's replay has it.
+        content: what the page's replay shows: time, configurations, a ghost, signals of each joint.
     """
 
     title: str
-    time: Array
-    q: Array
-    ghost: tuple[str, Array] | None
-    curves: Mapping[str, tuple[Curve, ...]]
     content: dict[str, Any] = field(repr=False)
-
-
-# Reads what is to be watched, whatever it is: a motion, a plan, a log, a diagnosis.
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +71,72 @@ class Thing:
     title: str
     robot: Robot
     clips: tuple[Clip, ...]
+
+
+def page_text(thing: Thing) -> str:
+    """The page, which needs neither a server's help nor a network."""
+    tracks = {clip.title: clip.content for clip in thing.clips}
+    still = html_paragraph(
+        "Open this page in a browser that runs scripts and draws WebGL to see it move.", "lead"
+    )
+    shown = live_replay("view", robot_scene(thing.robot), tracks, still)
+    title = thing.robot.description.title
+    body = (
+        f"<header><p>{escape(thing.title)}</p><h1>{escape(title)}</h1></header>"
+        f'<main><section id="moving">{html_paragraph(_HOW, "lead moving")}{shown}</section></main>'
+    )
+    return html_page(thing.title, body)
+
+
+def record_page(thing: Thing, path: Path) -> Path:
+    """Write the page to an HTML file, which appears only when complete."""
+    return write_text(Path(path), page_text(thing))
+
+
+def serve(thing: Thing, port: int, ready: Callable[[str], None], *, seconds: float | None = None) -> None:
+    """Serve the page to browsers of this machine.
+
+    Args:
+        thing: what is watched.
+        port: where; the next free one where it is taken.
+        ready: told the address once it is served.
+        seconds: how long; None until it is interrupted.
+
+    Raises:
+        InputError: no port from there on is free.
+    """
+    page = page_text(thing).encode("utf-8")
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(page)))
+            self.end_headers()
+            self.wfile.write(page)
+
+        def log_message(self, format: str, *args: Any) -> None:
+            """Requests are nothing that a person is told."""
+
+    server = _open_server(port, Handler)
+    Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        ready(f"http://127.0.0.1:{server.server_port}")
+        ends = None if seconds is None else time.monotonic() + seconds
+        while ends is None or time.monotonic() < ends:
+            time.sleep(0.1)
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def _open_server(port: int, handler: type[BaseHTTPRequestHandler]) -> ThreadingHTTPServer:
+    for one in range(port, min(port + _PORTS, 65536)):
+        try:
+            return ThreadingHTTPServer(("127.0.0.1", one), handler)
+        except OSError:
+            continue
+    raise InputError(f"no port from {port} on is free", field="--port", remedy="name another")
 
 
 def read_thing(path: Path, robot: str | None = None) -> Thing:
@@ -144,7 +196,7 @@ def _holds_motions(folder: Path) -> bool:
 
 
 def _read_plan(folder: Path, robot: str | None) -> Thing:
-    plan = read_document(folder / "plan.json", Plan, remedy="write it again with excite plan")
+    plan = read_document(folder / "plan.json", PlanDocument, remedy="write it again with excite plan")
     loaded = load_robot(robot or (str(folder / plan.robot_file) if plan.robot_file else plan.robot))
     motions = [load_motion(folder / entry.motion, loaded) for entry in plan.selected]
     if not motions:
@@ -157,20 +209,7 @@ def _read_plan(folder: Path, robot: str | None) -> Thing:
 
 
 def _of_motion(robot: Robot, motion: Motion) -> Clip:
-    shown = motion_tracks(robot, motion)
-    time = shown.motion.time - shown.motion.time[0]
-    q, v = shown.motion.joint_positions(), shown.motion.joint_velocities()
-    curves = {
-        name: (
-            Curve("position [rad]", time, {"position": q[:, i]}),
-            Curve("velocity [rad/s]", time, {"velocity": v[:, i]}),
-            Curve("torque [N·m]", time, {"torque": shown.torque[:, i]}),
-        )
-        for i, name in enumerate(robot.joint_names)
-    }
-    return Clip(
-        f"{motion.name} · {motion.duration:.1f} s", time, shown.motion.q, None, curves, shown.to_json()
-    )
+    return Clip(f"{motion.name} · {motion.duration:.1f} s", motion_tracks(robot, motion).to_json())
 
 
 def _read_log(folder: Path, robot: str | None) -> Thing:
@@ -186,24 +225,23 @@ def _of_trial(record: Record, trial: Trial) -> Clip:
     joints = tuple(record.log.header.joints)
     ghost = None if trial.q_cmd is None else ("commanded", trial.q_cmd)
     frames = trial_frames(record.robot, trial.name, trial.time, trial.q, joints, base=trial.base, ghost=ghost)
-    curves = dict(_of_joints(joints, trial))
-    return _build_clip(f"{trial.name} · {trial.role}", frames, curves)
+    signals = []
+    for title, unit, values in (("torque", "N·m", trial.tau), ("current", "A", trial.current)):
+        if values is not None:
+            columns = _joint_columns(record.robot, frames, trial.time, joints, values)
+            signals.append({"title": title, "unit": unit, "label": "measured", "values": columns})
+    return _build_clip(f"{trial.name} · {trial.role}", frames, signals)
 
 
-def _of_joints(joints: tuple[str, ...], trial: Trial) -> Iterator[tuple[str, tuple[Curve, ...]]]:
-    """What was recorded of each joint, its tracking error first."""
-    time = trial.time - trial.time[0]
-    for i, name in enumerate(joints):
-        curves = []
-        if trial.q_cmd is not None:
-            error = trial.q[:, i] - trial.q_cmd[:, i]
-            curves.append(Curve("measured less commanded [rad]", time, {"error": error}))
-        curves.append(Curve("position [rad]", time, {"measured": trial.q[:, i]}))
-        if trial.tau is not None:
-            curves.append(Curve("torque [N·m]", time, {"measured": trial.tau[:, i]}))
-        elif trial.current is not None:
-            curves.append(Curve("current [A]", time, {"measured": trial.current[:, i]}))
-        yield name, tuple(curves)
+def _joint_columns(
+    robot: Robot, frames: TrialFrames, time: Array, names: tuple[str, ...], values: Array
+) -> dict[str, Any]:
+    """Signals ``(n, n_names)`` at the frames, a column a joint of the robot; NaN of joints that have none."""
+    found = np.full((len(frames.time), robot.n_joints), np.nan)
+    for i, name in enumerate(names):
+        if name in robot.joint_names:
+            found[:, robot.joint_index(name)] = np.interp(frames.time, time - time[0], values[:, i])
+    return pack_table(found)
 
 
 def _read_diagnosis(folder: Path, robot: str | None) -> Thing:
@@ -223,58 +261,41 @@ def _read_diagnosis(folder: Path, robot: str | None) -> Thing:
         if (folder / "report_data.npz").exists()
         else ReportData()
     )
-    curves = dict(_residual_curves(data))
-    clips = list(_simulated_clips(record, data, bool(document["effects"]), curves))
+    clips = list(_simulated_clips(record, data, bool(document["effects"])))
     if not clips:
-        trial = record.trial(data.gap.trial if data.gap else "")
-        clip = _of_trial(record, trial)
-        clips = [Clip(clip.title, clip.time, clip.q, clip.ghost, {**clip.curves, **curves}, clip.content)]
+        clips = [_of_trial(record, record.trial(data.gap.trial if data.gap else ""))]
     return Thing(f"{folder.name}: {document['sentence'] or document['verdict']}", record.robot, tuple(clips))
 
 
-def _residual_curves(data: ReportData) -> Iterator[tuple[str, tuple[Curve, ...]]]:
-    """By joint, what the model leaves of its reading, before and after the effects."""
+def _residual_signals(robot: Robot, data: ReportData, frames: TrialFrames) -> Iterator[dict[str, Any]]:
+    """What the model leaves of each joint's torque in the same trial, before and after the effects."""
     gap = data.gap
-    if gap is None:
+    if gap is None or gap.trial != frames.name or not set(gap.channels) & set(robot.joint_names):
         return
-    for i, name in enumerate(gap.channels):
-        unit, measured = gap.units[i], gap.measured[:, i]
-        time = gap.time - gap.time[0]
-        left = {
-            "as it was": measured - gap.nominal[:, i],
-            "with the effects": measured - gap.identified[:, i],
-        }
-        both = {"measured": measured, "model": gap.nominal[:, i]}
-        title = f"measured less modelled [{unit}], trial {gap.trial}"
-        yield name, (Curve(title, time, left), Curve(f"reading [{unit}]", time, both))
+    left = (gap.measured - gap.nominal, gap.measured - gap.identified)
+    before, after = (_joint_columns(robot, frames, gap.time, gap.channels, one) for one in left)
+    title = "torque, measured less modelled"
+    yield {
+        **{"title": title, "unit": "N·m", "label": "as it was", "values": before},
+        **{"other": after, "otherLabel": "with the effects"},
+    }
 
 
-def _simulated_clips(
-    record: Record, data: ReportData, closed: bool, curves: dict[str, Any]
-) -> Iterator[Clip]:
+def _simulated_clips(record: Record, data: ReportData, closed: bool) -> Iterator[Clip]:
     path = data.path
     if path is None or not set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names):
         return
     models = {"the simulator as it was": path.nominal}
     if closed:
         models["the simulator with the effects"] = path.identified
-    time = path.time - path.time[0]
     for name, positions in models.items():
         frames = trial_frames(
             record.robot, path.trial, path.time, path.measured, path.joints, ghost=(name, positions)
         )
-        apart = {
-            joint: (
-                *curves.get(joint, ()),
-                Curve(
-                    f"{name} less measured [rad]", time, {"difference": positions[:, i] - path.measured[:, i]}
-                ),
-            )
-            for i, joint in enumerate(path.joints)
-            if joint not in BASE_POSE
-        }
-        yield _build_clip(f"{path.trial} · {name}", frames, apart)
+        signals = list(_residual_signals(record.robot, data, frames))
+        yield _build_clip(f"{path.trial} · {name}", frames, signals)
 
 
-def _build_clip(title: str, frames: TrialFrames, curves: dict[str, tuple[Curve, ...]]) -> Clip:
-    return Clip(title, np.asarray(frames.time), frames.q, frames.ghost, curves, frames.to_json())
+def _build_clip(title: str, frames: TrialFrames, signals: list[dict[str, Any]]) -> Clip:
+    content = frames.to_json()
+    return Clip(title, {**content, "signals": [*content["signals"], *signals]})
