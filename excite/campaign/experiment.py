@@ -11,6 +11,7 @@ import numpy as np
 
 from excite.display import Shown, count
 from excite.errors import MotionError, NoSolutionError
+from excite.formats.number import check_seed
 from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role
@@ -19,7 +20,6 @@ from excite.motion.collection import MotionsLike, as_motions
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
-from excite.reading.number import check_seed
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.safety.checks.motion import time_faults

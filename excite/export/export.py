@@ -15,11 +15,11 @@ from excite.export.clearance import Cleared, clear_motions
 from excite.export.exporter import Exporter
 from excite.export.registry import EXPORTERS
 from excite.export.resolve_robot import robot_beside
+from excite.formats.file import PathsLike, as_paths
 from excite.json_document import write_json
 from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
-from excite.reading.file import PathsLike, as_paths
 from excite.robot.load import RobotLike, as_robot, load_robot
 from excite.robot.robot import Robot
 from excite.safety.verdict import Margins, Verdict, Violation

@@ -12,7 +12,6 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_folder, atomic_path
 from excite.errors import InputError
 from excite.export.exporter import (
@@ -23,6 +22,7 @@ from excite.export.exporter import (
     motion_statement,
     motion_warnings,
 )
+from excite.formats.arrow import arrow_table
 from excite.motion.content import motion_columns
 from excite.motion.motion import Motion
 from excite.motion.readers.tables import STATEMENT

@@ -13,6 +13,8 @@ from excite.atomic import atomic_path
 from excite.display import Shown
 from excite.errors import InputError, LogError, UnknownNameError
 from excite.finding import Finding
+from excite.formats.file import plain_name, unpack_file
+from excite.formats.number import check_number
 from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, Dimensions, body_of
 from excite.human.markers.marker_set import (
     Calibration,
@@ -43,8 +45,6 @@ from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.butterworth import settling_samples
 from excite.progress import Progress, silent
-from excite.reading.file import plain_name, unpack_file
-from excite.reading.number import check_number
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 

@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import UnknownNameError
+from excite.formats.number import check_number
 from excite.human.body import Body, BodyInertia, body_of, segment_box
 from excite.human.markers.marker_set import landmark_place, read_marker_set
 from excite.human.models import urdf_text
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, Subject
 from excite.human.skeleton import Placement, frame_turn, place_segments, pose_of
-from excite.reading.number import check_number
 
 # What a virtual person does: arms, trunk, head, legs and squats on two force plates, and the same done again.
 

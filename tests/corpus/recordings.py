@@ -215,7 +215,7 @@ _MOT = (
     ("forces without markers", _text("force.mot", _mot()), "has forces only"),
 )  # fmt: skip
 _CSV = (
-    ("empty", _text("walk.csv", ""), "has no column time"),
+    ("empty", _text("walk.csv", ""), "has no column time|is empty"),
     ("names only", _text("walk.csv", _csv(rows=0)), "has 0 rows"),
     ("ragged", _text("walk.csv", _csv(value=lambda i: "1")), "line 2 has 8 fields for 10"),
     ("words", _text("walk.csv", _csv(value=lambda i: "a,b,c")), "line 2 is not numeric"),

@@ -12,7 +12,7 @@ from excite.conversion.recording import Recording
 from excite.conversion.sources.messages import MOST_BYTES, is_trajectory, is_wanted
 from excite.conversion.sources.source import Source, damaged
 from excite.conversion.sources.topics import Topics, is_of_torques
-from excite.reading.file import first_bytes
+from excite.formats.file import first_bytes
 
 
 def _add_messages(topics: Topics, bag: Any, connections: Sequence[Any]) -> None:

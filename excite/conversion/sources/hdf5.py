@@ -10,13 +10,12 @@ import numpy as np
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.shapes import longest_streams, split_batches, stream_of_arrays
-from excite.conversion.sources.npz import MOST_CONSTANTS, constants
-from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged
+from excite.conversion.sources.npz import constants
+from excite.conversion.sources.source import Source
 from excite.errors import LogError
-from excite.reading.file import check_file, first_bytes
+from excite.formats.file import MAX_FILE_BYTES, check_file, first_bytes
+from excite.formats.hdf5 import MOST_CONSTANTS, hdf5_arrays
 
-# Trials in an array of structs.
-_MOST_REFERENCES = 1000
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
@@ -33,8 +32,8 @@ class Hdf5Source(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
-        return recordings_of(path, hdf5_arrays(path))
+        check_file(path, limit=MAX_FILE_BYTES, error=LogError)
+        return recordings_of(path, hdf5_arrays(path, LogError))
 
 
 def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
@@ -78,85 +77,3 @@ def _trial_groups(arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def _is_constant(members: dict[str, Any]) -> bool:
     """Whether no data set is long enough for a signal."""
     return all(np.size(values) <= MOST_CONSTANTS for values in members.values())
-
-
-def hdf5_arrays(path: Path) -> dict[str, Any]:
-    """Data sets of numbers and texts by their paths, and what attributes say by path and name; raises LogError."""
-    try:
-        import h5py
-    except ImportError as error:
-        raise LogError(
-            "is HDF5, which needs h5py", source=path, remedy="pip install 'excite[hdf5]'"
-        ) from error
-    found: dict[str, Any] = {}
-    try:
-        with h5py.File(path, "r") as file:
-            names = [""]
-            file.visit(names.append)
-            for name in names:
-                if name.startswith("#refs#"):
-                    continue
-                item = file[name or "/"]
-                found |= _read_attributes(name, item.attrs)
-                if isinstance(item, h5py.Dataset):
-                    found |= _data_set(name, item, file)
-                if sum(np.size(values) for values in found.values()) > MAX_NUMBERS:
-                    raise LogError(
-                        "holds more numbers than can be read", source=path, remedy="split the recording"
-                    )
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as error:
-        raise damaged(path, error, "HDF5") from error
-    return found
-
-
-def _read_attributes(name: str, attributes: Any) -> dict[str, Any]:
-    """Numbers and texts that attributes hold; MATLAB's own describe its classes."""
-    found = {}
-    for key, value in attributes.items():
-        texts = _read_texts(value)
-        if texts is not None:
-            found[f"{name}/{key}" if name else str(key)] = texts
-        elif np.asarray(value).dtype.kind in "fiu" and np.size(value) <= MOST_CONSTANTS:
-            found[f"{name}/{key}" if name else str(key)] = np.asarray(value)
-    return {key: value for key, value in found.items() if "MATLAB" not in key and "H5PATH" not in key}
-
-
-def _data_set(name: str, item: Any, file: Any) -> dict[str, Any]:
-    """A data set of numbers or texts; what references in it point at, numbered, as MATLAB writes arrays of structs."""
-    import h5py
-
-    if item.size is not None and item.size > MAX_NUMBERS:
-        raise ValueError("it holds more numbers than can be read")
-    if h5py.check_dtype(ref=item.dtype) is not None:
-        if item.size > _MOST_REFERENCES:
-            return {}
-        targets = [file[reference] for reference in np.ravel(item[()]) if reference]
-        if targets and all(target.attrs.get("MATLAB_class") == b"char" for target in targets):
-            return {name: np.array(["".join(map(chr, np.ravel(target[()]))) for target in targets])}
-        group, _, field = name.rpartition("/")
-        return {
-            f"{group}{k + 1}/{field}" if group else f"{field}{k + 1}": np.asarray(target[()])
-            for k, target in enumerate(targets)
-            if isinstance(target, h5py.Dataset) and target.dtype.kind in "fiub"
-        }
-    if item.dtype.names:
-        # Rows of records, as tables are: a data set a field.
-        rows = item[()]
-        return {
-            f"{name}/{key}": np.asarray(rows[key])
-            for key in item.dtype.names
-            if rows[key].dtype.kind in "fiub"
-        }
-    if item.dtype.kind in "fiub":
-        return {name: np.asarray(item[()])}
-    texts = _read_texts(item[()]) if item.dtype.kind in "SO" else None
-    return {} if texts is None else {name: texts}
-
-
-def _read_texts(value: object) -> Any:
-    """Texts as an array; None where it holds others."""
-    array = np.asarray(value)
-    cells = [cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in array.ravel()]
-    if not cells or not all(isinstance(cell, str) for cell in cells):
-        return None
-    return np.array(cells, dtype=str).reshape(array.shape)

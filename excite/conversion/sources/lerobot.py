@@ -8,12 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 import pyarrow as pa
 
-from excite.arrow_columns import read_parquet
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
-from excite.conversion.sources.parquet import table_arrays
 from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError
-from excite.reading.documents import read_json
+from excite.formats.arrow import read_parquet, table_arrays
+from excite.formats.documents import read_json
 
 # What each feature holds for a follower arm.
 _CHANNELS = {

@@ -13,10 +13,11 @@ import numpy as np
 from excite.arrays import Array
 from excite.conversion.columns.words import name_tokens
 from excite.conversion.recording import Recording
-from excite.conversion.sources.hdf5 import hdf5_arrays, recordings_of
+from excite.conversion.sources.hdf5 import recordings_of
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
-from excite.reading.file import check_file, first_bytes
+from excite.formats.file import check_file, first_bytes
+from excite.formats.hdf5 import hdf5_arrays
 
 # MATLAB's ``.mat``: variables, structs and tables taken apart, version 7.3 through HDF5; ``timeseries`` as
 # structs.
@@ -41,7 +42,7 @@ class MatSource(Source):
         check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
         start = first_bytes(path, 520)
         if start[512:].startswith(b"\x89HDF") or start.startswith((b"\x89HDF", b"MATLAB 7.3")):
-            return recordings_of(path, hdf5_arrays(path))
+            return recordings_of(path, hdf5_arrays(path, LogError))
         from scipy.io import loadmat
         from scipy.io.matlab import MatReadError
 

@@ -14,7 +14,7 @@ from excite.conversion.sources.messages import MOST_BYTES, is_trajectory, is_wan
 from excite.conversion.sources.source import Source, damaged
 from excite.conversion.sources.topics import Topics, is_of_torques
 from excite.errors import LogError
-from excite.reading.file import first_bytes
+from excite.formats.file import first_bytes
 
 # What decoders raise for messages that are cut short or of types that they do not know.
 _DAMAGED = (

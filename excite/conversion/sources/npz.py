@@ -9,13 +9,11 @@ import numpy as np
 
 from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.shapes import longest_streams, split_batches, stream_of_arrays
-from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
+from excite.conversion.sources.source import Source
 from excite.errors import LogError
-from excite.reading.file import check_file
-from excite.reading.numpy_files import read_npz
+from excite.formats.arrays import read_npy, read_npz
+from excite.formats.hdf5 import MOST_CONSTANTS
 
-# The longest array that is a constant of the whole recording: gains of a humanoid with hands.
-MOST_CONSTANTS = 100
 _REMEDY = "write its arrays one by one, numbers only: numpy.savez(file, q=…, tau=…)"
 
 
@@ -32,7 +30,7 @@ class NpzSource(Source):
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
         if path.suffix.lower() == ".npy":
-            arrays = _one_array(path)
+            arrays = read_npy(path, LogError)
         else:
             arrays = read_npz(path, limit=2_000_000_000, longest_text=100_000, error=LogError, remedy=_REMEDY)
         return recordings_of(path, arrays)
@@ -51,25 +49,6 @@ def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
     if not found:
         raise nothing_there(path)
     return tuple(found)
-
-
-def _one_array(path: Path) -> dict[str, np.ndarray]:
-    """The array of a ``.npy`` under the file's name, or its fields under theirs; raises LogError."""
-    check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
-    try:
-        # Mapped, so that a shape beyond the file's end is refused before memory is asked for.
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError, SyntaxError, OverflowError, MemoryError) as error:
-        if "Python objects" in str(error):
-            raise LogError(
-                "holds pickled Python objects, which are not opened",
-                source=path,
-                remedy="write its arrays one by one: numpy.savez(file, q=…, tau=…)",
-            ) from error
-        raise damaged(path, error, "a numpy array") from error
-    if array.dtype.names:
-        return {name: np.asarray(array[name]) for name in array.dtype.names}
-    return {path.stem: np.asarray(array)}
 
 
 def constants(arrays: dict[str, np.ndarray]) -> dict[str, object]:

@@ -15,8 +15,8 @@ from excite.conversion.shapes import longest_streams, stream_of_arrays
 from excite.conversion.sources.npz import constants, recordings_of
 from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged
 from excite.errors import LogError
-from excite.reading.file import check_file, first_bytes
-from excite.reading.numpy_files import PICKLE_FAULTS, PlainUnpickler
+from excite.formats.arrays import PlainUnpickler
+from excite.formats.file import DAMAGED, check_file, first_bytes
 
 # Pickles of plain data (``.pkl``), and arrays in which numpy pickled a dictionary: read without running
 # anything.
@@ -54,7 +54,7 @@ class PickleSource(Source):
                     header(stream)
                 content = PlainUnpickler(stream).load()
             trials = _trials(gathered(content, 0))
-        except PICKLE_FAULTS as error:
+        except DAMAGED as error:
             text = " ".join(str(error).split()) or type(error).__name__
             raise LogError(
                 f"is a pickle, of which numbers and numpy arrays alone are read, not all that it holds ({text[:160]})",
@@ -169,7 +169,7 @@ class PaceSource(Source):
         check_file(path, limit=_PACE_MAX_BYTES, error=LogError)
         try:
             content = _load(path)
-        except (*PICKLE_FAULTS, zipfile.BadZipFile) as error:
+        except (*DAMAGED, zipfile.BadZipFile) as error:
             raise damaged(path, error, "tensors of torch") from error
         arrays: dict[str, Any] = {}
         _collect("", content, arrays, 0)

@@ -13,9 +13,10 @@ import numpy as np
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.shapes import FEWEST_ROWS, longest_streams, stream_of_arrays
 from excite.conversion.sources.npz import constants
-from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged, seconds
+from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged
 from excite.errors import LogError
-from excite.reading.file import check_file, first_bytes
+from excite.formats.file import check_file, first_bytes
+from excite.formats.tables import seconds
 
 # JSON recordings: columns of numbers, or a list of entries with the same fields (as BAM writes them).
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from excite.conversion.recording import Recording
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source
 from excite.errors import LogError
-from excite.reading.child import in_child
-from excite.reading.file import check_file, first_bytes, is_packed, plain_name, unpack_file
+from excite.formats.child import in_child
+from excite.formats.file import check_file, first_bytes, is_packed, plain_name, unpack_file
 from excite.registry import Registry
 
 SOURCES: Registry[Source] = Registry(

@@ -26,9 +26,9 @@ from excite.export.models.parameters import (
 from excite.export.models.urdf import TOLERANCE
 from excite.export.models.verification import WrittenModel, held_joints, mujoco_error, random_states
 from excite.export.models.xml_text import Element, XmlText, number_text
+from excite.formats.documents import MAX_XML_BYTES
+from excite.formats.file import read_bytes
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.reading.documents import MAX_XML_BYTES
-from excite.reading.file import read_bytes
 from excite.robot.loading import model_file
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.robot import Robot

@@ -31,9 +31,9 @@ from excite.export.models.verification import (
     urdf_in_mujoco,
 )
 from excite.export.models.xml_text import Element, XmlText, number_text
+from excite.formats.documents import MAX_XML_BYTES, elements_of, parse_xml
+from excite.formats.file import read_bytes
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.reading.documents import MAX_XML_BYTES, elements_of, parse_xml
-from excite.reading.file import read_bytes
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot

@@ -13,8 +13,8 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
+from excite.formats.documents import elements_of
 from excite.mujoco_warnings import without_log_file
-from excite.reading.documents import elements_of
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Robot
 from excite.robot.urdf.model import urdf_model

@@ -21,10 +21,10 @@ from excite.documents.results import Campaign
 from excite.errors import InputError, UnknownNameError
 from excite.export.models.parameters import Found, ModelParameters, with_servos
 from excite.export.simulators.model_format import JOINT_TERMS, Lost, Subject
+from excite.formats.documents import read_json
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import FILE_ORDER, central_inertia_matrices
 from excite.logs.robot import robot_for_log
-from excite.reading.documents import read_json
 from excite.robot.load import load_robot
 from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot

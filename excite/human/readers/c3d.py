@@ -14,11 +14,11 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
+from excite.formats.child import in_child
+from excite.formats.file import read_bytes
 from excite.human.readers.c3d_raw import RawC3d
 from excite.human.readers.reader import RecordingReader, metres_per_unit
 from excite.human.recording import PlateRecording, Recording
-from excite.reading.child import in_child
-from excite.reading.file import read_bytes
 
 # An hour of a hundred markers and four plates at usual rates has 400 MB.
 MAX_C3D_BYTES = 512 * 1024 * 1024

@@ -12,8 +12,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
+from excite.formats.file import read_text
 from excite.human.recording import Recording
-from excite.reading.file import read_text
 
 # Ten minutes of sixty markers at 200 Hz have 250 MB; as numbers of Python's they take five times as much.
 MAX_TEXT_BYTES = 256 * 1024 * 1024

@@ -13,18 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.errors import MotionError
+from excite.formats.documents import parse_json, read_json, read_xml
+from excite.formats.file import check_file, first_bytes, read_text, unreadable
 from excite.motion.readers.reader import (
-    DAMAGED,
     MAX_FILE_BYTES,
     MotionReader,
     RawMotion,
     named_joints,
     of_robot,
     stated_in_comments,
-    unreadable,
 )
-from excite.reading.documents import parse_json, read_json, read_xml
-from excite.reading.file import check_file, first_bytes, read_text
 
 # Pattern files of OpenHRP: the joints' positions of ``.pos``.
 
@@ -52,10 +50,8 @@ class OpenHrpReader(MotionReader):
         said: Mapping[str, Any] = {}
         if (file.parent / STATEMENT).is_file():
             said = read_json(file.parent / STATEMENT, error=MotionError)
-        try:
+        with unreadable(file, MotionError):
             rows = np.loadtxt(file, ndmin=2)
-        except DAMAGED as error:
-            raise unreadable(file, error) from error
         names = named_joints(said, joints)
         if names and rows.shape[1] != 1 + len(names):
             raise MotionError(
@@ -90,7 +86,7 @@ class KeyframesReader(MotionReader):
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
         root = read_xml(path, error=MotionError)
-        try:
+        with unreadable(path, MotionError):
             said = parse_json(root.find("custom/text").get("data", ""))  # type: ignore[union-attr]
             names, places = said["joints"], {"qpos": said["qpos"], "qvel": said["qvel"]}
             keys = root.findall("keyframe/key")
@@ -103,8 +99,6 @@ class KeyframesReader(MotionReader):
                 }
             for joint, zero in zip(names, said["zero"], strict=True):
                 columns[f"q.{joint}"] = columns[f"q.{joint}"] - float(zero)
-        except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
-            raise unreadable(path, error) from error
         return RawMotion(columns, of_robot(said))
 
 
@@ -136,13 +130,11 @@ class UnitreeReader(MotionReader):
         """See :class:`MotionReader`."""
         check_file(path, limit=_MOST_BYTES, error=MotionError)
         rows: list[list[float]] = []
-        try:
+        with unreadable(path, MotionError):
             with path.open(encoding="utf-8") as stream:
                 said = parse_json(stream.readline())[HEADER]
                 motors = {int(place): str(joint) for place, joint in said["motors"].items()}
                 rows = [_command_row(json.loads(line), motors) for line in stream]
-        except (KeyError, TypeError, AttributeError, *DAMAGED) as error:
-            raise unreadable(path, error) from error
         values, names = np.array(rows, ndmin=2), [motors[place] for place in sorted(motors)]
         if not rows:
             raise MotionError("holds no commands", source=path, remedy="export it again")

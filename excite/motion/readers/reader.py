@@ -8,17 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from excite.errors import MotionError
-from excite.reading.documents import parse_json
+from excite.formats.documents import parse_json
+from excite.formats.file import unreadable
 
 # An hour of a humanoid at 1 kHz has 3.6e6 samples of 117 columns, 3.4 GB; motions here last minutes.
 MAX_FILE_BYTES = 1024 * 1024 * 1024
 MAX_VALUES = 200_000_000
-# What Arrow, and JSON in metadata, raise of files that are damaged; JSON's own error is a ValueError.
-DAMAGED = (OSError, ValueError, RecursionError, MemoryError, pa.ArrowException)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,28 +62,6 @@ class MotionReader(ABC):
         """
 
 
-def check_once(names: Sequence[str], path: Path) -> None:
-    """Refuse columns of the same name; raises MotionError that names the first."""
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            raise MotionError("stands twice", source=path, field=name[:60], remedy="keep one of the columns")
-        seen.add(name)
-
-
-def of_ours(metadata: Any) -> Any:
-    """Metadata of a file that says it is of this package's own format, which has to state its schema."""
-    return {"schema": None, **metadata} if isinstance(metadata, Mapping) else metadata
-
-
-def unreadable(path: Path, reason: Exception | str) -> MotionError:
-    """The error for a file that its library cannot read."""
-    text = " ".join(str(reason).split()) or type(reason).__name__
-    return MotionError(
-        f"cannot be read ({text[:160]})", source=path, remedy="check that the file is complete"
-    )
-
-
 # What a text file says of itself in comments at its top.
 
 # Longest line of comments that is read: a verdict with some hundred violations has 30 kB.
@@ -101,14 +77,11 @@ def stated_in_comments(path: Path) -> dict[str, Any]:
     Raises:
         MotionError: a comment begins as a JSON object and is none.
     """
-    try:
-        with path.open("rb") as stream:
-            while (line := stream.readline(_LONGEST_LINE)).startswith(b"#"):
-                text = line[1:].decode().strip()
-                if text.startswith("{"):
-                    return dict(parse_json(text))
-    except DAMAGED as error:
-        raise unreadable(path, error) from error
+    with unreadable(path, MotionError), path.open("rb") as stream:
+        while (line := stream.readline(_LONGEST_LINE)).startswith(b"#"):
+            text = line[1:].decode().strip()
+            if text.startswith("{"):
+                return dict(parse_json(text))
     return {}
 
 

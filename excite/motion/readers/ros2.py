@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.errors import MotionError
+from excite.formats.child import in_child
+from excite.formats.documents import read_yaml
+from excite.formats.file import check_file, first_bytes
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
     MAX_FILE_BYTES,
@@ -20,9 +23,6 @@ from excite.motion.readers.reader import (
     of_robot,
     stated_in_comments,
 )
-from excite.reading.child import in_child
-from excite.reading.documents import read_yaml
-from excite.reading.file import check_file, first_bytes
 
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 BASE_TRAJECTORY = "trajectory_msgs/msg/MultiDOFJointTrajectory"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,33 +9,25 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
 from numpy.typing import NDArray
 
-from excite.arrow_columns import numpy_columns, read_parquet
 from excite.errors import MotionError
+from excite.formats.arrow import numpy_columns, read_parquet
+from excite.formats.documents import parse_json, read_json
+from excite.formats.file import check_file, first_bytes, unreadable
+from excite.formats.registry import find_format, read_content
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
-    DAMAGED,
     MAX_FILE_BYTES,
-    MAX_VALUES,
     MotionReader,
     RawMotion,
-    check_once,
-    of_ours,
     of_robot,
     stated_in_comments,
-    unreadable,
 )
-from excite.reading.documents import parse_json, read_json
-from excite.reading.file import check_file, first_bytes
-from excite.reading.numpy_files import read_npz
 
 # Text tables: ``excite.motion/1`` in CSV, and tables of other people's naming with a time and a column a
 # joint.
 
-COMMENT = b"#"
 UNSAFE = "UNSAFE"
 """How comments of a file begin that was exported although it fails the check."""
 
@@ -59,53 +50,40 @@ _MEANING = {word: channel for channel, words in _WORDS.items() for word in words
 _SEPARATORS = " ._/:-[]()"
 
 
-class TableReader(MotionReader):
-    """Values separated by commas, semicolons or tabs under one line of names; ``#`` lines before it are comments.
+class ColumnsReader(MotionReader):
+    """Columns of any format of :data:`~excite.formats.registry.FORMATS`: ``excite.motion/1``, or others' naming.
 
-    Times are called ``time``, ``t``, ``timestamp``, ``time_ms`` or the like. A joint's position is its name alone or
-    with ``q``, ``pos``, ``position`` before or after it; velocities and accelerations have ``v``, ``vel``, ``velocity``
-    and ``a``, ``acc``, ``acceleration``.
+    Of others, times are called ``time``, ``t``, ``timestamp``, ``time_ms`` or the like. A joint's position is its name
+    alone or with ``q``, ``pos``, ``position`` before or after it; velocities and accelerations have ``v``, ``vel``,
+    ``velocity`` and ``a``, ``acc``, ``acceleration``. ``joint_names`` beside matrices ``q``, ``v``, ``a`` names their
+    columns.
     """
 
-    name: ClassVar[str] = "csv"
-    summary: ClassVar[str] = "any table in text with a time and a column a joint, and excite.motion/1 in CSV"
+    name: ClassVar[str] = "columns"
+    summary: ClassVar[str] = (
+        "any table with a time and a column a joint, and excite.motion/1 (.csv, .parquet, .npz, .h5)"
+    )
 
     def recognises(self, path: Path) -> bool:
         """See :class:`MotionReader`."""
-        return path.suffix in {".csv", ".tsv", ".txt"}
+        return find_format(path) is not None
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        check_file(path, limit=MAX_FILE_BYTES, error=MotionError)
+        content = read_content(path, MotionError)
+        columns = content.columns
+        if not columns:
+            raise MotionError("holds no columns", source=path, remedy="give a motion")
         metadata: Any = {}
-        try:
-            with path.open("rb") as stream:
-                start = stream.tell()
-                while (line := stream.readline(1 << 20)).startswith(COMMENT):
-                    text = line[1:].decode().strip()
-                    metadata = parse_json(text) if text.startswith("{") and not metadata else metadata
-                    start += len(line)
-                names, separator = _column_names(line, path)
-                stream.seek(start)
-                table = pa.csv.read_csv(
-                    stream,
-                    # A thread that reads ahead may outlive the interpreter and end it by an abort.
-                    pa.csv.ReadOptions(use_threads=False),
-                    pa.csv.ParseOptions(delimiter=separator),
-                )
-            columns = numpy_columns(table.rename_columns(names))
-        except DAMAGED as error:
-            raise unreadable(path, error) from error
-        return RawMotion(columns if metadata else _rename_columns(columns, joints), metadata)
-
-
-def _column_names(line: bytes, path: Path) -> tuple[list[str], str]:
-    """Names of the columns, each once, and what separates them."""
-    text = line.decode("utf-8-sig")
-    separator = max(",;\t", key=text.count)
-    names = [name.strip() for name in next(csv.reader([text.strip("\r\n")], delimiter=separator), [])]
-    check_once(names, path)
-    return names, separator
+        if content.statement:
+            with unreadable(path, MotionError):
+                metadata = parse_json(content.statement)
+        if "joint_names" in columns:
+            said = {name: str(columns.pop(name)) for name in ("robot", "robot_hash") if name in columns}
+            return RawMotion(_matrix_columns(columns, path), metadata or said)
+        if content.statement:
+            return RawMotion(columns, {"schema": None} if metadata == {} else metadata)
+        return RawMotion(_rename_columns(columns, joints))
 
 
 def _rename_columns(columns: dict[str, NDArray[Any]], joints: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -161,13 +139,10 @@ class LeRobotReader(MotionReader):
                 remedy="give a data set of one episode",
             )
         check_file(files[0], limit=MAX_FILE_BYTES, error=MotionError)
-        try:
+        with unreadable(files[0], MotionError):
             table = read_parquet(files[0])
+        with unreadable(path / "meta" / "info.json", MotionError):
             columns = _dataset_columns(table, info, path)
-        except DAMAGED as error:
-            raise unreadable(files[0], error) from error
-        except (KeyError, TypeError, AttributeError) as error:
-            raise unreadable(path / "meta" / "info.json", f"it lacks {error}") from error
         said: Mapping[str, Any] = {}
         if (path / STATEMENT).is_file():
             said = read_json(path / STATEMENT, error=MotionError)
@@ -198,59 +173,8 @@ def _dataset_columns(table: pa.Table, info: Mapping[str, Any], path: Path) -> di
     return columns
 
 
-# npz archives: ``excite.motion/1`` with an array a channel, and the matrices that are exported for
-# controllers.
-
-METADATA = "__metadata__"
-# Metadata with a verdict of some hundred violations.
-_LONGEST_METADATA = 1_000_000
 _MATRICES = {"q": "q", "v": "v", "a": "a"}
 _BASE = {"base_pose": BASE_POSE, "base_twist": BASE_TWIST, "base_acceleration": BASE_ACCELERATION}
-
-
-class NpzReader(MotionReader):
-    """Arrays ``time``, ``q.JOINT`` … with metadata; or ``joint_names`` and matrices ``time``, ``q``, ``v``, ``a``."""
-
-    name: ClassVar[str] = "npz"
-    summary: ClassVar[str] = "excite.motion/1 in an npz archive, or the matrices that export writes"
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`MotionReader`."""
-        return path.suffix == ".npz"
-
-    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
-        """See :class:`MotionReader`."""
-        arrays = read_npz(
-            path,
-            limit=MAX_FILE_BYTES,
-            longest_text=_LONGEST_METADATA,
-            remedy="check that the file is complete",
-            error=MotionError,
-        )
-        if not arrays:
-            raise MotionError("holds no arrays", source=path, remedy="give a motion")
-        text = arrays.pop(METADATA, None)
-        if "joint_names" in arrays:
-            said: dict[str, str] = {
-                name: str(arrays.pop(name)) for name in ("robot", "robot_hash") if name in arrays
-            }
-            return RawMotion(
-                _matrix_columns(arrays, path), said if text is None else _parse_metadata(text, path)
-            )
-        if text is None:
-            raise MotionError(
-                "has neither metadata nor joint_names", source=path, remedy="add joint_names, or write a CSV"
-            )
-        # Written by numpy for its own option of that name.
-        arrays.pop("allow_pickle", None)
-        return RawMotion(arrays, of_ours(_parse_metadata(text, path)))
-
-
-def _parse_metadata(text: NDArray[Any] | None, path: Path) -> Any:
-    try:
-        return {} if text is None else parse_json(str(text))
-    except (ValueError, RecursionError) as error:
-        raise unreadable(path, error) from error
 
 
 def _matrix_columns(arrays: dict[str, NDArray[Any]], path: Path) -> dict[str, NDArray[Any]]:
@@ -271,40 +195,6 @@ def _matrix_columns(arrays: dict[str, NDArray[Any]], path: Path) -> dict[str, ND
             )
         columns |= {column: values[:, i] for i, column in enumerate(wanted)}
     return columns | arrays
-
-
-# Reads motions of ``excite.motion/1`` from Parquet.
-
-
-class ParquetReader(MotionReader):
-    """One column a channel; what the file says of itself is JSON under the key ``excite``."""
-
-    name: ClassVar[str] = "parquet"
-    summary: ClassVar[str] = "excite.motion/1 in Parquet"
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`MotionReader`."""
-        return path.suffix == ".parquet"
-
-    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
-        """See :class:`MotionReader`."""
-        check_file(path, limit=MAX_FILE_BYTES, error=MotionError)
-        try:
-            found = pa.parquet.read_metadata(path)
-            if found.num_rows * found.num_columns > MAX_VALUES:
-                raise MotionError(
-                    f"holds {found.num_rows} rows of {found.num_columns} columns",
-                    source=path,
-                    remedy="check that it is a motion",
-                )
-            table = read_parquet(path)
-            check_once(table.column_names, path)
-            said = (table.schema.metadata or {}).get(b"excite")
-            metadata = {} if said is None else of_ours(parse_json(said.decode()))
-            columns = numpy_columns(table)
-        except DAMAGED as error:
-            raise unreadable(path, error) from error
-        return RawMotion(columns, metadata)
 
 
 # Rows of numbers for controllers, whose columns a comment at the top names.
@@ -331,14 +221,11 @@ class RowsReader(MotionReader):
         """See :class:`MotionReader`."""
         check_file(path, limit=MAX_FILE_BYTES, error=MotionError)
         said = stated_in_comments(path)
-        try:
+        with unreadable(path, MotionError), warnings.catch_warnings():
+            # Of a file without rows, which the number of columns tells as well.
+            warnings.simplefilter("ignore", UserWarning)
             names, rate = [str(name) for name in said["columns"]], float(said["rate_hz"])
-            with warnings.catch_warnings():
-                # Of a file without rows, which the number of columns tells as well.
-                warnings.simplefilter("ignore", UserWarning)
-                rows = np.loadtxt(path, ndmin=2)
-        except (KeyError, TypeError, *DAMAGED) as error:
-            raise unreadable(path, error) from error
+            rows = np.loadtxt(path, ndmin=2)
         if rows.shape[1] != len(names) or rate <= 0.0:
             raise MotionError(
                 f"has {rows.shape[1]} columns, and names {len(names)}", source=path, remedy="export it again"
