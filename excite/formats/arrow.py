@@ -12,11 +12,13 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from excite.errors import InputError
-from excite.formats.file import check_size, check_unique
+from excite.formats.file import check_size, check_unique, first_bytes, unreadable
 from excite.formats.format import ColumnFormat, Content
 
 # Numbers that are laid out for writing at once, 80 MB: a long recording is not held a second time for it.
 _GROUP = 10_000_000
+# What files of Arrow's own format, the second of Feather, begin with.
+_FEATHER = b"ARRO"
 
 
 def open_parquet(path: Path) -> pa.parquet.ParquetFile:
@@ -113,10 +115,21 @@ class ParquetFormat(ColumnFormat):
 # Tables of any making: lists of numbers in rows, records, texts.
 
 
-def read_feather(path: Path) -> pa.Table:
-    """The table of a file of Arrow's own format, the second of Feather."""
-    with pa.ipc.open_file(str(path)) as file:
-        return file.read_all()
+def is_arrow(path: Path) -> bool:
+    """Whether a file begins as Parquet or Feather does."""
+    return first_bytes(path, 4) in (b"PAR1", _FEATHER)
+
+
+def read_arrow(path: Path, error: type[InputError] = InputError) -> dict[str, Any]:
+    """Columns of Parquet or Feather as :func:`table_arrays` has them; raises ``error``."""
+    with unreadable(path, error, "a table of Arrow"):
+        if first_bytes(path, 4) == _FEATHER:
+            with pa.ipc.open_file(str(path)) as file:
+                table = file.read_all()
+        else:
+            table = read_parquet(path)
+        check_size(table.num_rows * table.num_columns, 0, path, error)
+        return table_arrays(table)
 
 
 def table_arrays(table: pa.Table) -> dict[str, Any]:

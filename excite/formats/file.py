@@ -81,12 +81,30 @@ def check_file(path: str | Path, *, limit: int | None = None, error: type[InputE
     return path
 
 
-# What libraries raise of files that are damaged or lie; Arrow's errors are ValueErrors or OSErrors.
+# What libraries raise of files that are damaged or lie.
 DAMAGED: tuple[type[Exception], ...] = (
     *(OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, ArithmeticError, MemoryError),
-    *(RuntimeError, SyntaxError, tokenize.TokenError, struct.error, zlib.error, lzma.LZMAError, BadZipFile),
-    *(pickle.UnpicklingError, ImportError),
+    *(
+        RuntimeError,
+        AssertionError,
+        SyntaxError,
+        tokenize.TokenError,
+        struct.error,
+        zlib.error,
+        lzma.LZMAError,
+        BadZipFile,
+    ),
+    *(pickle.UnpicklingError, ImportError, BadZipFile),
 )
+
+
+# Libraries whose own errors are children of no class of Python's; this module loads none of them.
+_LIBRARIES = frozenset({"pyarrow", "rosbags", "mcap", "apsw", "scipy", "h5py", "yaml"})
+
+
+def is_damage(reason: BaseException) -> bool:
+    """Whether an error is what a library says of a file that is damaged or of another kind."""
+    return isinstance(reason, DAMAGED) or type(reason).__module__.partition(".")[0] in _LIBRARIES
 
 
 @contextmanager
@@ -102,8 +120,7 @@ def unreadable(
     except InputError:
         raise
     except Exception as reason:
-        # Some of Arrow's are children of no class of Python's, and this module loads no Arrow.
-        if not isinstance(reason, DAMAGED) and not type(reason).__name__.startswith("Arrow"):
+        if not is_damage(reason):
             raise
         text = " ".join(str(reason).split()) or type(reason).__name__
         as_what = f" as {what}" if what else ""

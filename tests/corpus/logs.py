@@ -385,7 +385,7 @@ _NPZ = (
     ("check sum", _file(".npz", _bytes(lambda d: d[:300] + bytes(40) + d[340:])), "cannot be read"),
     ("bomb", _file(".npz", _bomb), "more than the"),
     ("shape beyond the file", _file(".npz", _member("x.npy", _npy("(99999999999,)"))), "declares the shape"),
-    ("shape negative", _file(".npz", _member("x.npy", _npy("(-5,)"))), "cannot be read"),
+    ("shape negative", _file(".npz", _member("x.npy", _npy("(-5,)"))), "declares the shape"),
     ("header without end", _file(".npz", _member("x.npy", _npy("(" * 60))), "cannot be read"),
     ("member twice", _file(".npz", _member("q.elbow.npy", _npy("(0,)"))), "stands twice"),
     ("packed otherwise", _file(".npz", _member("x.npy", _npy("(0,)"), zipfile.ZIP_LZMA)), "packed"),

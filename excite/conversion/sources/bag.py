@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 
 from excite.conversion.recording import Recording
 from excite.conversion.sources.messages import MOST_BYTES, is_trajectory, is_wanted
-from excite.conversion.sources.source import Source, damaged
+from excite.conversion.sources.source import Source
 from excite.conversion.sources.topics import Topics, is_of_torques
-from excite.formats.file import first_bytes
+from excite.formats.file import first_bytes, is_damage
 
 
 def _add_messages(topics: Topics, bag: Any, connections: Sequence[Any]) -> None:
@@ -33,6 +33,7 @@ class BagSource(Source):
     """Topics of joints, wrenches and base poses."""
 
     name: ClassVar[str] = "bag"
+    what: ClassVar[str] = "a bag"
     summary: ClassVar[str] = "ROS 1 bags (.bag) and ROS 2 bags (folders, .db3)"
     own_process: ClassVar[bool] = True
 
@@ -44,11 +45,8 @@ class BagSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        import apsw
-        from rosbags import rosbag1, rosbag2
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.serde import SerdeError
-        from rosbags.typesys import Stores, TypesysError, get_typestore
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
 
         store = get_typestore(Stores.ROS2_HUMBLE)
         register_unitree(store)
@@ -71,26 +69,9 @@ class BagSource(Source):
                     _add_messages(topics, bag, others)
                 elif topics.lacks_torques:
                     _add_messages(topics, bag, [c for c in others if is_of_torques(c.topic)])
-        except (
-            AnyReaderError,
-            AssertionError,
-            SerdeError,
-            TypesysError,
-            OSError,
-            ValueError,
-            KeyError,
-            IndexError,
-            AttributeError,
-            TypeError,
-            RuntimeError,
-            OverflowError,
-            struct.error,
-            apsw.Error,
-            rosbag1.ReaderError,
-            rosbag2.ReaderError,
-        ) as error:
-            if not topics.has_positions:
-                raise damaged(path, error, "a bag") from error
+        except Exception as error:
+            if not is_damage(error) or not topics.has_positions:
+                raise
             notes = ("its end is damaged: it is read as far as it goes",)
         found = topics.recording(path, there)
         return (replace(found, notes=found.notes + notes),)

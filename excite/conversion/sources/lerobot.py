@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import pyarrow as pa
 
-from excite.conversion.recording import Column, Recording, Stream, nothing_there
-from excite.conversion.sources.source import Source, damaged
+from excite.conversion.recording import Column, Recording, Stream
+from excite.conversion.sources.source import Source
 from excite.errors import LogError
-from excite.formats.arrow import read_parquet, table_arrays
+from excite.formats.arrow import read_arrow
 from excite.formats.documents import read_json
 
 # What each feature holds for a follower arm.
@@ -54,13 +53,7 @@ class LeRobotSource(Source):
         features = info.get("features", {})
         found: list[Recording] = []
         for file in files:
-            try:
-                arrays = table_arrays(read_parquet(file))
-            except (OSError, ValueError, pa.ArrowException) as error:
-                raise damaged(file, error, "Parquet") from error
-            found += _split_episodes(arrays, features, info, path)
-        if not found:
-            raise nothing_there(path)
+            found += _split_episodes(read_arrow(file, LogError), features, info, path)
         return tuple(found)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -11,25 +10,11 @@ from typing import Any, ClassVar
 
 from excite.conversion.recording import Recording
 from excite.conversion.sources.messages import MOST_BYTES, is_trajectory, is_wanted
-from excite.conversion.sources.source import Source, damaged
+from excite.conversion.sources.source import Source
 from excite.conversion.sources.topics import Topics, is_of_torques
 from excite.errors import LogError
-from excite.formats.file import first_bytes
+from excite.formats.file import first_bytes, is_damage
 
-# What decoders raise for messages that are cut short or of types that they do not know.
-_DAMAGED = (
-    OSError,
-    ValueError,
-    KeyError,
-    IndexError,
-    AttributeError,
-    EOFError,
-    TypeError,
-    RuntimeError,
-    OverflowError,
-    AssertionError,
-    struct.error,
-)
 # How a channel's bytes are decoded, by the encoding that it states.
 _BYTES = {"cdr": "deserialize_cdr", "ros1": "deserialize_ros1"}
 # Concatenated definitions in IDL stand between lines of these.
@@ -40,6 +25,7 @@ class McapSource(Source):
     """Topics of joints, wrenches and base poses; a file whose recorder was killed is read as far as it goes."""
 
     name: ClassVar[str] = "mcap"
+    what: ClassVar[str] = "MCAP"
     summary: ClassVar[str] = "MCAP with messages of ROS 2 or ROS 1 (.mcap)"
     own_process: ClassVar[bool] = True
 
@@ -50,14 +36,11 @@ class McapSource(Source):
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
         try:
-            from mcap.exceptions import McapError
             from mcap.reader import NonSeekingReader
         except ImportError as error:
             raise LogError(
                 "is MCAP, which needs mcap", source=path, remedy="pip install 'excite[ros]'"
             ) from error
-        from rosbags.serde import SerdeError
-
         topics, there = Topics(), dict[str, str]()
         decode = _Decoder()
         notes: tuple[str, ...] = ()
@@ -73,9 +56,9 @@ class McapSource(Source):
                         if of_torques:
                             messages = (m for m in messages if is_of_torques(m[1].topic))
                         _add_messages(topics, there, decode, messages, known=known)
-        except (McapError, SerdeError, *_DAMAGED) as error:
-            if not topics.any:
-                raise damaged(path, error, "MCAP") from error
+        except Exception as error:
+            if not is_damage(error) or not topics.any:
+                raise
             notes = ("its end is missing: it is read as far as it goes",)
         found = topics.recording(path, there)
         return (Recording(found.source, found.name, found.streams, found.said, found.notes + notes),)
@@ -98,7 +81,7 @@ class _Decoder:
 
 def _by_definition(schema: Any, channel: Any) -> Callable[[bytes], Any] | None:
     """What decodes messages of ROS; None where the definition is of no language that is known, or has mistakes."""
-    from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
     from rosbags.typesys.msg import normalize_msgtype
 
     if schema is None or channel.message_encoding not in _BYTES:
@@ -120,7 +103,9 @@ def _by_definition(schema: Any, channel: Any) -> Callable[[bytes], Any] | None:
         store.register(types)
         kind = normalize_msgtype(schema.name)
         store.get_msgdef(kind)
-    except (TypesysError, *_DAMAGED):
+    except Exception as error:
+        if not is_damage(error):
+            raise
         return None
     return partial(getattr(store, _BYTES[channel.message_encoding]), typename=kind)
 

@@ -7,12 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from excite.conversion.recording import Recording
-from excite.errors import LogError
-
-# An hour at 1 kHz of an arm with 55 channels has 1.6 GB as text.
-MAX_SOURCE_BYTES = 4_000_000_000
-# As many numbers as a log folder's trial may hold.
-MAX_NUMBERS = 200_000_000
+from excite.formats.file import MAX_FILE_BYTES
 
 
 class Source(ABC):
@@ -21,11 +16,15 @@ class Source(ABC):
     Attributes:
         name: of the format.
         summary: one line for help texts and errors.
+        what: a file of it, for errors; the name where left out.
+        limit: most bytes of a file.
         own_process: whether its library is known to crash or hang on damaged files, so that a child process reads.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
+    what: ClassVar[str] = ""
+    limit: ClassVar[int] = MAX_FILE_BYTES
     own_process: ClassVar[bool] = False
 
     @abstractmethod
@@ -34,16 +33,7 @@ class Source(ABC):
 
     @abstractmethod
     def read(self, path: Path) -> tuple[Recording, ...]:
-        """All recordings in it, in order.
+        """All recordings in it, in order; those without streams are passed over.
 
-        Raises:
-            LogError: it is no such file, is damaged, or holds more than can be read.
+        What its library raises of damaged files becomes one line where it is called, and so does an empty tuple.
         """
-
-
-def damaged(path: Path, error: BaseException, what: str) -> LogError:
-    """The error for a file that its library cannot read."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    return LogError(
-        f"cannot be read as {what} ({text[:160]})", source=path, remedy="check that the file is complete"
-    )

@@ -14,12 +14,12 @@ import yaml
 from excite.conversion.columns.clock import TICKS
 from excite.conversion.columns.units import UNITS, unit_named
 from excite.conversion.parts import NAMELESS
-from excite.conversion.recording import Column, Recording, Stream, nothing_there
+from excite.conversion.recording import Column, Recording, Stream
 from excite.conversion.shapes import longest_streams, stream_of_arrays
 from excite.conversion.sources.records import collect_arrays
-from excite.conversion.sources.source import Source, damaged
+from excite.conversion.sources.source import Source
 from excite.errors import LogError
-from excite.formats.file import check_file, first_bytes
+from excite.formats.file import first_bytes
 from excite.formats.tables import COMMENTS, read_table, seconds
 
 _SUFFIXES = frozenset(".csv .tsv .tab .txt .dat .log .asc .data .lvm .prn".split())
@@ -43,6 +43,7 @@ class TextSource(Source):
     """Values in text, one row a sample."""
 
     name: ClassVar[str] = "text"
+    what: ClassVar[str] = "a table"
     summary: ClassVar[str] = "a table in text (.csv, .tsv, .txt, .dat, .log) with any separator"
 
     def recognises(self, path: Path) -> bool:
@@ -68,7 +69,7 @@ class TextSource(Source):
         if not dress.named:
             numbers = _upright(numbers)
         if not numbers and not words:
-            raise nothing_there(path)
+            return ()
         stream = Stream(path.stem, tuple(numbers), words=words, nameless=not dress.named)
         notes = [] if dress.named else [NAMELESS]
         notes += [dress.misfit] if dress.misfit else []
@@ -146,7 +147,7 @@ def _upright(columns: list[Column]) -> list[Column]:
 # dashes.
 
 # Printed messages are read at a megabyte a second; an hour of an arm at 100 Hz has 300 MB.
-_ECHO_MAX_BYTES = 512 * 1024 * 1024
+_MAX_PRINTED_BYTES = 512 * 1024 * 1024
 _ENDINGS = frozenset({".yaml", ".yml", ".txt", ".log", ".echo", ".msg", ""})
 _ECHO_FIRST = re.compile(r"[A-Za-z_]\w*:")
 _LINE = re.compile(r"^---\s*$", re.MULTILINE)
@@ -157,6 +158,8 @@ class EchoSource(Source):
     """Messages of one topic, one after the other."""
 
     name: ClassVar[str] = "echo"
+    what: ClassVar[str] = "printed messages"
+    limit: ClassVar[int] = _MAX_PRINTED_BYTES
     summary: ClassVar[str] = "messages as ros2 topic echo and rostopic echo print them"
 
     def recognises(self, path: Path) -> bool:
@@ -168,19 +171,13 @@ class EchoSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        check_file(path, limit=_ECHO_MAX_BYTES, error=LogError)
-        try:
-            parts = _LINE.split(path.read_text(encoding="utf-8", errors="replace"))
-            messages = [message for part in parts if isinstance(message := _parse_message(part), dict)]
-        except (OSError, ValueError, yaml.YAMLError, RecursionError, MemoryError) as error:
-            raise damaged(path, error, "printed messages") from error
+        parts = _LINE.split(path.read_text(encoding="utf-8", errors="replace"))
+        messages = [message for part in parts if isinstance(message := _parse_message(part), dict)]
         arrays: dict[str, Any] = {}
         said: dict[str, object] = {}
         alike, notes = _of_most_joints(messages)
         collect_arrays("", alike, arrays, said, 0)
         streams = longest_streams(stream_of_arrays(path.stem, arrays))
-        if not streams:
-            raise nothing_there(path)
         return (Recording(str(path), path.stem, streams, said, notes),)
 
 
@@ -208,7 +205,6 @@ def _of_most_joints(messages: list[dict[str, Any]]) -> tuple[list[dict[str, Any]
 # Lines that a program printed, ``q: [0.1, 0.2] tau: [1.0, 2.0]`` or ``t=0.1 q1=0.2``, behind a heading or
 # not.
 
-_MAX_BYTES = 512 * 1024 * 1024
 _PRINTED_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _PAIR = re.compile(
     rf"([A-Za-z_][\w./]*)'?\s*[:=]\s*(?:[\[({{]([^\])}}]*)[\])}}]|({_PRINTED_NUMBER})(?![\w.:]))"
@@ -226,6 +222,8 @@ class PrintedSource(Source):
     """Names with numbers or lists of numbers behind them, the same ones in line after line."""
 
     name: ClassVar[str] = "printed"
+    what: ClassVar[str] = "printed lines"
+    limit: ClassVar[int] = _MAX_PRINTED_BYTES
     summary: ClassVar[str] = (
         "lines of names and numbers as programs print them (q: [0.1, 0.2] tau: [1.0, 2.0])"
     )
@@ -244,11 +242,7 @@ class PrintedSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        check_file(path, limit=_MAX_BYTES, error=LogError)
-        try:
-            lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-        except (OSError, MemoryError) as error:
-            raise damaged(path, error, "printed lines") from error
+        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
         rows = [(line, _values(line)) for line in lines if _holds(line)]
         widths: dict[str, int] = {}
         for _, values in rows:
@@ -256,7 +250,7 @@ class PrintedSource(Source):
                 widths.setdefault(name, len(numbers))
         names = [name for name in widths if sum(name in values for _, values in rows) > _SHARE * len(rows)]
         if len(rows) < _FEWEST or not names:
-            raise nothing_there(path)
+            return ()
         arrays = {name: np.array([_row(values, name, widths[name]) for _, values in rows]) for name in names}
         stamps = _stamps([line for line, _ in rows])
         if stamps is not None:

@@ -82,7 +82,9 @@ class ColumnsReader(MotionReader):
             said = {name: str(columns.pop(name)) for name in ("robot", "robot_hash") if name in columns}
             return RawMotion(_matrix_columns(columns, path), metadata or said)
         if content.statement:
-            return RawMotion(columns, {"schema": None} if metadata == {} else metadata)
+            return RawMotion(
+                columns, {"schema": None, **metadata} if isinstance(metadata, Mapping) else metadata
+            )
         return RawMotion(_rename_columns(columns, joints))
 
 
