@@ -10,9 +10,7 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-from excite.errors import MotionError
 from excite.formats.documents import parse_json
-from excite.formats.file import unreadable
 
 # An hour of a humanoid at 1 kHz has 3.6e6 samples of 117 columns, 3.4 GB; motions here last minutes.
 MAX_FILE_BYTES = 1024 * 1024 * 1024
@@ -57,8 +55,7 @@ class MotionReader(ABC):
             path: of the file or folder.
             joints: names of the robot's joints, for formats that name their columns as they like.
 
-        Raises:
-            MotionError: it cannot be read, is damaged, or is larger than any motion.
+        What a library raises of a damaged file becomes one line where this is called.
         """
 
 
@@ -73,11 +70,8 @@ def stated_in_comments(path: Path) -> dict[str, Any]:
 
     Args:
         path: a text file, of which only the comments at its top are read.
-
-    Raises:
-        MotionError: a comment begins as a JSON object and is none.
     """
-    with unreadable(path, MotionError), path.open("rb") as stream:
+    with path.open("rb") as stream:
         while (line := stream.readline(_LONGEST_LINE)).startswith(b"#"):
             text = line[1:].decode().strip()
             if text.startswith("{"):

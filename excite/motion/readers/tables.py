@@ -8,17 +8,15 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from excite.errors import MotionError
-from excite.formats.arrow import numpy_columns, read_parquet
 from excite.formats.documents import parse_json, read_json
-from excite.formats.file import check_file, first_bytes, unreadable
+from excite.formats.file import first_bytes
+from excite.formats.lerobot import is_data_set, read_data_set
 from excite.formats.registry import find_format, read_content
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
-    MAX_FILE_BYTES,
     MotionReader,
     RawMotion,
     of_robot,
@@ -76,11 +74,10 @@ class ColumnsReader(MotionReader):
             raise MotionError("holds no columns", source=path, remedy="give a motion")
         metadata: Any = {}
         if content.statement:
-            with unreadable(path, MotionError):
-                metadata = parse_json(content.statement)
+            metadata = parse_json(content.statement)
         if "joint_names" in columns:
             said = {name: str(columns.pop(name)) for name in ("robot", "robot_hash") if name in columns}
-            return RawMotion(_matrix_columns(columns, path), metadata or said)
+            return RawMotion(_columns_of_matrices(columns, path), metadata or said)
         if content.statement:
             return RawMotion(
                 columns, {"schema": None, **metadata} if isinstance(metadata, Mapping) else metadata
@@ -128,75 +125,54 @@ class LeRobotReader(MotionReader):
 
     def recognises(self, path: Path) -> bool:
         """See :class:`MotionReader`."""
-        return (path / "meta" / "info.json").is_file()
+        return is_data_set(path)
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        info = read_json(path / "meta" / "info.json", error=MotionError)
-        files = sorted((path / "data").glob("**/*.parquet"))
-        if len(files) != 1:
+        data = read_data_set(path, MotionError)
+        first, *others = data.episodes()
+        if others:
+            raise MotionError("holds several episodes", source=path, remedy="give a data set of one episode")
+        if data.fps <= 0.0:
             raise MotionError(
-                f"holds {len(files)} files of episodes",
-                source=path / "data",
-                remedy="give a data set of one episode",
+                "says no rows a second", source=path, field="fps", remedy="state them in info.json"
             )
-        check_file(files[0], limit=MAX_FILE_BYTES, error=MotionError)
-        with unreadable(files[0], MotionError):
-            table = read_parquet(files[0])
-        with unreadable(path / "meta" / "info.json", MotionError):
-            columns = _dataset_columns(table, info, path)
-        said: Mapping[str, Any] = {}
-        if (path / STATEMENT).is_file():
-            said = read_json(path / STATEMENT, error=MotionError)
+        arrays = first[1]
+        # Stamps are in single precision, which at a minute is off by microseconds.
+        columns = {"time": np.asarray(arrays["frame_index"], dtype=float) / data.fps}
+        for feature, (channel, ending) in _FEATURES.items():
+            if feature in arrays:
+                names = [f"{channel}.{name.removesuffix(ending)}" for name in data.names(feature)]
+                columns |= _matrix_columns(feature, arrays[feature], names, path)
+        said = read_json(path / STATEMENT, error=MotionError) if (path / STATEMENT).is_file() else {}
         return RawMotion(columns, of_robot(said))
 
 
-def _dataset_columns(table: pa.Table, info: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
-    numbers = numpy_columns(
-        table.select([n for n in table.column_names if not pa.types.is_nested(table[n].type)])
-    )
-    if np.unique(numbers["episode_index"]).size != 1:
-        raise MotionError("holds several episodes", source=path, remedy="give a data set of one episode")
-    # Stamps are in single precision, which at a minute is off by microseconds.
-    columns = {"time": np.asarray(numbers["frame_index"], dtype=float) / float(info["fps"])}
-    for feature, (channel, ending) in _FEATURES.items():
-        if feature not in info["features"]:
-            continue
-        names = info["features"][feature]["names"]
-        values = np.array(table[feature].to_pylist(), dtype=float)
-        if values.ndim != 2 or values.shape[1] != len(names):
-            raise MotionError(
-                f"has the shape {values.shape} for {len(names)} names",
-                source=path,
-                field=feature,
-                remedy="name each",
-            )
-        columns |= {f"{channel}.{str(n).removesuffix(ending)}": values[:, i] for i, n in enumerate(names)}
-    return columns
-
-
-_MATRICES = {"q": "q", "v": "v", "a": "a"}
 _BASE = {"base_pose": BASE_POSE, "base_twist": BASE_TWIST, "base_acceleration": BASE_ACCELERATION}
 
 
-def _matrix_columns(arrays: dict[str, NDArray[Any]], path: Path) -> dict[str, NDArray[Any]]:
-    """Columns of matrices."""
+def _columns_of_matrices(arrays: dict[str, NDArray[Any]], path: Path) -> dict[str, NDArray[Any]]:
     names = [str(name) for name in np.ravel(arrays.pop("joint_names"))]
     columns: dict[str, NDArray[Any]] = {}
-    groups = {name: [f"{prefix}.{joint}" for joint in names] for name, prefix in _MATRICES.items()}
+    groups = {prefix: [f"{prefix}.{joint}" for joint in names] for prefix in "qva"}
     for name, wanted in {**groups, **_BASE}.items():
-        if name not in arrays:
-            continue
-        values = arrays.pop(name)
-        if values.ndim != 2 or values.shape[1] != len(wanted):
-            raise MotionError(
-                f"has the shape {values.shape}, not (n, {len(wanted)})",
-                source=path,
-                field=name,
-                remedy="write one column a joint",
-            )
-        columns |= {column: values[:, i] for i, column in enumerate(wanted)}
+        if name in arrays:
+            columns |= _matrix_columns(name, arrays.pop(name), wanted, path)
     return columns | arrays
+
+
+def _matrix_columns(
+    name: str, values: NDArray[Any], wanted: Sequence[str], path: Path
+) -> dict[str, NDArray[Any]]:
+    """Columns of a matrix ``(n, len(wanted))``; raises MotionError for another shape."""
+    if values.ndim != 2 or values.shape[1] != len(wanted):
+        raise MotionError(
+            f"has the shape {values.shape}, not (n, {len(wanted)})",
+            source=path,
+            field=name,
+            remedy="write one column a joint",
+        )
+    return {column: values[:, i] for i, column in enumerate(wanted)}
 
 
 # Rows of numbers for controllers, whose columns a comment at the top names.
@@ -221,9 +197,8 @@ class RowsReader(MotionReader):
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        check_file(path, limit=MAX_FILE_BYTES, error=MotionError)
         said = stated_in_comments(path)
-        with unreadable(path, MotionError), warnings.catch_warnings():
+        with warnings.catch_warnings():
             # Of a file without rows, which the number of columns tells as well.
             warnings.simplefilter("ignore", UserWarning)
             names, rate = [str(name) for name in said["columns"]], float(said["rate_hz"])
