@@ -126,6 +126,7 @@ def read_table(
     error: type[InputError] = InputError,
     limit: int = MAX_FILE_BYTES,
     strict: bool = True,
+    below: str = "",
     is_unit: Callable[[str], bool] = is_unit,
 ) -> Table:
     """Read a text table.
@@ -136,6 +137,7 @@ def read_table(
         limit: most bytes of it.
         strict: whether the table must have names, and every row as many cells. Units in brackets behind a name are
             then parted from it.
+        below: the line that the table stands below, such as ``endheader``; empty where no such line is asked for.
         is_unit: whether a cell may stand in a line of units.
 
     Raises:
@@ -146,11 +148,18 @@ def read_table(
     with unreadable(path, error):
         encoding = _encoding(path)
         lines = _head(path, encoding, strict=strict, error=error)
-        dress = find_dress(lines, is_unit, strict=strict) or (_dress_of_words(lines) if strict else None)
+        above = (
+            next((k for k, line in enumerate(lines, 1) if line.strip().lower() == below), 0) if below else 0
+        )
+        if below and not above:
+            raise error(f"has no {below} and rows below", source=path, remedy="export it again")
+        own = lines[above:]
+        dress = find_dress(own, is_unit, strict=strict) or (_dress_of_words(own) if strict else None)
         if dress is None:
             return Table({}, {}, tuple(lines), Dress(",", ".", 0, (), (), False))
         if strict:
-            dress = _checked(_with_numbers_as_names(dress, lines), path, error)
+            dress = _checked(_with_numbers_as_names(dress, own), above, path, error)
+        dress = replace(dress, skip=above + dress.skip)
         columns = _columns(path, dress, encoding, strict=strict, error=error)
     units = dict(zip(dress.names, dress.units or ("",) * len(dress.names), strict=True))
     return Table(columns, units, tuple(lines), dress)
@@ -203,12 +212,12 @@ def _with_numbers_as_names(dress: Dress, lines: Sequence[str]) -> Dress:
     )
 
 
-def _checked(dress: Dress, path: Path, error: type[InputError]) -> Dress:
+def _checked(dress: Dress, above: int, path: Path, error: type[InputError]) -> Dress:
     """The dress of a table with names, each once, units in brackets behind them taken off; raises ``error``."""
     check_size(0, len(dress.names), path, error)
     if not dress.named and dress.misfit:
         raise error(
-            f"line {dress.skip + 1} has {len(dress.names)} fields for {dress.n_named} columns",
+            f"line {above + dress.skip + 1} has {len(dress.names)} fields for {dress.n_named} columns",
             source=path,
             remedy="write one field a column, empty for what is missing",
         )
@@ -393,7 +402,8 @@ def find_dress(
         names, units, above = _names_and_units(lines, split, first, width, separator, is_unit, strict=strict)
         misfit = 0 if names or first == 0 else _misfit(split[first - 1], width)
         text = f"{MISFIT} has {misfit} cells and its rows have {width}, so that the names are not believed"
-        # Rows of what was not seen hold their time alone.
+        # Strictly, all below the names is rows; else those of what was not seen hold their time alone.
+        first = above if strict and names else first
         while names and first > above and _is_sparse_row(lines[first - 1], split[first - 1], width):
             first -= 1
         named, names = bool(names), names or [f"column{k + 1}" for k in range(width)]

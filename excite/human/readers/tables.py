@@ -249,28 +249,14 @@ def read_storage(path: Path) -> dict[str, Array]:
     Raises:
         LogError: the header has no end, or a row is malformed.
     """
-    lines = read_lines(path)
-    ends = [i for i, line in enumerate(lines[:100]) if line.strip().lower() == "endheader"]
-    if not ends or len(lines) < ends[0] + 3:
-        raise LogError("has no endheader and rows below", source=path, remedy="export it from OpenSim again")
-    labels = lines[ends[0] + 1].split()
-    check_labels(labels, path)
-    rows = []
-    for place, line in enumerate(lines[ends[0] + 2 :], start=ends[0] + 3):
-        fields = line.split()
-        if not fields:
-            continue
-        if len(fields) != len(labels):
-            raise LogError(
-                f"line {place} has {len(fields)} numbers for {len(labels)} columns",
-                source=path,
-                remedy="export it again",
-            )
-        rows.append(row_numbers(fields, path, place))
-    if "time" not in labels or not rows:
+    table = read_table(path, error=LogError, below="endheader")
+    columns = {
+        name: numbers_of_words(values, name, path, table.dress.skip, LogError)
+        for name, values in table.columns.items()
+    }
+    if "time" not in columns or not len(columns["time"]):
         raise LogError("has no column time", source=path, remedy="export it again")
-    data = np.array(rows)
-    return {label: data[:, i] for i, label in enumerate(labels)}
+    return columns
 
 
 def _storage_vector(columns: dict[str, Array], stem: str, path: Path) -> Array:
