@@ -25,7 +25,7 @@ SOURCES: Registry[Source] = Registry(
     {
         "lerobot": "excite.conversion.sources.lerobot:LeRobotSource",
         "bag": "excite.conversion.sources.bag:BagSource",
-        "mcap": "excite.conversion.sources.mcap:McapSource",
+        "mcap": "excite.conversion.sources.bag:McapSource",
         "log": "excite.conversion.sources.log_folder:LogFolderSource",
         "pace": "excite.conversion.sources.arrays:PaceSource",
         "mat": "excite.conversion.sources.arrays:MatSource",
