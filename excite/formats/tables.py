@@ -12,7 +12,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
@@ -183,6 +183,17 @@ class CsvFormat(ColumnFormat):
             stream.write(f"# {statement}\n".encode() if statement else b"")
             options = pa.csv.WriteOptions(quoting_style="none" if not statement else "needed")
             pa.csv.write_csv(arrow_table(columns), stream, write_options=options)
+
+
+def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Rows as comma-separated text under their names: numbers with all digits, nothing for None."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(
+        [["" if v is None else repr(float(v)) if isinstance(v, float) else v for v in row] for row in rows]
+    )
+    return stream.getvalue()
 
 
 def numbers_of_words(

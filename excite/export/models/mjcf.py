@@ -40,10 +40,6 @@ from excite.simulation.true_parameters import principal_inertia
 if TYPE_CHECKING:
     import mujoco
 
-# Bodies of a template that are nearer to the identified parameters, relatively, are left alone.
-_SAME_INERTIA = 1e-4
-_ORIENTATIONS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
-
 
 def write_mjcf(
     robot: Robot,
@@ -265,8 +261,8 @@ def segment_difference(members: list[Member], total: Array) -> float:
 # A MuJoCo model of a robot as its author wrote it, and its text with other inertials and friction.
 
 # Bodies of a template that are nearer to the identified parameters, relatively, are left alone.
-_MJCF_TEMPLATE_SAME_INERTIA = 1e-4
-_MJCF_TEMPLATE_ORIENTATIONS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
+_SAME_INERTIA = 1e-4
+_ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
 _ATTRIBUTES = {"viscous": "damping", "coulomb": "frictionloss", "armature": "armature"}
 
 
@@ -314,11 +310,7 @@ class MjcfTemplate:
         ten = identification.parameters.reshape(-1, 10)
         text = XmlText(self.content, self.file)
         bodies = {str(body.attributes.get("name")): body for body in text.root.everywhere("body")}
-        other = [
-            k
-            for k in range(len(ten))
-            if segment_difference(self.members[k], ten[k]) > _MJCF_TEMPLATE_SAME_INERTIA
-        ]
+        other = [k for k in range(len(ten)) if segment_difference(self.members[k], ten[k]) > _SAME_INERTIA]
         segments = tuple(sorted({*changed, *other}))
         notes, written = [], []
         for segment in segments:
@@ -405,6 +397,6 @@ def set_inertial(text: XmlText, body: Element, parameters: Array, name: str) -> 
         six = full[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         text.set(found[0], **values, fullinertia=number_text(*six))
         return
-    for other in _MJCF_TEMPLATE_ORIENTATIONS[1:]:
+    for other in _ORIENTATIONS:
         text.remove_attribute(found[0], other)
     text.set(found[0], **values, **diagonal)
