@@ -166,7 +166,7 @@ class Objects:
         step = self._seconds(even["stepSize"]) if "stepSize" in rows.dtype.names else None
         if step is None or not np.isfinite(step).all() or not step.any():
             step = 1.0 / np.ravel(even["sampleRate"]).astype(float)
-        return (0.0 if first is None else first[0]) + step[0] * np.arange(count)
+        return np.asarray((0.0 if first is None else first[0]) + step[0] * np.arange(count))
 
 
 def tables_of(path: Path, workspace: NDArray[Any]) -> dict[str, dict[str, Any]]:

@@ -98,7 +98,9 @@ def read_pickle(path: Path) -> dict[str, Any]:
     with path.open("rb") as stream:
         if first_bytes(path, len(_ARRAY)) == _ARRAY:
             first = np.lib.format.read_magic(stream) == (1, 0)
-            header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+            header: Any = (
+                np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+            )
             header(stream)
         content = PlainUnpickler(stream).load()
     return _trials(gathered(content, 0))

@@ -57,6 +57,8 @@ SI_FACTORS: dict[str, float] = {
         ("deg", "°", "deg/s", "°/s", "deg/s^2", "deg/s2", "deg/s²", "°/s²", "degrees"), math.pi / 180.0
     ),
     "ns": 1e-9,
+    **dict.fromkeys(("lbf", "lb"), 4.4482216152605),
+    **dict.fromkeys(("kgf", "kp"), 9.80665),
     "cm": 1e-2,
     "kn": 1e3,
 }

@@ -29,6 +29,10 @@ from excite.human.recording import PlateRecording, Recording
 # plate.
 
 
+# A unit that is not known: what it is shows in the person's weight.
+_OTHER_UNIT = re.compile(r"\s*(?:\[[^\[\]]*\]|\([^()]*\))\s*$")
+
+
 class CsvReader(RecordingReader):
     """One row a frame; an empty field is a missing marker; of what is sampled less often, rows between are empty.
 
@@ -42,7 +46,7 @@ class CsvReader(RecordingReader):
     def read(self, path: Path) -> Recording:
         """See :meth:`RecordingReader.read`."""
         found_table = read_table(path, error=LogError)
-        named = columns_of(list(found_table.columns))
+        named = columns_of([_OTHER_UNIT.sub("", label) for label in found_table.columns])
         if named.time is None:
             raise LogError(
                 "has no column time",
@@ -51,7 +55,9 @@ class CsvReader(RecordingReader):
                 "the plates too",
             )
         table = {
-            label: numbers_of_words(values, label, path, found_table.dress.skip, LogError)
+            _OTHER_UNIT.sub("", label): numbers_of_words(
+                values, label, path, found_table.dress.skip, LogError
+            )
             for label, values in found_table.in_si(path, LogError).items()
             if label
         }

@@ -72,11 +72,11 @@ class ColumnsReader(MotionReader):
         columns = content.columns
         if not columns:
             raise MotionError("holds no columns", source=path, remedy="give a motion")
-        metadata: Any = {}
-        if content.statement:
-            metadata = parse_json(content.statement)
+        metadata: Any = parse_json(content.statement) if content.statement else {}
         if "joint_names" in columns:
-            said = {name: str(columns.pop(name)) for name in ("robot", "robot_hash") if name in columns}
+            said: dict[str, str] = {
+                name: str(columns.pop(name)) for name in ("robot", "robot_hash") if name in columns
+            }
             return RawMotion(_columns_of_matrices(columns, path), metadata or said)
         if content.statement:
             return RawMotion(
