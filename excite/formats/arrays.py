@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Mapping
 from pathlib import Path
-from typing import IO, Any, ClassVar
+from typing import IO, Any, ClassVar, NamedTuple
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import numpy as np
@@ -134,9 +134,7 @@ def _read_member(
     stream: IO[bytes], member: ZipInfo, longest_text: int, *, others_empty: bool
 ) -> NDArray[Any]:
     """The array of a member; raises what is wrong with its kind or shape before its values are read."""
-    version = npy.read_magic(stream)
-    header: Any = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, fortran, dtype = header(stream)
+    shape, fortran, dtype = npy_header(stream)
     if others_empty and dtype.hasobject:
         raise _Refused("is not numeric but pickled Python objects")
     if dtype.kind not in _KINDS or dtype.itemsize > 4 * longest_text:
@@ -150,14 +148,27 @@ def _read_member(
     return np.frombuffer(bytearray(stream.read()), dtype).reshape(shape, order="F" if fortran else "C")
 
 
+class NpyHeader(NamedTuple):
+    """What an array's file says of it."""
+
+    shape: tuple[int, ...]
+    fortran: bool
+    dtype: np.dtype[Any]
+
+
+def npy_header(stream: IO[bytes]) -> NpyHeader:
+    """The header of an array's file, of which the values follow."""
+    version = npy.read_magic(stream)
+    header: Any = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    return NpyHeader(*header(stream))
+
+
 def read_npy(path: Path, error: type[InputError] = InputError) -> dict[str, NDArray[Any]]:
     """The array of a ``.npy`` under the file's name, or its fields under theirs; raises ``error``."""
     check_file(path, limit=MAX_FILE_BYTES, error=error)
     with unreadable(path, error, "a numpy array"):
         with path.open("rb") as stream:
-            version = npy.read_magic(stream)
-            header: Any = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-            if header(stream)[2].hasobject:
+            if npy_header(stream).dtype.hasobject:
                 text = "holds pickled Python objects, which are not opened"
                 raise error(text, source=path, remedy=_NUMBERS_ONLY)
         # Mapped, so that a shape beyond the file's end is refused before memory is asked for.

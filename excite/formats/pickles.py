@@ -15,6 +15,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.formats.arrays import npy_header
 from excite.formats.file import MAX_NUMBERS, first_bytes
 
 _DEEPEST = 8
@@ -97,11 +98,7 @@ def read_pickle(path: Path) -> dict[str, Any]:
     """Trials of a pickle, or of an array of objects: by what distinguishes each, empty where there is one alone."""
     with path.open("rb") as stream:
         if first_bytes(path, len(_ARRAY)) == _ARRAY:
-            first = np.lib.format.read_magic(stream) == (1, 0)
-            header: Any = (
-                np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
-            )
-            header(stream)
+            npy_header(stream)
         content = PlainUnpickler(stream).load()
     return _trials(gathered(content, 0))
 

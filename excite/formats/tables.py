@@ -30,6 +30,7 @@ from excite.formats.file import (
     check_file,
     check_size,
     check_unique,
+    first_bytes,
     unreadable,
 )
 from excite.formats.format import ColumnFormat, Content
@@ -289,7 +290,9 @@ def _columns(
     path: Path, dress: Dress, encoding: str, *, strict: bool, error: type[InputError]
 ) -> dict[str, NDArray[Any]]:
     """Columns of the rows: numbers, or words where a column does not hold numbers alone."""
-    rewritten = dress.separator == " " or encoding == "utf-16"
+    start = first_bytes(path, _BLOCK)
+    of_carriage_returns = b"\r" in start and b"\n" not in start
+    rewritten = dress.separator == " " or encoding == "utf-16" or of_carriage_returns
     separator = ";" if dress.separator == " " else dress.separator
     width = len(dress.names)
     bad: list[pa.csv.InvalidRow] = []
@@ -523,9 +526,12 @@ def _first_row(split: list[list[str]], decimal: str) -> int | None:
     rows = [k for k, cells in enumerate(split) if _is_row(cells, decimal)]
     if not rows:
         return None
-    width = len(split[rows[-1]])
+    # Of most rows, since the last one may be cut; of as many, of the later ones.
+    counts = Counter(len(split[k]) for k in rows)
+    width = max(counts, key=lambda w: (counts[w], max(k for k in rows if len(split[k]) == w)))
     # A line of LabVIEW's header says how many samples each column has, behind a word.
-    word = bool(re.match(r"[A-Za-z]", split[rows[-1]][0]))
+    last = max(k for k in rows if len(split[k]) == width)
+    word = bool(re.match(r"[A-Za-z]", split[last][0]))
     return next(
         (k for k in rows if len(split[k]) == width and bool(re.match(r"[A-Za-z]", split[k][0])) == word), None
     )

@@ -74,6 +74,11 @@ DRESSES: dict[str, Callable[[Table], bytes]] = {
     "index column": lambda t: "\n".join(
         f"{k - 1 if k else ''},{line}" for k, line in enumerate(text(t).splitlines())
     ).encode(),
+    "bars": lambda t: text(t, "|").encode(),
+    "title": lambda t: ("Recording of Monday\n\n" + text(t)).encode(),
+    "spreadsheet's own first line": lambda t: ("sep=;\n" + text(t, ";")).encode(),
+    "old line ends": lambda t: text(t).replace("\n", "\r").encode(),
+    "lines between rows": lambda t: text(t).replace("\n", "\n\n# paused\n").encode(),
     "separator at the end": lambda t: text(t).replace("\n", ",\n").encode(),
 }
 
@@ -170,6 +175,14 @@ def test_what_is_wrong_is_refused_in_one_line_that_says_what(user, fault, arm, t
     with pytest.raises(ExciteError, match=line) as raised:
         read(file, arm)
     assert "a.csv" in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_a_recording_that_was_cut_within_a_row_is_read_up_to_it(arm, tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_bytes(text(LOG).encode()[:-25])
+    found = read_as_recording(file, arm)
+    for name, values in LOG.items():
+        np.testing.assert_allclose(found[name], values[:-1], atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.atomic import atomic_path
-from excite.errors import InputError, NoSolutionError
+from excite.errors import InputError
 from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places, robot_names
 from excite.export.models.parameters import (
@@ -23,8 +22,14 @@ from excite.export.models.parameters import (
     split_segment,
     with_servos,
 )
-from excite.export.models.urdf import TOLERANCE
-from excite.export.models.verification import WrittenModel, held_joints, mujoco_error, random_states
+from excite.export.models.verification import (
+    TOLERANCE,
+    WrittenModel,
+    held_joints,
+    mujoco_error,
+    random_states,
+    write_verified,
+)
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_bytes
@@ -81,7 +86,7 @@ def write_mjcf(
         links = tuple(robot.segments[k].link for k in changed)
         model, names_here = compile_mjcf(content, None), template_names(robot, {})
         error = mujoco_error(robot, model, names_here, identification.parameters)
-        return _write_mjcf(content, WrittenModel(Path(path), links, (), None, error))
+        return write_verified(content, WrittenModel(Path(path), links, (), None, error))
     names = names or {}
     given = read_template(robot, template, names)
     edit = given.edited(robot, identification, drives=drives)
@@ -98,7 +103,7 @@ def write_mjcf(
             f"its torques are {in_motion:.1e} off the robot's: that is how far its geometry (or the inertia of "
             "bodies that were left alone) is from the URDF's"
         )
-    return _write_mjcf(content, WrittenModel(Path(path), edit.changed, tuple(notes), None, error))
+    return write_verified(content, WrittenModel(Path(path), edit.changed, tuple(notes), None, error))
 
 
 def exact_text(spec: mujoco.MjSpec) -> bytes:
@@ -123,18 +128,6 @@ def exact_text(spec: mujoco.MjSpec) -> bytes:
                 diaginertia=number_text(*body.inertia),
             )
     return text.edited()
-
-
-def _write_mjcf(content: bytes, model: WrittenModel) -> WrittenModel:
-    error = model.mujoco_error or 0.0
-    if not error <= TOLERANCE:
-        raise NoSolutionError(
-            f"{model.path} was not written: what MuJoCo reads from it is off by {error:.1e}",
-            remedy="report this with the model",
-        )
-    with atomic_path(model.path) as temporary:
-        temporary.write_bytes(content)
-    return model
 
 
 def identified_drives(robot: Robot, identification: Found) -> Drives:

@@ -266,12 +266,8 @@ def read_storage(path: Path) -> dict[str, Array]:
 
 
 def _storage_vector(columns: dict[str, Array], stem: str, path: Path) -> Array:
-    missing = [f"{stem}{axis}" for axis in "xyz" if f"{stem}{axis}" not in columns]
-    if missing:
-        raise LogError(
-            "column is missing", source=path, field=missing[0], remedy="export all three components"
-        )
-    values = np.column_stack([columns[f"{stem}{axis}"] for axis in "xyz"])
+    axes = {axis: f"{stem}{axis}" for axis in "xyz" if f"{stem}{axis}" in columns}
+    values = _column_vector(columns, axes, stem, path)
     if not np.isfinite(values).all():
         raise LogError("is not finite", source=path, field=f"{stem}x", remedy="export it again")
     return values

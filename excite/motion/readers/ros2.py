@@ -133,7 +133,6 @@ def _base_columns(points: Sequence[Any]) -> dict[str, NDArray[Any]]:
 GOAL_FILE = "goal_{:03d}.yaml"
 """Names of several goals in a folder, by their number."""
 
-_ROS2_YAML_FIELDS = {"q": "positions", "v": "velocities", "a": "accelerations"}
 # Comments at the top may hold a verdict of some hundred violations.
 _BEGINNING = 1 << 18
 _MARK = re.compile(rb"^(trajectory:|joint_names:)", re.MULTILINE)
@@ -201,7 +200,7 @@ def read_goal(path: Path) -> dict[str, NDArray[Any]]:
     columns: dict[str, NDArray[Any]] = {
         "time": np.array([_point_time(k, p, path) for k, p in enumerate(points)])
     }
-    for prefix, field in _ROS2_YAML_FIELDS.items():
+    for prefix, field in _FIELDS.items():
         if prefix != "q" and not any(point.get(field) for point in points):
             continue
         rows = np.array([_point_row(k, point, field, len(names), path) for k, point in enumerate(points)])
