@@ -13,6 +13,7 @@ from excite.arrays import Array
 from excite.atomic import atomic_folder, atomic_path
 from excite.errors import InputError
 from excite.export.exporter import Exporter, Setting, motion_remarks, motion_statement
+from excite.formats.markers import write_storage
 from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.human.models import PELVIS, TO_ISB, coordinate_names
 from excite.motion.motion import Motion
@@ -136,21 +137,11 @@ class OpenSimExporter(Exporter):
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
-        names = ["time", *PELVIS, *motion.joint_names]
         rows = np.hstack([motion.time[:, None], _pelvis_coordinates(motion), motion.joint_positions()])
-        head = [
-            motion.name,
-            "version=1",
-            f"nRows={len(rows)}",
-            f"nColumns={len(names)}",
-            "inDegrees=no",
-            *motion_remarks(motion),
-            "endheader",
-            "\t".join(names),
-        ]
-        with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
-            stream.writelines(f"{line}\n" for line in head)
-            stream.writelines("\t".join(map(repr, row)) + "\n" for row in rows.tolist())
+        columns = dict(zip(["time", *PELVIS, *motion.joint_names], rows.T, strict=True))
+        head = [motion.name, "version=1", "inDegrees=no", *motion_remarks(motion)]
+        with atomic_path(path) as temporary:
+            write_storage(columns, temporary, head)
 
 
 def _pelvis_coordinates(motion: Motion) -> Array:

@@ -93,7 +93,8 @@ def _numbers(values: Any) -> Any:
     if stamps is not None:
         return stamps
     parsed = np.array([_float(value) for value in values])
-    return parsed if np.isfinite(parsed).mean() > 0.5 else np.asarray(values, dtype=object)
+    numeric = len(parsed) > 0 and np.isfinite(parsed).mean() > 0.5
+    return parsed if numeric else np.asarray(values, dtype=object)
 
 
 def _float(value: object) -> float:

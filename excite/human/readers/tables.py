@@ -14,14 +14,12 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.finding import Finding
+from excite.formats.markers import read_storage, read_trc
 from excite.formats.tables import numbers_of_words, read_table
 from excite.human.readers.reader import (
     RecordingReader,
-    check_labels,
     checked_time,
     metres_per_unit,
-    read_lines,
-    row_numbers,
 )
 from excite.human.recording import PlateRecording, Recording
 
@@ -216,7 +214,7 @@ class StorageReader(RecordingReader):
 
     def read(self, path: Path) -> Recording:
         """See :meth:`RecordingReader.read`."""
-        columns = read_storage(path)
+        columns = read_storage(path, LogError)
         time = checked_time(columns["time"], path)
         plates: list[PlateRecording] = []
         for label in columns:
@@ -249,22 +247,6 @@ class StorageReader(RecordingReader):
         return Recording(path, time, {}, tuple(plates))
 
 
-def read_storage(path: Path) -> dict[str, Array]:
-    """Columns of a MOT or STO file by label, ``(n,)`` each, as they stand in it.
-
-    Raises:
-        LogError: the header has no end, or a row is malformed.
-    """
-    table = read_table(path, error=LogError, below="endheader")
-    columns = {
-        name: numbers_of_words(values, name, path, table.dress.skip, LogError)
-        for name, values in table.columns.items()
-    }
-    if "time" not in columns or not len(columns["time"]):
-        raise LogError("has no column time", source=path, remedy="export it again")
-    return columns
-
-
 def _storage_vector(columns: dict[str, Array], stem: str, path: Path) -> Array:
     axes = {axis: f"{stem}{axis}" for axis in "xyz" if f"{stem}{axis}" in columns}
     values = _column_vector(columns, axes, stem, path)
@@ -289,45 +271,14 @@ def _storage_plate_name(stem: str, index: int) -> str:
 
 
 class TrcReader(RecordingReader):
-    """Header of five lines, then frame, time and three coordinates a marker, separated by tabs."""
+    """Markers alone."""
 
     name: ClassVar[str] = "trc"
     suffixes: ClassVar[tuple[str, ...]] = (".trc",)
 
     def read(self, path: Path) -> Recording:
         """See :meth:`RecordingReader.read`."""
-        lines = read_lines(path)
-        if len(lines) < 6 or not lines[0].startswith("PathFileType"):
-            raise LogError("is no TRC file", source=path, remedy="export the markers as TRC")
-        keys, values = lines[1].split("\t"), lines[2].split("\t")
-        header = {key.strip(): value for key, value in zip(keys, values, strict=False)}
-        if "Units" not in header:
-            raise LogError("is missing", source=path, field="Units", remedy="export the markers as TRC")
-        unit = metres_per_unit(header["Units"], path)
-        labels = [label.strip() for label in lines[3].split("\t")[2:] if label.strip()]
-        if not labels:
-            raise LogError("names no markers", source=path, remedy="export it again")
-        check_labels(labels, path)
-        width = 2 + 3 * len(labels)
-        rows = []
-        for place, line in enumerate(lines[4:], start=5):
-            fields = line.split("\t")
-            if not fields[0].strip() or fields[0].strip().startswith("X"):
-                continue
-            # Programs leave out fields at the end of a line where the last markers were not seen.
-            if len(fields) > width + 1 and any(field.strip() for field in fields[width:]):
-                raise LogError(
-                    f"line {place} has {len(fields)} fields for {len(labels)} markers",
-                    source=path,
-                    remedy="export it again",
-                )
-            fields = (fields + [""] * width)[:width]
-            rows.append(row_numbers(fields, path, place))
-        if not rows:
-            raise LogError("holds no frames", source=path, remedy="export it again")
-        data = np.array(rows)
-        points = data[:, 2:].reshape(len(data), len(labels), 3) * unit
-        # Programs write a marker that was not seen as empty fields or as exact zeros.
-        points[(points == 0.0).all(axis=2)] = np.nan
-        markers = {label: points[:, i] for i, label in enumerate(labels)}
-        return Recording(path, checked_time(data[:, 1], path), markers)
+        found = read_trc(path, LogError)
+        points = found.points * metres_per_unit(found.unit, path)
+        markers = {label: points[:, i] for i, label in enumerate(found.labels)}
+        return Recording(path, checked_time(found.time, path), markers)
