@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -20,11 +20,18 @@ class Content:
 
     Attributes:
         columns: ``(n,)`` or ``(n, k)`` each, by name; what holds no numbers is of another type, or empty.
+        written: the columns under the names and in the units that the file gives them, where it may give others.
         statement: text that the writer kept beside them, JSON where excite wrote it; empty where there is none.
     """
 
     columns: dict[str, NDArray[Any]] = field(default_factory=dict)
     statement: str = ""
+    written: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+    def of_joints(self, joints: Iterable[str]) -> dict[str, NDArray[Any]]:
+        """The columns in SI; as written where a joint's own name ends in brackets, which then hold no unit."""
+        as_written = self.written and any(joint.endswith((")", "]")) for joint in joints)
+        return self.written if as_written else self.columns
 
 
 class ColumnFormat(ABC):

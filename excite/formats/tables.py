@@ -88,12 +88,14 @@ class Table:
         units: by name, as the file states them in a line of units or in brackets; empty where it does not.
         head: the file's first lines.
         dress: how it is written.
+        written_names: names of the columns with the units in brackets that were parted from them.
     """
 
     columns: dict[str, NDArray[Any]]
     units: dict[str, str]
     head: tuple[str, ...]
     dress: Dress
+    written_names: tuple[str, ...] = ()
 
     @property
     def comments(self) -> Iterator[str]:
@@ -160,12 +162,13 @@ def read_table(
         dress = find_dress(own, is_unit, strict=strict) or (_dress_of_words(own) if strict else None)
         if dress is None:
             return Table({}, {}, tuple(lines), Dress(",", ".", 0, (), (), False))
-        if strict:
-            dress = _checked(_with_numbers_as_names(dress, own), above, path, error)
+        dress = _with_numbers_as_names(dress, own) if strict else dress
+        written_names = dress.names
+        dress = _checked(dress, above, path, error) if strict else dress
         dress = replace(dress, skip=above + dress.skip)
         columns = _columns(path, dress, encoding, strict=strict, error=error)
     units = dict(zip(dress.names, dress.units or ("",) * len(dress.names), strict=True))
-    return Table(columns, units, tuple(lines), dress)
+    return Table(columns, units, tuple(lines), dress, written_names)
 
 
 class CsvFormat(ColumnFormat):
@@ -178,7 +181,9 @@ class CsvFormat(ColumnFormat):
         table = read_table(path, error=error)
         if not table.columns:
             raise error("cannot be read (it is empty)", source=path, remedy="check that it is the right file")
-        return Content(table.in_si(path, error), next((t for t in table.comments if t.startswith("{")), ""))
+        written = dict(zip(table.written_names, table.columns.values(), strict=True))
+        statement = next((text for text in table.comments if text.startswith("{")), "")
+        return Content(table.in_si(path, error), statement, written)
 
     def write(self, columns: Mapping[str, NDArray[Any]], path: Path, statement: str = "") -> None:
         """See :meth:`ColumnFormat.write`."""

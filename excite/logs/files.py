@@ -51,7 +51,7 @@ def load_log(path: str | Path, robot: RobotLike | None = None) -> Log:
     robot_text = _read_robot(header, path, None if robot is None else as_robot(robot))
     files = [path.parent / entry.file for entry in header.trials]
     trials = tuple(
-        read_columns(content.columns, entry, header, file)
+        read_columns(content.of_joints(header.joints), entry, header, file)
         for content, entry, file in zip(read_contents(files, LogError), header.trials, files, strict=True)
     )
     check_log_clock(trials, header, path)

@@ -171,7 +171,8 @@ def _single_columns(found: dict[str, Array]) -> dict[str, Array]:
 
 def _cut_columns(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:
     """The wanted columns of a file under the contract's names, from the wanted part of its duration."""
-    found = _single_columns(read_content(file, LogError).columns)
+    content = read_content(file, LogError)
+    found = _single_columns(content.written or content.columns)
     columns = {}
     for column in wanted:
         if column.source not in found:

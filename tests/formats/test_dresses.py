@@ -177,6 +177,27 @@ def test_what_is_wrong_is_refused_in_one_line_that_says_what(user, fault, arm, t
     assert "a.csv" in str(raised.value) and "\n" not in str(raised.value)
 
 
+def test_brackets_of_a_joints_own_name_are_no_unit(arm, tmp_path):
+    robot = tmp_path / "arm.urdf"
+    robot.write_text(ARM.replace("elbow", "elbow (m)"))
+    table = {name.replace("elbow", "elbow (m)"): values for name, values in MOTION.items()}
+    (tmp_path / "a.csv").write_text(text(table))
+    motion = load_motion(tmp_path / "a.csv", load_robot(robot))
+    np.testing.assert_allclose(
+        motion.q[:, motion.joint_names.index("elbow (m)")], MOTION["q.elbow"], atol=1e-9
+    )
+
+
+def test_units_in_brackets_behind_names(arm, tmp_path):
+    names, units, rows = with_units(LOG).split("\n", 2)
+    pairs = zip(names.split(","), units.split(","), strict=True)
+    (tmp_path / "a.csv").write_text(",".join(f"{name} [{unit}]" for name, unit in pairs) + "\n" + rows)
+    for read, table in (USERS["log"], (read_as_motion, MOTION)):
+        found = read(tmp_path / "a.csv", arm)
+        for name, values in table.items():
+            np.testing.assert_allclose(found[name], values, atol=1e-8)
+
+
 def test_a_recording_that_was_cut_within_a_row_is_read_up_to_it(arm, tmp_path):
     file = tmp_path / "a.csv"
     file.write_bytes(text(LOG).encode()[:-25])

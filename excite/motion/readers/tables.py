@@ -69,7 +69,7 @@ class ColumnsReader(MotionReader):
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
         content = read_content(path, MotionError)
-        columns = content.columns
+        columns = content.of_joints(joints)
         if not columns:
             raise MotionError("holds no columns", source=path, remedy="give a motion")
         metadata: Any = parse_json(content.statement) if content.statement else {}
