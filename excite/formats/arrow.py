@@ -19,6 +19,8 @@ from excite.formats.format import ColumnFormat, Content
 _GROUP = 10_000_000
 # What files of Arrow's own format, the second of Feather, begin with.
 _FEATHER = b"ARRO"
+ARROW = (b"PAR1", _FEATHER)
+"""How files begin that :func:`read_arrow` reads."""
 
 
 def open_parquet(path: Path) -> pa.parquet.ParquetFile:
@@ -113,11 +115,6 @@ class ParquetFormat(ColumnFormat):
 
 
 # Tables of any making: lists of numbers in rows, records, texts.
-
-
-def is_arrow(path: Path) -> bool:
-    """Whether a file begins as Parquet or Feather does."""
-    return first_bytes(path, 4) in (b"PAR1", _FEATHER)
 
 
 def read_arrow(path: Path, error: type[InputError] = InputError) -> dict[str, Any]:

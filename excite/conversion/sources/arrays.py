@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,8 +15,8 @@ from excite.conversion.shapes import longest_streams, split_batches, stream_of_a
 from excite.conversion.sources.source import Source
 from excite.errors import LogError
 from excite.formats.arrays import read_npy, read_npz
-from excite.formats.arrow import is_arrow, read_arrow
-from excite.formats.file import check_size, first_bytes, is_damage
+from excite.formats.arrow import ARROW, read_arrow
+from excite.formats.file import MAX_FILE_BYTES, check_size, first_bytes, is_damage
 from excite.formats.hdf5 import MOST_CONSTANTS, hdf5_arrays
 from excite.formats.matlab import read_mat
 from excite.formats.pickles import flatten_arrays, is_pickled_array, read_pickle, read_torch
@@ -31,111 +30,66 @@ class ArraySource(Source):
 
     Attributes:
         suffixes: of files.
-        beginning: how files begin, whatever they are called; empty where their beginning tells nothing.
+        beginnings: how files begin, whatever they are called.
+        grouped: whether groups and stacks of arrays are recordings of their own.
+        arrays: reads a file's arrays by name.
     """
 
     own_process: ClassVar[bool] = True
     suffixes: ClassVar[tuple[str, ...]]
-    beginning: ClassVar[bytes] = b""
+    beginnings: ClassVar[tuple[bytes, ...]] = ()
+    grouped: ClassVar[bool] = True
+    arrays: ClassVar[Callable[[Path], Arrays]]
 
     def recognises(self, path: Path) -> bool:
         """See :class:`Source`."""
-        start = first_bytes(path, len(self.beginning)) if self.beginning else b""
         return path.is_file() and (
-            path.suffix.lower() in self.suffixes or (start != b"" and start == self.beginning)
+            path.suffix.lower() in self.suffixes or first_bytes(path, 8).startswith(self.beginnings)
         )
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        return recordings_of(path, self.arrays(path))
-
-    @abstractmethod
-    def arrays(self, path: Path) -> dict[str, Any]:
-        """Arrays of a file by name."""
-
-
-class MatSource(ArraySource):
-    """Variables of numbers, and those in structs, by their paths."""
-
-    name: ClassVar[str] = "mat"
-    what: ClassVar[str] = "a .mat file"
-    summary: ClassVar[str] = "MATLAB (.mat, version 7.3 too)"
-    suffixes: ClassVar[tuple[str, ...]] = (".mat",)
-    beginning: ClassVar[bytes] = b"MATLAB"
-
-    def arrays(self, path: Path) -> dict[str, Any]:
-        """See :class:`ArraySource`."""
-        return read_mat(path, LogError)
+        arrays = type(self).arrays(path)
+        if self.grouped:
+            return recordings_of(path, arrays)
+        return (Recording(str(path), path.stem, longest_streams(stream_of_arrays(path.stem, arrays))),)
 
 
-class Hdf5Source(ArraySource):
-    """All data sets of numbers; groups at the top with the same names inside are recordings of their own."""
-
-    name: ClassVar[str] = "hdf5"
-    what: ClassVar[str] = "HDF5"
-    summary: ClassVar[str] = "HDF5 (.h5, .hdf5)"
-    suffixes: ClassVar[tuple[str, ...]] = (".h5", ".hdf5")
-    beginning: ClassVar[bytes] = b"\x89HDF\r\n\x1a\n"
-
-    def arrays(self, path: Path) -> dict[str, Any]:
-        """See :class:`ArraySource`."""
-        return hdf5_arrays(path, LogError)
+def _read_numpy(path: Path) -> Arrays:
+    if path.suffix.lower() == ".npy":
+        return read_npy(path, LogError)
+    return read_npz(path, limit=MAX_FILE_BYTES, longest_text=100_000, error=LogError, remedy=_NUMBERS)
 
 
-class ParquetSource(ArraySource):
-    """A table with numbers, or lists of numbers, in its columns."""
-
-    name: ClassVar[str] = "parquet"
-    what: ClassVar[str] = "a table of Arrow"
-    summary: ClassVar[str] = "tables of Arrow (.parquet, .feather, .arrow)"
-    suffixes: ClassVar[tuple[str, ...]] = (".parquet", ".pq", ".feather", ".arrow")
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`."""
-        return super().recognises(path) or (path.is_file() and is_arrow(path))
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """See :class:`Source`: one recording, which other columns may part into several."""
-        return (
-            Recording(str(path), path.stem, longest_streams(stream_of_arrays(path.stem, self.arrays(path)))),
-        )
-
-    def arrays(self, path: Path) -> dict[str, Any]:
-        """See :class:`ArraySource`."""
-        return read_arrow(path, LogError)
+def _source(
+    name: str, what: str, summary: str, suffixes: str, arrays: Callable[[Path], Arrays], **more: Any
+) -> Any:
+    """A source of a format, by what sets it apart from others."""
+    own = {"name": name, "what": what, "summary": summary, "suffixes": tuple(suffixes.split())}
+    return type(f"{name.title()}Source", (ArraySource,), own | {"arrays": staticmethod(arrays), **more})
 
 
-class NpzSource(ArraySource):
-    """Arrays of one recording, or of one a trial."""
-
-    name: ClassVar[str] = "npz"
-    what: ClassVar[str] = "a numpy array"
-    summary: ClassVar[str] = "numpy arrays (.npz, .npy)"
-    own_process: ClassVar[bool] = False
-    suffixes: ClassVar[tuple[str, ...]] = (".npz", ".npy")
-
-    def arrays(self, path: Path) -> dict[str, Any]:
-        """See :class:`ArraySource`."""
-        if path.suffix.lower() == ".npy":
-            return read_npy(path, LogError)
-        return read_npz(path, limit=self.limit, longest_text=100_000, error=LogError, remedy=_NUMBERS)
-
-
-class PaceSource(ArraySource):
-    """A dictionary of tensors."""
-
-    name: ClassVar[str] = "pace"
-    what: ClassVar[str] = "tensors of torch"
-    summary: ClassVar[str] = "tensors saved by torch (.pt, .pth), as PACE writes them"
-    suffixes: ClassVar[tuple[str, ...]] = (".pt", ".pth")
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`."""
-        return super().recognises(path) and first_bytes(path, 2) == b"PK"
-
-    def arrays(self, path: Path) -> dict[str, Any]:
-        """See :class:`ArraySource`."""
-        return read_torch(path)
+MatSource = _source(
+    *("mat", "a .mat file", "MATLAB (.mat, version 7.3 too)", ".mat", lambda path: read_mat(path, LogError)),
+    beginnings=(b"MATLAB",),
+)
+Hdf5Source = _source(
+    *("hdf5", "HDF5", "HDF5 (.h5, .hdf5)", ".h5 .hdf5", lambda path: hdf5_arrays(path, LogError)),
+    beginnings=(b"\x89HDF\r\n\x1a\n",),
+)
+ParquetSource = _source(
+    *("parquet", "a table of Arrow", "tables of Arrow (.parquet, .feather, .arrow)"),
+    *(".parquet .pq .feather .arrow", lambda path: read_arrow(path, LogError)),
+    beginnings=ARROW,
+    grouped=False,
+)
+NpzSource = _source(
+    *("npz", "a numpy array", "numpy arrays (.npz, .npy)", ".npz .npy", _read_numpy), own_process=False
+)
+PaceSource = _source(
+    *("pace", "tensors of torch", "tensors saved by torch (.pt, .pth), as PACE writes them", ".pt .pth"),
+    read_torch,
+)
 
 
 class PickleSource(Source):
