@@ -160,13 +160,11 @@ def _expand_columns(mapping: RecordingMapping, header: LogHeader, source: object
 
 def _single_columns(found: dict[str, Array]) -> dict[str, Array]:
     """Arrays ``(n, k)`` taken apart into columns ``NAME.1 … NAME.k``."""
-    columns: dict[str, Array] = {}
-    for name, values in found.items():
-        if np.ndim(values) == 2:
-            columns |= {f"{name}.{i + 1}": values[:, i] for i in range(values.shape[1])}
-        else:
-            columns[name] = values
-    return columns
+    return {
+        f"{name}.{i + 1}" if np.ndim(values) == 2 else name: column
+        for name, values in found.items()
+        for i, column in enumerate(values.T if np.ndim(values) == 2 else [values])
+    }
 
 
 def _cut_columns(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:

@@ -14,7 +14,6 @@ from excite.formats.documents import parse_json
 
 # An hour of a humanoid at 1 kHz has 3.6e6 samples of 117 columns, 3.4 GB; motions here last minutes.
 MAX_FILE_BYTES = 1024 * 1024 * 1024
-MAX_VALUES = 200_000_000
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,10 @@ from excite.errors import MotionError
 from excite.formats.bags import open_bag
 from excite.formats.child import in_child
 from excite.formats.documents import read_yaml
-from excite.formats.file import check_file, first_bytes, unreadable
+from excite.formats.file import MAX_NUMBERS, check_file, first_bytes, unreadable
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
     MAX_FILE_BYTES,
-    MAX_VALUES,
     MotionReader,
     RawMotion,
     of_robot,
@@ -81,7 +80,7 @@ def read_bag(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
 
 def _trajectory_columns(topic: str, kind: str, message: Any, path: Path) -> dict[str, NDArray[Any]]:
     points = message.points
-    if len(points) * max(len(message.joint_names), 1) > MAX_VALUES:
+    if len(points) * max(len(message.joint_names), 1) > MAX_NUMBERS:
         raise MotionError(f"has {len(points)} points", source=path, remedy="check that it is a motion")
     if kind == BASE_TRAJECTORY:
         return _base_columns(points)
