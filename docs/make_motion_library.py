@@ -27,11 +27,11 @@ from excite.campaign.rehearsal import rehearse_motions
 from excite.excitation.conditioning import compute_conditioning, motion_factor
 from excite.excitation.precision import nominal_values, row_noise
 from excite.excitation.selection import NEGLIGIBLE, TotalDeviation, candidate_information, greedy_choice
+from excite.formats.documents import read_json
 from excite.motion.content import with_verdict
 from excite.motion.files import load_motion, save_motion
 from excite.motion.generators.mixture import plan_candidates
 from excite.motion.motion import Motion, jerk_peaks
-from excite.reading.documents import read_json
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.report.sections.motions import choose_motions, draw_snapshots
 from excite.results import write_json

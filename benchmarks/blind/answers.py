@@ -13,8 +13,8 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of
 from excite.errors import InputError
 from excite.finding import list_names
+from excite.formats.documents import read_json
 from excite.logs.vocabulary import EFFECTS
-from excite.reading.documents import read_json
 from excite.robot.loading import load_robot
 
 # Effects that an answer names, with what it says that each takes of which joint's gap.

@@ -24,12 +24,12 @@ from excite.arrays import Array
 from excite.documents.blind import BlindAnswers
 from excite.documents.document import read_document
 from excite.errors import InputError
+from excite.formats.number import check_count, check_seed
 from excite.logs.files import save_log
 from excite.logs.log import Log, Trial
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
-from excite.reading.number import check_count, check_seed
 from excite.results import write_json
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -10,6 +10,7 @@ from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
 from excite.excitation.precision import determined_columns, excitable_parameters, nominal_values
+from excite.formats.number import check_number
 from excite.identification.judgement.essential import EssentialParameters, essential_parameters
 from excite.identification.judgement.forecast import ParameterOutlook
 from excite.identification.judgement.judgement import said_rsd
@@ -20,7 +21,6 @@ from excite.identification.statistics import parameter_labels, relative_percent
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion, closed_contacts, interpolate_motion
-from excite.reading.number import check_number
 from excite.regressor.base_parameters import BaseParameters, base_parameters, structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.robot import Robot

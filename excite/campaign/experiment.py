@@ -13,6 +13,7 @@ from excite.display import Shown, count
 from excite.documents.document import read_document
 from excite.documents.plan import PlanDocument
 from excite.errors import MotionError, NoSolutionError
+from excite.formats.number import check_seed
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role
 from excite.logs.log import Log, Trial
@@ -20,7 +21,6 @@ from excite.motion.collection import MotionsLike, as_motions
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
-from excite.reading.number import check_seed
 from excite.results import FilePath, Name, Stated, UnboundedPositive, write_json
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot

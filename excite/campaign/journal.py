@@ -19,12 +19,12 @@ from excite.documents.document import read_document
 from excite.documents.plan import PlanDocument
 from excite.documents.results import Journal as JournalDocument
 from excite.errors import InputError, LogError
+from excite.formats.number import check_count, check_seed
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.reading.number import check_count, check_seed
 from excite.results import Stated, write_json
 from excite.robot.robot import Robot
 

@@ -16,6 +16,7 @@ from excite.excitation.optimisation.objective import make_criterion
 from excite.excitation.optimisation.sampling import NAME
 from excite.excitation.optimisation.search import OptimisedMotion, SearchSettings, optimise_excitation
 from excite.excitation.optimisation.task import ExcitationTask
+from excite.formats.number import check_number
 from excite.motion.generators.generator import (
     Candidate,
     SupportPhase,
@@ -25,7 +26,6 @@ from excite.motion.generators.generator import (
 )
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
-from excite.reading.number import check_number
 from excite.robot.robot import Robot
 from excite.safety.repairs.shares import Shares
 

@@ -36,13 +36,13 @@ from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
 from excite.excitation.precision import row_noise
 from excite.excitation.selection import BEST_THREE, Candidates, Selection, check_selection, select_motions
+from excite.formats.number import check_count, check_number, check_seed
 from excite.identification.judgement.forecast import Forecast
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
-from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.report.comparisons import ReportData, save_report_data
 from excite.results import write_json

@@ -242,7 +242,7 @@ def _children_s() -> float:
 def _run_diagnosis(seed: int, case: Path) -> tuple[dict[str, Any], float]:
     """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
     from excite.documents.diagnosis import Diagnosis  # lazy: pydantic
-    from excite.reading.documents import check_content, parse_json  # lazy: pydantic
+    from excite.formats.documents import check_content, parse_json  # lazy: pydantic
 
     folder = TemporaryFolder()
     copy = Path(shutil.copytree(case, folder.path / "private" / "log"))

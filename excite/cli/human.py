@@ -137,7 +137,7 @@ def command(
 def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Path) -> None:
     """Say before the work is done that it could not be finished."""
     if loaded >= len(trials):
-        from excite.reading.number import shorten_value  # lazy: numpy
+        from excite.formats.number import shorten_value  # lazy: numpy
 
         raise InputError(
             f"is {shorten_value(loaded)} of {len(trials)} recordings",

@@ -17,8 +17,8 @@ from excite.conversion.columns.clock import Table
 from excite.conversion.explicit_mapping import TrialRules
 from excite.conversion.trials import Cut, cut_trials
 from excite.errors import LogError
+from excite.formats.file import read_text
 from excite.logs.header_blocks import Role
-from excite.reading.file import read_text
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
 # A recording is longer than its motion, by what passes before and after; never shorter by more than this [s].

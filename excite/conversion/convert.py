@@ -25,12 +25,12 @@ from excite.conversion.trials import Cut, cut_trials
 from excite.display import count
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError
+from excite.formats.file import PathsLike, as_paths
 from excite.logs.columns import read_columns
 from excite.logs.files import check_replaceable, header_text, load_log, save_log
 from excite.logs.header_blocks import Guess
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
-from excite.reading.file import PathsLike, as_paths
 from excite.temporary_folder import TemporaryFolder
 
 _UNSEEN = "the doctor could not look at it"

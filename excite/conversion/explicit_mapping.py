@@ -12,8 +12,8 @@ from pydantic_core import ErrorDetails
 
 from excite.conversion.columns.units import TO_SI, unit_named
 from excite.errors import LogError
+from excite.formats.documents import read_yaml
 from excite.logs.log import LogHeader
-from excite.reading.documents import read_yaml
 
 # ``map.yaml``, schema ``excite.map/1``: what a recording's columns mean, as far as a person has to say it.
 

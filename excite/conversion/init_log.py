@@ -10,10 +10,9 @@ import numpy as np
 
 from excite.atomic import write_text
 from excite.errors import LogError
+from excite.formats.registry import column_suffixes, read_content
 from excite.logs.columns import BASE_POSE
-from excite.logs.readers.registry import READERS, read_trials
 
-_SUFFIXES = tuple(suffix for reader in READERS.values() for suffix in reader.suffixes)
 # Where a person has to write something.
 FILL_IN = "FILL IN"
 
@@ -50,10 +49,16 @@ def write_header(folder: str | Path, *, overwrite: bool = False) -> WrittenHeade
         raise LogError("no such folder", source=folder, remedy="name the folder that holds the trials")
     if path.exists() and not overwrite:
         raise LogError("exists already", source=path, remedy="edit it, or overwrite it by --force")
-    files = [file for file in sorted(folder.iterdir()) if file.suffix.lower() in _SUFFIXES and file.is_file()]
+    files = [
+        file
+        for file in sorted(folder.iterdir())
+        if file.suffix.lower() in column_suffixes() and file.is_file()
+    ]
     if not files:
-        raise LogError("holds no trials", source=folder, remedy=f"put files there ({', '.join(_SUFFIXES)})")
-    columns = next(read_trials(files[:1]))
+        raise LogError(
+            "holds no trials", source=folder, remedy=f"put files there ({', '.join(column_suffixes())})"
+        )
+    columns = read_content(files[0], LogError).columns
     joints = [name[2:] for name in columns if name.startswith("q.")]
     if not joints or "time" not in columns:
         raise LogError(

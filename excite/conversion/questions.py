@@ -16,8 +16,8 @@ from excite.conversion.columns.words import Clue
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import Guesses
 from excite.conversion.recording import Machine, Recording
-from excite.conversion.sources.text import MISFIT
 from excite.finding import first_names
+from excite.formats.tables import MISFIT
 
 # Columns that are named in one line.
 MOST_NAMED = 12

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import NothingThereError, RobotError
-from excite.reading.documents import MAX_XML_BYTES
-from excite.reading.file import read_text
+from excite.formats.documents import MAX_XML_BYTES
+from excite.formats.file import read_text
 from excite.robot.load import load_robot
 from excite.robot.loading import portable_description
 from excite.robot.prismatic import is_prismatic

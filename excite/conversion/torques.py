@@ -24,11 +24,11 @@ from excite.doctor.limit_shares import AS_STATED, Share, share_of_limits
 from excite.doctor.mistakes.torques import Load, carried_load
 from excite.doctor.torque_samples import torque_samples
 from excite.errors import InputError, LogError, RobotError
+from excite.formats.documents import parse_xml
 from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
-from excite.reading.documents import parse_xml
 from excite.robot.robot import Robot
 from excite.temporary_folder import TemporaryFolder
 

@@ -25,12 +25,12 @@ from excite.doctor.doubt import Doubt
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.finding import list_names
+from excite.formats.number import check_seed
 from excite.logs.load_with_robot import robot_and_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import robot_in_log
 from excite.logs.vocabulary import RIGID_BODY
 from excite.progress import Progress, silent, told_to
-from excite.reading.number import check_seed
 from excite.robot.load import RobotLike
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import DRIVE_TERMS

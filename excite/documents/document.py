@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
 from excite.errors import InputError
 from excite.finding import Finding
-from excite.reading.documents import check_content, read_json
+from excite.formats.documents import check_content, read_json
 from excite.results import Assumed, Stated, sentence_of, stated_fields
 
 # Products of three such numbers are still finite in double precision, so that no sum of squares, ratio or axis of a

@@ -13,10 +13,10 @@ from excite.arrays import Array
 from excite.display import percent
 from excite.errors import InputError, MotionError, UnsafeMotionError
 from excite.export.exporter import Exporter
+from excite.formats.number import check_number
 from excite.motion.content import with_verdict
 from excite.motion.motion import Motion, interpolate_motion
 from excite.motion.setpoints import SLOWEST_SAMPLES_HZ
-from excite.reading.number import check_number
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.motion import coordinate_names

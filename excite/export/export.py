@@ -15,10 +15,10 @@ from excite.export.clearance import Cleared, clear_motions
 from excite.export.exporter import Exporter
 from excite.export.registry import EXPORTERS
 from excite.export.resolve_robot import robot_beside
+from excite.formats.file import PathsLike, as_paths
 from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
-from excite.reading.file import PathsLike, as_paths
 from excite.results import write_json
 from excite.robot.load import RobotLike, as_robot, load_robot
 from excite.robot.robot import Robot
@@ -103,7 +103,7 @@ def export_motions(
     approach: bool = False,
     settings: Mapping[str, object] | None = None,
 ) -> list[Path]:
-    """Write motions in the format of a controller, if the independent check finds all of them safe.
+    """Write motions in the format of a controller, each under its own name; all of them, or none.
 
     Args:
         paths: motion files, or folders of them; or one of these.
@@ -117,6 +117,12 @@ def export_motions(
 
     Returns:
         The files, in the order of the motions.
+
+    Raises:
+        UnknownNameError: no such format or robot.
+        UnsafeMotionError: a motion is not safe, as it is or at ``rate_hz``; nothing was written.
+        MotionError: a file is malformed, not this robot's, or does not say whose it is.
+        InputError: bad rate, setting or robot, as for :func:`export_motion`; or two motions of the same name.
     """
     written = export_with_verdicts(
         as_paths(paths),
@@ -142,27 +148,7 @@ def export_with_verdicts(
     approach: bool = False,
     settings: Mapping[str, object] | None = None,
 ) -> list[Exported]:
-    """Write motion files in a controller's format, each under its own name; all of them, or none.
-
-    Args:
-        paths: motion files, or folders of them.
-        format: a name in ``EXPORTERS``.
-        out: folder to write to.
-        rate_hz: as for :func:`export_motion`.
-        robot: name or file of the robot; the one that each file names where left out.
-        unsafe_anyway: as for :func:`export_motion`.
-        approach: as for :func:`export_motion`.
-        settings: as for :func:`export_motion`.
-
-    Returns:
-        What was written, one a motion.
-
-    Raises:
-        UnknownNameError: no such format or robot.
-        UnsafeMotionError: a motion is not safe, as it is or at ``rate_hz``; nothing was written.
-        MotionError: a file is malformed, not this robot's, or does not say whose it is.
-        InputError: bad rate, setting or robot, as for :func:`export_motion`; or two motions of the same name.
-    """
+    """As :func:`export_motions`, each motion with the verdict that it carries."""
     kind = EXPORTERS.find(format)
     files = motion_paths(paths)
     names = [file.stem for file in files]

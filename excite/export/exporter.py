@@ -15,9 +15,9 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError
+from excite.formats.number import check_number, shorten_value
 from excite.motion.motion import Motion
 from excite.motion.readers.tables import UNSAFE
-from excite.reading.number import check_number, shorten_value
 from excite.robot.robot import Robot
 from excite.safety.verdict import Violation, conditions
 

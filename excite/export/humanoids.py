@@ -13,6 +13,8 @@ from excite.arrays import Array
 from excite.atomic import atomic_folder, atomic_path
 from excite.errors import InputError
 from excite.export.exporter import Exporter, Setting, motion_remarks, motion_statement
+from excite.formats.markers import write_storage
+from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.human.models import PELVIS, TO_ISB, coordinate_names
 from excite.motion.motion import Motion
 from excite.motion.readers.programs import HEADER, STATEMENT
@@ -135,21 +137,11 @@ class OpenSimExporter(Exporter):
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
-        names = ["time", *PELVIS, *motion.joint_names]
         rows = np.hstack([motion.time[:, None], _pelvis_coordinates(motion), motion.joint_positions()])
-        head = [
-            motion.name,
-            "version=1",
-            f"nRows={len(rows)}",
-            f"nColumns={len(names)}",
-            "inDegrees=no",
-            *motion_remarks(motion),
-            "endheader",
-            "\t".join(names),
-        ]
-        with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
-            stream.writelines(f"{line}\n" for line in head)
-            stream.writelines("\t".join(map(repr, row)) + "\n" for row in rows.tolist())
+        columns = dict(zip(["time", *PELVIS, *motion.joint_names], rows.T, strict=True))
+        head = [motion.name, "version=1", "inDegrees=no", *motion_remarks(motion)]
+        with atomic_path(path) as temporary:
+            write_storage(columns, temporary, head)
 
 
 def _pelvis_coordinates(motion: Motion) -> Array:
@@ -160,28 +152,12 @@ def _pelvis_coordinates(motion: Motion) -> Array:
 
 
 # In which place of Unitree's ``motor_cmd`` each joint stands.
-#
-# As in the vendor's SDK (unitree_sdk2: ``example/go2``, ``example/h1``, ``example/g1``) and, for G1s of 23
-# joints, its page "Joint Motor Sequence": those have the places of the 29 and leave some empty.
 
 MODEL = "model"
 """Setting for the order of the robot's own joints."""
 
-_QUADRUPED = tuple(f"{leg}_{joint}" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf"))
-_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
-_G1 = (
-    *(f"{side}_{joint}" for side in ("left", "right") for joint in _LEG),
-    *("waist_yaw", "waist_roll", "waist_pitch"),
-    *(f"{side}_{joint}" for side in ("left", "right") for joint in _ARM),
-)
-_H1 = (
-    *("right_hip_roll", "right_hip_pitch", "right_knee", "left_hip_roll", "left_hip_pitch", "left_knee"),
-    *("torso", "left_hip_yaw", "right_hip_yaw", "", "left_ankle", "right_ankle"),
-    *(f"{side}_{joint}" for side in ("right", "left") for joint in _ARM[:4]),
-)
-KNOWN = {"quadruped": _QUADRUPED, "g1": _G1, "h1": _H1}
-"""Joints by place, without ``_joint`` at their ends; an empty name where no motor is."""
+KNOWN = (QUADRUPED, G1, H1)
+"""Orders that are known by the joints' names."""
 
 
 def motor_places(robot: Robot, order: str) -> dict[str, int]:
@@ -202,9 +178,7 @@ def motor_places(robot: Robot, order: str) -> dict[str, int]:
         return _stated_motors(robot, [name.strip() for name in order.split(",")])
     short = [joint.removesuffix("_joint") for joint in joints]
     found = [
-        tuple(names.index(name) for name in short)
-        for names in KNOWN.values()
-        if all(name in names for name in short)
+        tuple(names.index(name) for name in short) for names in KNOWN if all(name in names for name in short)
     ]
     if len(set(found)) != 1:
         raise InputError(

@@ -15,9 +15,9 @@ from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import InputError
 from excite.export.exporter import Exporter, Setting, motion_remarks, motion_statement
+from excite.formats.child import in_child
 from excite.motion.motion import Motion
 from excite.motion.readers.programs import KEYFRAMES_STATEMENT as STATEMENT
-from excite.reading.child import in_child
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.simulation.coordinates import position_to_mujoco, velocity_to_mujoco
 

@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import pyarrow.parquet
-from numpy.typing import NDArray
 
-from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_folder, atomic_path
 from excite.errors import InputError
 from excite.export.exporter import (
@@ -23,6 +20,8 @@ from excite.export.exporter import (
     motion_statement,
     motion_warnings,
 )
+from excite.formats.arrow import arrow_table
+from excite.formats.lerobot import write_data_set
 from excite.motion.content import motion_columns
 from excite.motion.motion import Motion
 from excite.motion.readers.tables import STATEMENT
@@ -49,21 +48,6 @@ class CsvExporter(Exporter):
 
 
 # LeRobot data sets with one episode: the motion as actions to replay.
-
-_INDICES = ("frame_index", "episode_index", "index", "task_index")
-# What pandas has to know of the table of tasks: their texts are its index.
-_TASKS = {
-    "index_columns": ["task"],
-    "column_indexes": [],
-    "columns": [
-        {"name": n, "field_name": n, "pandas_type": p, "numpy_type": k, "metadata": None}
-        for n, p, k in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
-    ],
-}
-_FILES = {
-    "v3.0": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-    "v2.1": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
-}
 
 
 class LeRobotExporter(Exporter):
@@ -103,119 +87,22 @@ class LeRobotExporter(Exporter):
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; ``path`` is the data set's folder."""
-        version, n = self.word("version"), motion.n_samples
-        fps = round((n - 1) / motion.duration)
-        columns = _dataset_columns(motion, fps)
-        info = {
-            "codebase_version": version,
-            "robot_type": motion.robot,
-            "fps": fps,
-            "total_episodes": 1,
-            "total_frames": n,
-            "total_tasks": 1,
-            "chunks_size": 1000,
-            "splits": {"train": "0:1"},
-            "data_path": _FILES[version],
-            "video_path": None,
-            "features": _dataset_features(motion, columns),
-        }
-        if version == "v2.1":
-            info |= {"total_videos": 0, "total_chunks": 1}
-        place = _FILES[version].format(chunk_index=0, file_index=0, episode_chunk=0, episode_index=0)
-        stats = {name: _feature_stats(values) for name, values in columns.items()}
+        q, v = (x.astype(np.float32) for x in (motion.joint_positions(), motion.joint_velocities()))
+        columns = {"action": q, "observation.state": q, "observation.velocity": v}
+        endings = dict(zip(columns, ("pos", "pos", "vel"), strict=True))
         with atomic_folder(path) as folder:
-            _write_table(_episode_table(columns), folder / place)
-            _write_text(folder / "meta" / "info.json", info)
-            _write_text(folder / STATEMENT, motion_statement(motion) | {"remarks": motion_remarks(motion)})
-            if version == "v2.1":
-                _write_lists(folder / "meta", self.word("task"), n, stats)
-            else:
-                _write_tables(folder / "meta", self.word("task"), n, stats)
-
-
-def _dataset_columns(motion: Motion, fps: int) -> dict[str, NDArray[Any]]:
-    n = motion.n_samples
-    q, v = (x.astype(np.float32) for x in (motion.joint_positions(), motion.joint_velocities()))
-    columns: dict[str, NDArray[Any]] = {"action": q, "observation.state": q, "observation.velocity": v}
-    columns["timestamp"] = (np.arange(n) / fps).astype(np.float32)
-    zero = np.zeros(n, dtype=np.int64)
-    return (
-        columns
-        | {name: zero for name in _INDICES}
-        | {name: np.arange(n) for name in ("frame_index", "index")}
-    )
-
-
-def _dataset_features(motion: Motion, columns: dict[str, NDArray[Any]]) -> dict[str, Any]:
-    return {
-        name: {
-            "dtype": str(values.dtype),
-            "shape": [values.shape[1] if values.ndim > 1 else 1],
-            "names": _feature_names(motion, name) if values.ndim > 1 else None,
-        }
-        for name, values in columns.items()
-    }
-
-
-def _feature_names(motion: Motion, feature: str) -> list[str]:
-    ending = "vel" if feature.endswith("velocity") else "pos"
-    return [f"{joint}.{ending}" for joint in motion.joint_names]
-
-
-def _feature_stats(values: NDArray[Any]) -> dict[str, list[float]]:
-    """Statistics by which a policy's inputs are scaled; the deviation is the population's."""
-    rows = values.reshape(len(values), -1).astype(float)
-    found = {"min": rows.min(0), "max": rows.max(0), "mean": rows.mean(0), "std": rows.std(0)}
-    return {name: value.tolist() for name, value in found.items()} | {"count": [len(values)]}
-
-
-def _episode_table(columns: dict[str, NDArray[Any]]) -> pa.Table:
-    arrays = [
-        pa.array(values)
-        if values.ndim == 1
-        else pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
-        for values in columns.values()
-    ]
-    return pa.Table.from_arrays(arrays, names=list(columns))
-
-
-def _write_tables(meta: Path, task: str, n: int, stats: dict[str, Any]) -> None:
-    """What version 3.0 says of episodes and tasks."""
-    _write_text(meta / "stats.json", stats)
-    tasks = pa.table({"task_index": [0], "task": [task]})
-    _write_table(tasks.replace_schema_metadata({"pandas": json.dumps(_TASKS)}), meta / "tasks.parquet")
-    episode = {
-        "episode_index": [0],
-        "tasks": [[task]],
-        "length": [n],
-        "data/chunk_index": [0],
-        "data/file_index": [0],
-        "dataset_from_index": [0],
-        "dataset_to_index": [n],
-        "meta/episodes/chunk_index": [0],
-        "meta/episodes/file_index": [0],
-    }
-    _write_table(pa.table(episode), meta / "episodes" / "chunk-000" / "file-000.parquet")
-
-
-def _write_lists(meta: Path, task: str, n: int, stats: dict[str, Any]) -> None:
-    """What version 2.1 says of episodes and tasks: JSON lines."""
-    for name, line in (
-        ("tasks", {"task_index": 0, "task": task}),
-        ("episodes", {"episode_index": 0, "tasks": [task], "length": n}),
-        ("episodes_stats", {"episode_index": 0, "stats": stats}),
-    ):
-        (meta / f"{name}.jsonl").write_text(json.dumps(line) + "\n", encoding="utf-8")
-
-
-def _write_table(table: pa.Table, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    pa.parquet.write_table(table, path)
-
-
-def _write_text(path: Path, content: dict[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+            write_data_set(
+                columns,
+                {name: [f"{joint}.{end}" for joint in motion.joint_names] for name, end in endings.items()},
+                folder,
+                fps=round((motion.n_samples - 1) / motion.duration),
+                robot=motion.robot,
+                task=self.word("task"),
+                version=self.word("version"),
+            )
+            said = motion_statement(motion) | {"remarks": motion_remarks(motion)}
+            text = json.dumps(said, indent=2, ensure_ascii=False)
+            (folder / STATEMENT).write_text(text + "\n", encoding="utf-8")
 
 
 # NumPy archives: one matrix a quantity.

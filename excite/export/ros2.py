@@ -22,6 +22,7 @@ from excite.export.exporter import (
     motion_remarks,
     motion_statement,
 )
+from excite.formats.number import shorten_value
 from excite.motion.motion import Motion
 from excite.motion.readers.ros2 import (
     BASE_TRAJECTORY,
@@ -32,7 +33,6 @@ from excite.motion.readers.ros2 import (
     ROBOT_HASH,
 )
 from excite.motion.timing import to_nanoseconds
-from excite.reading.number import shorten_value
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 BASE_TOPIC = "/excite/base"

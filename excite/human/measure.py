@@ -13,6 +13,9 @@ from excite.atomic import atomic_path
 from excite.display import Shown
 from excite.errors import InputError, LogError, UnknownNameError
 from excite.finding import Finding
+from excite.formats.c3d import MAX_C3D_BYTES
+from excite.formats.file import plain_name, unpack_file
+from excite.formats.number import check_number
 from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, Dimensions, body_of
 from excite.human.markers.marker_set import (
     Calibration,
@@ -23,7 +26,7 @@ from excite.human.markers.marker_set import (
 )
 from excite.human.models import PLACES, ROBOT_FILE, URDF_FILE, robot_yaml, urdf_text
 from excite.human.plates import PlateReading, find_support, plate_readings
-from excite.human.readers.c3d import MAX_C3D_BYTES, C3dReader, check_recording
+from excite.human.readers.c3d import C3dReader, check_recording
 from excite.human.readers.reader import RecordingReader
 from excite.human.readers.tables import CsvReader, StorageReader, TrcReader
 from excite.human.recording import (
@@ -43,8 +46,6 @@ from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.butterworth import settling_samples
 from excite.progress import Progress, silent
-from excite.reading.file import plain_name, unpack_file
-from excite.reading.number import check_number
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 

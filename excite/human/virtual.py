@@ -15,13 +15,14 @@ from scipy.spatial.transform import Rotation
 from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import UnknownNameError
+from excite.formats.markers import write_storage
+from excite.formats.number import check_number
 from excite.human.body import Body, BodyInertia, body_of, segment_box
 from excite.human.markers.marker_set import landmark_place, read_marker_set
 from excite.human.models import urdf_text
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, Subject
 from excite.human.skeleton import Placement, frame_turn, place_segments, pose_of
-from excite.reading.number import check_number
 
 # What a virtual person does: arms, trunk, head, legs and squats on two force plates, and the same done again.
 
@@ -172,10 +173,8 @@ def write_mot(
             turned = np.column_stack([values[:, 0], values[:, 2], -values[:, 1]])
             for axis, column in zip("xyz", turned.T, strict=True):
                 columns[f"{name}_ground_{kind}{axis}"] = column
-    lines = ["forces", f"nRows={len(columns['time'])}", "endheader", "\t".join(columns)]
-    lines += ["\t".join(f"{v:.6f}" for v in row) for row in np.column_stack(list(columns.values()))]
     with atomic_path(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_storage(columns, temporary, ["forces"], ".6f")
     return path
 
 

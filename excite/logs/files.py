@@ -11,13 +11,13 @@ import yaml
 
 from excite.atomic import HIDDEN, atomic_folder
 from excite.errors import LogError
+from excite.formats.documents import MAX_XML_BYTES
+from excite.formats.file import read_text
+from excite.formats.registry import read_contents, write_columns
 from excite.logs.columns import check_columns, check_measured, read_columns, trial_columns
 from excite.logs.header import check_header, header_path, read_header
 from excite.logs.log import Log, LogHeader
-from excite.logs.readers.registry import read_trials, write_trial
 from excite.logs.sampling import check_log_clock
-from excite.reading.documents import MAX_XML_BYTES
-from excite.reading.file import read_text
 from excite.robot.catalogue import bundled_robots
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
@@ -51,8 +51,8 @@ def load_log(path: str | Path, robot: RobotLike | None = None) -> Log:
     robot_text = _read_robot(header, path, None if robot is None else as_robot(robot))
     files = [path.parent / entry.file for entry in header.trials]
     trials = tuple(
-        read_columns(columns, entry, header, file)
-        for columns, entry, file in zip(read_trials(files), header.trials, files, strict=True)
+        read_columns(content.of_joints(header.joints), entry, header, file)
+        for content, entry, file in zip(read_contents(files, LogError), header.trials, files, strict=True)
     )
     check_log_clock(trials, header, path)
     check_measured(trials, header, path)
@@ -104,7 +104,7 @@ def save_log(log: Log, folder: str | Path) -> Path:
         for entry, trial in zip(header.trials, log.trials, strict=True):
             columns = trial_columns(trial, header)
             check_columns(columns, header, folder / entry.file)
-            write_trial(columns, temporary / entry.file)
+            write_columns(columns, temporary / entry.file, LogError)
         keep_others(folder, temporary)
     return folder
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from excite.errors import InputError, LogError
+from excite.formats.documents import check_content, read_yaml
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import LogHeader
 from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.vocabulary import EFFECTS, RIGID_BODY
-from excite.reading.documents import check_content, read_yaml
 
 # Gains that the servos of large robots have stay below [N·m/rad, N·m·s/rad, Hz].
 _LARGEST_GAIN = 1e9

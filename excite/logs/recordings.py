@@ -12,13 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from excite.arrays import Array
 from excite.errors import LogError
+from excite.formats.documents import read_yaml
+from excite.formats.registry import read_content
 from excite.logs.columns import check_measured, numeric_column, read_columns
 from excite.logs.header import check_header
 from excite.logs.header_blocks import Role
 from excite.logs.log import Log, LogHeader
-from excite.logs.readers.registry import read_trial
 from excite.logs.sampling import check_log_clock, check_stamps
-from excite.reading.documents import read_yaml
 
 _Model = TypeVar("_Model", bound=BaseModel)
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -160,18 +160,17 @@ def _expand_columns(mapping: RecordingMapping, header: LogHeader, source: object
 
 def _single_columns(found: dict[str, Array]) -> dict[str, Array]:
     """Arrays ``(n, k)`` taken apart into columns ``NAME.1 … NAME.k``."""
-    columns: dict[str, Array] = {}
-    for name, values in found.items():
-        if np.ndim(values) == 2:
-            columns |= {f"{name}.{i + 1}": values[:, i] for i in range(values.shape[1])}
-        else:
-            columns[name] = values
-    return columns
+    return {
+        f"{name}.{i + 1}" if np.ndim(values) == 2 else name: column
+        for name, values in found.items()
+        for i, column in enumerate(values.T if np.ndim(values) == 2 else [values])
+    }
 
 
 def _cut_columns(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:
     """The wanted columns of a file under the contract's names, from the wanted part of its duration."""
-    found = _single_columns(read_trial(file))
+    content = read_content(file, LogError)
+    found = _single_columns(content.written or content.columns)
     columns = {}
     for column in wanted:
         if column.source not in found:

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from excite.errors import InputError, MotionError, UnknownNameError
+from excite.formats.file import PathsLike, as_paths, unreadable_file
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.motion.readers.registry import is_motion
-from excite.reading.file import PathsLike, as_paths, unreadable_file
 from excite.robot.catalogue import data_folder
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.loading import load_robot

@@ -10,15 +10,16 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from excite.arrays import Array
-from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
 from excite.errors import MotionError, OtherRobotError
+from excite.formats.arrow import arrow_table
+from excite.formats.documents import check_content
+from excite.formats.registry import format_of
 from excite.motion.content import (
     BASE_ACCELERATION,
     BASE_POSE,
@@ -29,9 +30,7 @@ from excite.motion.content import (
 )
 from excite.motion.motion import Motion, MotionMetadata
 from excite.motion.readers.registry import read_motion
-from excite.motion.readers.tables import METADATA
 from excite.motion.setpoints import sampled_curve, stated_curve
-from excite.reading.documents import check_content
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 
@@ -84,12 +83,8 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
         columns = narrow_columns(columns)
     metadata = json.dumps(_motion_document(motion, content_hash(columns)))
     with atomic_path(path) as temporary:
-        if path.suffix == ".npz":
-            np.savez_compressed(temporary, allow_pickle=False, **{METADATA: metadata}, **columns)
-        elif path.suffix == ".csv":
-            with temporary.open("wb") as stream:
-                stream.write(f"# {metadata}\n".encode())
-                pyarrow.csv.write_csv(arrow_table(columns), stream)
+        if path.suffix != ".parquet":
+            format_of(path).write(columns, temporary, metadata)
         else:
             write_parquet(columns, metadata, temporary, single=single)
     return path

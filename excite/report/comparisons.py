@@ -14,10 +14,10 @@ from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.documents.document import LARGEST, MOST_CHANNELS
 from excite.errors import ExciteError, InputError
+from excite.formats.arrays import read_npz
 from excite.logs.files import load_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot, robot_for_log
-from excite.reading.numpy_files import read_npz
 from excite.robot.robot import Robot
 
 Names = tuple[str, ...]

@@ -19,9 +19,9 @@ from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
 from excite.documents.results import Doctor, Human, Signals
 from excite.errors import ExciteError, InputError
+from excite.formats.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.reading.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.report.comparisons import DOCTOR_DATA, Record, ReportData, load_report_data, read_record
 from excite.robot.catalogue import find_robot
 from excite.robot.load import load_robot

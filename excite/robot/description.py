@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from excite.errors import RobotError
-from excite.reading.documents import read_yaml
+from excite.formats.documents import read_yaml
 from excite.results import Assumed
 from excite.robot.mechanisms.closures import CouplingBlock, LoopBlock, TieBlock, TransmissionBlock
 from excite.robot.quantities import (

@@ -15,8 +15,8 @@ import yaml
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.reading.documents import MAX_XML_BYTES, read_xml
-from excite.reading.file import read_bytes
+from excite.formats.documents import MAX_XML_BYTES, read_xml
+from excite.formats.file import read_bytes
 from excite.results import Assumed
 from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import FREE_BASES, FootBlock, RobotDescription, read_description

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.errors import RobotError
-from excite.reading.numpy_files import read_npz
+from excite.formats.arrays import read_npz
 from excite.regressor.kernels import base_link_regressor, block_of, joint_torque_regressor
 from excite.regressor.parameter_loops import (
     OF_BODY,

@@ -89,14 +89,15 @@ def test_diagnosed_effect(seen):
     assert any("toy has no form in a simulator" in text for text in found["warnings"])
 
 
-def test_log_reader(seen):
-    assert seen["log reader"]["same"]
-    assert ".toy" in seen["log reader"]["remedy"]
+def test_format(seen):
+    """One file and one line: a log and a motion are read in it, and errors name it."""
+    assert seen["format"]["log"] and seen["format"]["motion"]
+    assert ".toy" in seen["format"]["remedy"]
 
 
 def test_motion_reader(seen):
     assert seen["motion reader"]["same"]
-    assert "JSON by another name (.toy)" in seen["motion reader"]["remedy"]
+    assert "JSON by another name (.toymotion)" in seen["motion reader"]["remedy"]
 
 
 def test_exporter(seen):

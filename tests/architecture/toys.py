@@ -6,6 +6,7 @@ Run in a copy of the package that has the toys (``PYTHONPATH``), it prints one J
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -198,34 +199,27 @@ class ToyDamping(Effect):
             ("logs/vocabulary.py", '    "viscous_friction",', '    "toy",'),
         ),
     ),
-    "log reader": Toy(
-        "logs/readers/toy.py",
+    "format": Toy(
+        "formats/toy.py",
         """
 import json
 
 import numpy as np
 
-from excite.logs.readers.reader import TrialReader
+from excite.formats.format import ColumnFormat, Content
 
 
-class ToyReader(TrialReader):
+class ToyFormat(ColumnFormat):
     name = "toy"
     suffixes = (".toy",)
 
-    def _columns(self, path):
-        return {name: np.array(values) for name, values in json.loads(path.read_text()).items()}
+    def _read(self, path, error):
+        return Content({name: np.array(values) for name, values in json.loads(path.read_text()).items()})
 
-    def write(self, columns, path):
+    def write(self, columns, path, statement=""):
         path.write_text(json.dumps({name: values.tolist() for name, values in columns.items()}))
 """,
-        (
-            (
-                "logs/readers/registry.py",
-                "from excite.logs.readers.",
-                "from excite.logs.readers.toy import ToyReader",
-            ),
-            ("logs/readers/registry.py", "    )", "        ToyReader,"),
-        ),
+        (("formats/registry.py", '        "csv": ', '        "toy": "excite.formats.toy:ToyFormat",'),),
     ),
     "motion reader": Toy(
         "motion/readers/toy.py",
@@ -239,10 +233,10 @@ from excite.motion.readers.reader import MotionReader, RawMotion
 
 class ToyReader(MotionReader):
     name = "toy"
-    summary = "JSON by another name (.toy)"
+    summary = "JSON by another name (.toymotion)"
 
     def recognises(self, path):
-        return path.suffix == ".toy"
+        return path.suffix == ".toymotion"
 
     def read(self, path, joints):
         return RawMotion({name: np.array(values) for name, values in json.loads(path.read_text()).items()})
@@ -337,9 +331,11 @@ def _moved(robot: Any, motion: Any, folder: Path) -> dict[str, Any]:
     from excite.motion.content import motion_columns
 
     text = excite.export_motion(motion, robot, "toy", folder / "exported.txt").read_text()
-    file = folder / "motion.toy"
+    file = folder / "motion.toymotion"
     file.write_text(json.dumps({name: column.tolist() for name, column in motion_columns(motion).items()}))
     read = excite.load_motion(file, robot)
+    shutil.copy(file, folder / "motion.toy")
+    by_format = excite.load_motion(folder / "motion.toy", robot)
     short = excite.simulate(robot, [motion], seed=0, nominal=True).log
     other = excite.simulate(robot, [motion], inject=("toy:elbow_joint:20",), seed=0, nominal=True).log
     entry = short.header.trials[0].model_copy(update={"file": "trial.toy"})
@@ -358,8 +354,9 @@ def _moved(robot: Any, motion: Any, folder: Path) -> dict[str, Any]:
             "changed": float(abs(other.trials[0].tau - short.trials[0].tau).max()),
             "known": _known(lambda: excite.simulate(robot, [motion], inject=("?",))),
         },
-        "log reader": {
-            "same": bool((again.trials[0].tau == short.trials[0].tau).all()),
+        "format": {
+            "log": bool((again.trials[0].tau == short.trials[0].tau).all()),
+            "motion": bool((by_format.q == motion.q).all()),
             "remedy": _remedy(lambda: excite.load_log(folder / "log", robot)),
         },
         "estimator": {

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from excite.cli.main import app
 from excite.errors import RobotError
+from excite.formats.registry import format_of
 from excite.logs.columns import trial_columns
-from excite.logs.readers.registry import reader_for
 from excite.robot.load import load_robot as bring_robot
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log
@@ -39,7 +39,7 @@ def identify(folder: Path, sound, spoil, header=None):
         spoilt = {name: values.copy() for name, values in columns.items()}
         spoil(spoilt)
         path = folder / entry["file"]
-        reader_for(path).write(spoilt, path)
+        format_of(path).write(spoilt, path)
     run = CliRunner().invoke(
         app, ["identify", "ur10", str(folder), "--method", "wls", "--cutoff", "5", "--json"]
     )

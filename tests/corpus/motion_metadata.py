@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from excite.motion.readers.tables import METADATA
+from excite.formats.arrays import STATEMENT
 from tests.corpus.case import Case
 from tests.corpus.practice import columns
 from tests.logs.conftest import ARM
@@ -25,7 +25,7 @@ def _motion(name: str, said: Any) -> Callable[[Path], list[str]]:
         (folder / "robot.urdf").write_text(ARM)
         found = {key: values for key, values in columns().items() if not key.startswith("tau.")}
         if path.suffix == ".npz":
-            np.savez(path, allow_pickle=False, **{METADATA: np.array(text)}, **found)
+            np.savez(path, allow_pickle=False, **{STATEMENT: np.array(text)}, **found)
         else:
             table = pa.table({key: pa.array(values) for key, values in found.items()})
             pa.parquet.write_table(table.replace_schema_metadata({"excite": text}), path)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from excite.logs.readers.registry import reader_for
+from excite.formats.registry import format_of
 from tests.human import c3d_file
 from tests.logs.conftest import ARM
 
@@ -51,7 +51,7 @@ def write_log(folder: Path, stated: dict[str, Any] | None = None, spoilt: Column
     for k, entry in enumerate(stated["trials"]):
         changed = columns() | (spoilt or {} if k == 0 else {})
         sound = {name: values for name, values in changed.items() if values is not None}
-        reader_for(Path(entry["file"])).write(sound, folder / entry["file"])
+        format_of(Path(entry["file"])).write(sound, folder / entry["file"])
     return arguments(folder)
 
 

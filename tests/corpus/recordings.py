@@ -206,7 +206,7 @@ _MOT = (
     ("no rows", _text("force.mot", _mot("")), "endheader and rows|has no column time"),
     ("no time", _text("force.mot", _mot(names=_WRENCH.replace("time", "thyme"))), "has no column time"),
     ("no forces", _text("force.mot", _mot("0\t1\n1\t1\n", "time\tknee")), "ground reaction force"),
-    ("ragged", _text("force.mot", _mot("0\t0\n")), "line 5 has 2 numbers for 7"),
+    ("ragged", _text("force.mot", _mot("0\t0\n")), "line 5 has 2 fields for 7"),
     ("words", _text("force.mot", _mot("0\ta\t0\t0\t0\t0\t0\n")), "line 5 is not numeric"),
     ("nan", _text("force.mot", _mot("0\tnan\t0\t0\t0\t0\t0\n1\t0\t0\t0\t0\t0\t0\n")), "not finite"),
     ("force of 1e300", _text("force.mot", _mot("0\t1e300\t0\t0\t0\t0\t0\n.01\t0\t0\t0\t0\t0\t0\n")), "reaches 1e"),
@@ -215,7 +215,7 @@ _MOT = (
     ("forces without markers", _text("force.mot", _mot()), "has forces only"),
 )  # fmt: skip
 _CSV = (
-    ("empty", _text("walk.csv", ""), "has no column time"),
+    ("empty", _text("walk.csv", ""), "has no column time|is empty"),
     ("names only", _text("walk.csv", _csv(rows=0)), "has 0 rows"),
     ("ragged", _text("walk.csv", _csv(value=lambda i: "1")), "line 2 has 8 fields for 10"),
     ("words", _text("walk.csv", _csv(value=lambda i: "a,b,c")), "line 2 is not numeric"),

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.conversion.sources import messages as recorded
 from excite.errors import InputError, MotionError
 from excite.export.export import export_motion
-from excite.export.humanoids import KNOWN, motor_places
+from excite.export.humanoids import motor_places
+from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
@@ -72,12 +72,12 @@ def test_a_quadrupeds_legs_are_in_the_sdks_order_not_the_models(tmp_path: Path) 
         assert (command["kp"], command["kd"]) == (40.0, 2.0)
 
 
-def test_known_orders_are_those_that_recordings_are_read_by() -> None:
-    assert [f"{name}_joint" for name in KNOWN["quadruped"]] == list(recorded._QUADRUPED)
-    assert [name for name in recorded._H1 if name != "unused_joint"] == [
-        f"{name}_joint" for name in KNOWN["h1"] if name
-    ]
-    assert recorded._H1.index("left_ankle_joint") == KNOWN["h1"].index("left_ankle") == 10
+def test_motors_are_where_the_vendors_sdk_has_them() -> None:
+    """Places of the SDK's enumerations (``H1JointIndex``, ``G1JointIndex``) and of its Go2 example."""
+    assert [QUADRUPED.index(name) for name in ("FR_hip", "FL_hip", "RR_calf", "RL_calf")] == [0, 3, 8, 11]
+    assert [H1.index(f"left_{name}") for name in ("hip_yaw", "ankle", "shoulder_pitch")] == [7, 10, 16]
+    assert (H1.index("right_hip_roll"), H1.index("torso"), H1[9], len(H1)) == (0, 6, "", 20)
+    assert [G1.index(name) for name in ("left_hip_pitch", "waist_yaw", "right_wrist_yaw")] == [0, 12, 28]
 
 
 def test_a_robot_that_nobody_knows_says_its_order_or_is_refused(tmp_path: Path) -> None:

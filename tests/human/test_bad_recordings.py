@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 import excite
 from excite.cli.main import app
 from excite.errors import InputError, LogError
+from excite.formats import c3d as c3d_structure
 from excite.human.measure import MeasureSettings, read_recording
-from excite.human.readers import c3d as c3d_structure
 from excite.human.recording import Recording
 from tests.corpus.practice import c3d
 from tests.corpus.recordings import _csv, _mot, _trc
@@ -61,7 +61,7 @@ def test_the_structure_of_any_c3d_file_is_judged(tmp_path, changes):
     if not path.exists():
         c3d(tmp_path)
     try:
-        c3d_structure.check_c3d(damaged(path.read_bytes(), changes), path)
+        c3d_structure.check_c3d(damaged(path.read_bytes(), changes), path, LogError)
     except LogError as error:
         assert str(path) in str(error) and "\n" not in str(error)
 

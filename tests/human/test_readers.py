@@ -109,7 +109,7 @@ def test_a_plate_without_moments_is_asked_for_and_one_without_free_torque_is_nam
     [
         ("a.trc", "nothing", "is no TRC file"),
         ("a.mot", "a\nendheader\ntime x\n1 2\n2 2\n", "ground reaction force"),
-        ("a.mot", "a\nendheader\ntime ground_force_vx\n1 2 3\n1 2\n", "line 4 has 3 numbers for 2"),
+        ("a.mot", "a\nendheader\ntime ground_force_vx\n1 2 3\n1 2\n", "line 4 has 3 fields for 2"),
         ("a.csv", "time,A.x\n0,1\n0,2\n", "does not rise"),
         ("a.csv", "time,A.x\n0,1\n1,2\n", "A.y"),
         ("a.c3d", "nothing", "is no C3D file"),

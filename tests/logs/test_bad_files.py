@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from excite.errors import LogError
-from excite.logs.readers.registry import READERS, read_trial, read_trials, reader_for, write_trial
+from excite.formats.registry import FORMATS, format_of, read_content, read_contents, write_columns
 from tests.corpus.practice import columns
 
-SUFFIXES = tuple(reader.suffixes[0] for reader in READERS.values())
+SUFFIXES = tuple(reader.suffixes[0] for reader in FORMATS.values())
 # Files of these are read in this process, where hundreds of examples take seconds.
-HERE = tuple(reader.suffixes[0] for reader in READERS.values() if reader.own_process is None)
+HERE = tuple(reader.suffixes[0] for reader in FORMATS.values() if not reader.own_process)
 MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 # A change: where (as share of the file), what is done there, with which byte.
 CHANGES = st.lists(
@@ -58,7 +58,7 @@ def damaged(data: bytes, changes: list[tuple[float, str, int]]) -> bytes:
 
 def columns_or_error(path: Path) -> None:
     try:
-        found = read_trial(path)
+        found = read_content(path, LogError).columns
     except LogError as error:
         assert str(path) in str(error) and "\n" not in str(error)
     else:
@@ -72,7 +72,7 @@ def sound(tmp_path_factory) -> dict[str, bytes]:
     made = {}
     for suffix in SUFFIXES:
         path = folder / f"a{suffix}"
-        reader_for(path).write(columns(), path)
+        format_of(path).write(columns(), path)
         made[suffix] = path.read_bytes()
     return made
 
@@ -101,7 +101,7 @@ def test_damaged_hdf5_is_named_among_others(tmp_path, sound):
         file.write_bytes(sound[".h5"])
     files[1].write_bytes(sound[".h5"][:700] + bytes(300) + sound[".h5"][1000:])
     with pytest.raises(LogError, match=r"b\.h5"):
-        list(read_trials(files))
+        list(read_contents(files, LogError))
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".npz", ".csv"])
@@ -109,8 +109,8 @@ def test_damaged_hdf5_is_named_among_others(tmp_path, sound):
 @given(table=TABLES)
 def test_what_was_written_comes_back_bit_for_bit(tmp_path, suffix, table):
     path = tmp_path / f"a{suffix}"
-    reader_for(path).write(table, path)
-    found = read_trial(path)
+    format_of(path).write(table, path)
+    found = read_content(path, LogError).columns
     assert list(found) == list(table)
     for name, values in table.items():
         # Text has no minus zero apart from zero.
@@ -121,30 +121,30 @@ def test_what_was_written_comes_back_bit_for_bit(tmp_path, suffix, table):
 
 @pytest.mark.parametrize("suffix", [".csv.gz", ".csv.xz", ".parquet.bz2"])
 def test_packed_trials_come_back(tmp_path, suffix):
-    """Whoever packs them: here as ``write_trial``, and as Python's own modules would."""
+    """Whoever packs them: here as ``write_columns``, and as Python's own modules would."""
     path = tmp_path / f"a{suffix}"
-    write_trial(columns(), path)
+    write_columns(columns(), path)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
-    found = read_trial(path)
+    found = read_content(path, LogError).columns
     assert all((found[name] == values).all() for name, values in columns().items())
     module = {".gz": gzip, ".xz": lzma, ".bz2": bz2}[path.suffix]
     path.write_bytes(module.compress(module.decompress(path.read_bytes())))
-    again = read_trial(path)
+    again = read_content(path, LogError).columns
     assert all((again[name] == values).all() for name, values in columns().items())
 
 
 def test_a_packed_trial_leaves_one_of_the_plain_name_alone(tmp_path):
     plain = tmp_path / "a.csv"
-    write_trial(columns(), plain)
+    write_columns(columns(), plain)
     before = plain.read_bytes()
-    write_trial({name: 2.0 * values for name, values in columns().items()}, tmp_path / "a.csv.gz")
+    write_columns({name: 2.0 * values for name, values in columns().items()}, tmp_path / "a.csv.gz")
     assert plain.read_bytes() == before
 
 
 def test_hdf5_comes_back_bit_for_bit(tmp_path):
     path = tmp_path / "a.h5"
-    reader_for(path).write(columns(), path)
-    found = read_trial(path)
+    format_of(path).write(columns(), path)
+    found = read_content(path, LogError).columns
     assert all(found[name].tobytes() == values.tobytes() for name, values in columns().items())
 
 
@@ -154,13 +154,13 @@ def test_a_changed_number_is_noticed(tmp_path, suffix):
     rng = np.random.default_rng(0)
     table = {"time": rng.normal(size=4000)}
     path = tmp_path / f"a{suffix}"
-    reader_for(path).write(table, path)
+    format_of(path).write(table, path)
     data = bytearray(path.read_bytes())
     for place in range(len(data) // 2, len(data) // 2 + 4):
         data[place] ^= 0xFF
     path.write_bytes(data)
     with pytest.raises(LogError):
-        read_trial(path)
+        read_content(path, LogError).columns
 
 
 def test_memory_follows_what_a_file_says_before_it_is_read(tmp_path):
@@ -170,4 +170,4 @@ def test_memory_follows_what_a_file_says_before_it_is_read(tmp_path):
     case = next(c for c in CASES if (c.family, c.name) == ("log: npz", "bomb"))
     case.build(tmp_path)
     with pytest.raises(LogError, match="more than the"):
-        read_trial(tmp_path / "one.npz")
+        read_content(tmp_path / "one.npz", LogError).columns

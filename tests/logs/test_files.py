@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from excite.errors import ExciteError, LogError
+from excite.formats.registry import FORMATS
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.readers.registry import READERS
 from excite.logs.robot import nominal_robot
 from excite.robot.robot import Robot
 
@@ -49,23 +49,23 @@ def test_saving_again_gives_the_same_bytes(arm_log: Log, tmp_path: Path) -> None
         assert (first / file).read_bytes() == (second / file).read_bytes()
 
 
-@pytest.mark.parametrize("name", list(READERS))
+@pytest.mark.parametrize("name", list(FORMATS))
 def test_every_format_keeps_every_number(name: str, tmp_path: Path) -> None:
-    reader = READERS[name]()
+    reader = FORMATS.make(name)
     if name == "hdf5":
         pytest.importorskip("h5py", reason="HDF5 needs h5py")
     values = np.random.default_rng(4).normal(size=(50, 2))
     path = tmp_path / f"trial{reader.suffixes[0]}"
     reader.write({"time": values[:, 0], "q.a joint": values[:, 1]}, path)
-    columns = reader.read(path)
+    columns = reader.read(path, LogError).columns
     assert list(columns) == ["time", "q.a joint"] or sorted(columns) == ["q.a joint", "time"]
     np.testing.assert_array_equal(columns["q.a joint"], values[:, 1])
     path.write_bytes(path.read_bytes()[:40])
     if name != "csv":
         with pytest.raises(LogError, match="cannot be read"):
-            reader.read(path)
+            reader.read(path, LogError)
     with pytest.raises(LogError, match="no such file"):
-        reader.read(tmp_path / f"absent{reader.suffixes[0]}")
+        reader.read(tmp_path / f"absent{reader.suffixes[0]}", LogError)
 
 
 def test_nothing_is_left_of_a_log_that_could_not_be_written(arm_log: Log, tmp_path: Path) -> None:

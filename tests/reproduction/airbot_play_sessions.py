@@ -10,13 +10,13 @@ from scipy.signal import butter, filtfilt
 from scipy.stats import norm
 
 from excite.arrays import Array
+from excite.formats.registry import format_of
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.problem import build_problem
 from excite.identification.sessions.compare import Sessions, identify_sessions, split_sessions
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from tests.reproduction.recordings import percent_left
@@ -77,7 +77,7 @@ def waves_a_turn(data_dir: Path, joint: int) -> tuple[float, float]:
     """
     periods, found = np.arange(20.0, 420.0, 0.5), []
     for name in AGAIN:
-        rows = reader_for(data_dir / FOLDER / f"{name}.csv").read(data_dir / FOLDER / f"{name}.csv")
+        rows = format_of(data_dir / FOLDER / f"{name}.csv").read(data_dir / FOLDER / f"{name}.csv")
         time, q, tau = rows["t_s"], rows[f"q{joint}_rad"], rows[f"tau{joint}_Nm"]
         v = np.gradient(q, time)
         fast = filtfilt(*butter(4, 1.5, "high", fs=1.0 / float(np.median(np.diff(time)))), tau)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.formats.registry import format_of
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
 from tests.reproduction.pendulum import pendulum_urdf
 
@@ -69,4 +69,4 @@ def _table(source: Path, target: Path) -> None:
         f"q_cmd.{JOINT}": values["goal_position"],
         f"tau.{JOINT}": TORQUE_PER_VOLT * duty * values["input_volts"],
     }
-    reader_for(target).write(columns, target)
+    format_of(target).write(columns, target)

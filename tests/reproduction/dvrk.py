@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import butter, filtfilt
 
+from excite.formats.registry import format_of
 from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader
-from excite.logs.readers.registry import reader_for
 
 JOINTS = ("yaw", "pitch", "insertion")
 RATE_HZ = 200.0
@@ -143,4 +143,4 @@ def typical_difference(data_dir: Path, place: Place) -> float:
 
 def _columns(data_dir: Path, name: str) -> dict[str, np.ndarray]:
     file = data_dir / "dvrk_psm_payload" / f"traj_one_{name}.csv"
-    return reader_for(file).read(file)
+    return format_of(file).read(file)

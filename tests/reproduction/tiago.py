@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
+from excite.formats.registry import format_of
 from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.explanation import estimate_torque_delay
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.robot.catalogue import example_robot_data
@@ -78,4 +78,4 @@ def _join(source: Path, target: Path) -> None:
         table = np.loadtxt(source / f"tiago_{kind}.csv", delimiter=",", skiprows=1)[ROWS]
         columns["time"] = table[:, 0]
         columns |= {f"{prefix}.{joint}": table[:, 1 + k] for k, joint in enumerate(JOINTS)}
-    reader_for(target).write(columns, target)
+    format_of(target).write(columns, target)

@@ -5,15 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-import pyarrow as pa
-
-from excite.arrow_columns import read_parquet
-from excite.conversion.recording import Column, Recording, Stream, nothing_there
-from excite.conversion.sources.parquet import table_arrays
-from excite.conversion.sources.source import Source, damaged
+from excite.conversion.recording import Column, Recording, Stream
+from excite.conversion.sources.source import Source
 from excite.errors import LogError
-from excite.reading.documents import read_json
+from excite.formats.lerobot import COUNTING, DataSet, is_data_set, read_data_set
 
 # What each feature holds for a follower arm.
 _CHANNELS = {
@@ -42,93 +37,36 @@ class LeRobotSource(Source):
 
     def recognises(self, path: Path) -> bool:
         """See :class:`Source`."""
-        return (path / "meta" / "info.json").is_file()
+        return is_data_set(path)
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        info = read_json(path / "meta" / "info.json", error=LogError)
-        files = sorted((path / "data").glob("**/*.parquet"))
-        if not files:
-            raise LogError(
-                "has no Parquet files", source=path / "data", remedy="download the data set's data folder"
-            )
-        features = info.get("features", {})
+        data = read_data_set(path, LogError)
+        fps = data.fps
+        note = f"{fps:g} rows a second: inertia and friction of slow motion show, delays and rotors do not"
+        said = {"fps": fps or None, "maybe_shares": True}
         found: list[Recording] = []
-        for file in files:
-            try:
-                arrays = table_arrays(read_parquet(file))
-            except (OSError, ValueError, pa.ArrowException) as error:
-                raise damaged(file, error, "Parquet") from error
-            found += _split_episodes(arrays, features, info, path)
-        if not found:
-            raise nothing_there(path)
+        for episode, arrays in data.episodes():
+            name, time = f"episode_{episode:06d}", arrays.pop("time", None)
+            columns = tuple(_feature_columns(data, arrays))
+            streams = (Stream(name, columns, time),) if columns else ()
+            found.append(Recording(str(path), name, streams, said, (note,) if fps else ()))
         return tuple(found)
 
 
-def _split_episodes(
-    arrays: dict[str, Any], features: dict[str, Any], info: dict[str, Any], path: Path
-) -> list[Recording]:
-    n = max((len(values) for values in arrays.values()), default=0)
-    index = arrays.get("episode_index", np.zeros(n)).astype(int)
-    found = []
-    fps = float(info.get("fps", 0.0))
-    note = (
-        f"{fps:g} rows a second: inertia and friction of slow motion show, delays and rotors do not"
-        if fps
-        else ""
-    )
-    for episode in np.unique(index):
-        rows = index == episode
-        frames = arrays.get("frame_index", np.arange(n))[rows]
-        time = arrays["timestamp"][rows] if "timestamp" in arrays else frames / fps if fps else None
-        columns = tuple(_feature_columns(arrays, features, rows))
-        if columns:
-            stream = Stream(f"episode_{episode:06d}", columns, time)
-            found.append(
-                Recording(
-                    str(path),
-                    f"episode_{episode:06d}",
-                    (stream,),
-                    {"fps": fps or None, "maybe_shares": True},
-                    (note,) if note else (),
-                )
-            )
-    return found
-
-
-def _feature_columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> list[Column]:
+def _feature_columns(data: DataSet, arrays: dict[str, Any]) -> list[Column]:
     found = []
     for name, values in arrays.items():
-        if name in {
-            "timestamp",
-            "frame_index",
-            "episode_index",
-            "index",
-            "task_index",
-            "next.done",
-            "next.reward",
-        }:
+        if name in COUNTING:
             continue
-        labels = _feature_names(features.get(name, {}))
+        labels = data.names(name)
         values = values.reshape(len(values), -1)
         channel = _CHANNELS.get(name, "")
         for k in range(values.shape[1]):
             label = labels[k] if k < len(labels) else str(k)
             ending = next((word for word in _ENDINGS if label.endswith(word)), "")
             what = _ENDINGS[ending].get(channel, "") if ending else channel
-            numbers = values[rows, k].astype(float)
-            found.append(Column(f"{name}.{label}", numbers, what, label.removesuffix(ending)))
+            found.append(
+                Column(f"{name}.{label}", values[:, k].astype(float), what, label.removesuffix(ending))
+            )
     return found
-
-
-def _feature_names(feature: dict[str, Any]) -> list[str]:
-    return _flatten_names(feature.get("names") or [])
-
-
-def _flatten_names(names: Any) -> list[str]:
-    """Names in a list, or in lists or dictionaries of lists, one a motor."""
-    if isinstance(names, dict):
-        return [name for inner in names.values() for name in _flatten_names(inner)]
-    if isinstance(names, list):
-        return [name for inner in names for name in _flatten_names(inner)]
-    return [str(names)]

@@ -9,8 +9,9 @@ from typing import ClassVar
 from excite.conversion.recording import Recording, Stream
 from excite.conversion.shapes import stream_of_arrays
 from excite.conversion.sources.source import Source
+from excite.errors import LogError
+from excite.formats.registry import read_contents
 from excite.logs.header import read_header
-from excite.logs.readers.registry import read_trials
 
 
 class LogFolderSource(Source):
@@ -33,10 +34,10 @@ class LogFolderSource(Source):
             Recording(
                 str(file),
                 file.stem,
-                tuple(_in_si(stream) for stream in stream_of_arrays(file.stem, columns)),
+                tuple(_in_si(stream) for stream in stream_of_arrays(file.stem, content.columns)),
                 said,
             )
-            for file, columns in zip(files, read_trials(files), strict=True)
+            for file, content in zip(files, read_contents(files, LogError), strict=True)
         )
 
 

@@ -15,26 +15,10 @@ import numpy as np
 from excite.arrays import Array
 from excite.conversion.recording import Column, Stream
 from excite.conversion.sources.ros import Field, Row
+from excite.formats.unitree import H1, QUADRUPED, WHEELED
 
 # Unitree's LowState and LowCmd: numbered motors, of which a machine has some, and the robot's own clock.
-#
-# Order of motors as in the vendor's SDK (unitree_sdk2: ``example/go2``, ``example/h1``, ``example/g1``):
-# quadrupeds count legs FR, FL, RR, RL, those on wheels the wheels after them; H1 has an order of its own; of
-# unitree_hg's humanoids every model counts left leg, right leg, waist, left arm, right arm, as their models
-# do, and leaves out what it does not have.
 
-_LEGS = ("FR", "FL", "RR", "RL")
-_QUADRUPED = tuple(f"{leg}_{joint}_joint" for leg in _LEGS for joint in ("hip", "thigh", "calf"))
-_WHEELED = (*_QUADRUPED, *(f"{leg}_foot_joint" for leg in _LEGS))
-_H1 = tuple(
-    f"{name}_joint"
-    for name in (
-        *("right_hip_roll", "right_hip_pitch", "right_knee", "left_hip_roll", "left_hip_pitch", "left_knee"),
-        *("torso", "left_hip_yaw", "right_hip_yaw", "unused", "left_ankle", "right_ankle"),
-        *(f"{side}_{joint}" for side in ("right", "left") for joint in (
-            "shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")),
-    )
-)  # fmt: skip
 # Motors behind linkages of unitree_hg, which stand as motors A and B where mode_pr is 1: ankles, and the G1's waist.
 _LINKED = (4, 5, 10, 11)
 _WAIST, _WITH_WAIST = (13, 14), 29
@@ -164,8 +148,8 @@ def _alive(streams: Sequence[Stream]) -> set[int]:
 
 def _names(alive: set[int]) -> dict[int, str]:
     highest = max(alive, default=0)
-    order = _QUADRUPED if highest < len(_QUADRUPED) else _WHEELED if highest < len(_WHEELED) else _H1
-    return {k: order[k] for k in alive if k < len(order)}
+    order = next((names for names in (QUADRUPED, WHEELED) if highest < len(names)), H1)
+    return {k: f"{order[k] or 'unused'}_joint" for k in alive if k < len(order)}
 
 
 def _named(stream: Stream, alive: set[int], names: Mapping[int, str]) -> Stream:

@@ -10,16 +10,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.recording import Column, Recording, Stream, nothing_there
+from excite.conversion.recording import Column, Recording, Stream
 from excite.conversion.shapes import FEWEST_ROWS, longest_streams, stream_of_arrays
-from excite.conversion.sources.npz import constants
-from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged, seconds
+from excite.conversion.sources.arrays import constants
+from excite.conversion.sources.source import Source
 from excite.errors import LogError
-from excite.reading.file import check_file, first_bytes
+from excite.formats.file import check_size, first_bytes
+from excite.formats.tables import seconds
 
 # JSON recordings: columns of numbers, or a list of entries with the same fields (as BAM writes them).
 
-# Ten times what is read as JSON elsewhere is still read at once in a gigabyte.
+# Text of JSON or XML: read at once it takes a gigabyte. A cycle of RSI has half a kilobyte.
 _MAX_BYTES = 512 * 1024 * 1024
 _DEEPEST = 6
 # Robots with more joints are not recorded as JSON.
@@ -30,6 +31,8 @@ class JsonSource(Source):
     """An object of lists, a list of objects, or an object that holds such a list; or one object a line."""
 
     name: ClassVar[str] = "json"
+    what: ClassVar[str] = "JSON"
+    limit: ClassVar[int] = _MAX_BYTES
     summary: ClassVar[str] = "JSON (.json, .jsonl)"
 
     def recognises(self, path: Path) -> bool:
@@ -42,12 +45,7 @@ class JsonSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        check_file(path, limit=_MAX_BYTES, error=LogError)
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-            content = _parse_json(text, path)
-        except (OSError, ValueError, RecursionError, MemoryError) as error:
-            raise damaged(path, error, "JSON") from error
+        content = _parse_json(path.read_text(encoding="utf-8-sig"), path)
         around, trials = _find_trials(content)
         if trials:
             names = [f"{path.stem}_{k + 1}" for k in range(len(trials))]
@@ -57,19 +55,16 @@ class JsonSource(Source):
             ]
         else:
             found = [_build_recording(path, path.stem, content)]
-        whole = tuple(recording for recording in found if recording is not None)
-        if not whole:
-            raise nothing_there(path)
-        return whole
+        return tuple(found)
 
 
-def _build_recording(path: Path, name: str, content: Any) -> Recording | None:
-    """The recording that an object holds; None where it holds no rows of numbers."""
+def _build_recording(path: Path, name: str, content: Any) -> Recording:
+    """The recording that an object holds."""
     arrays: dict[str, Any] = {}
     said: dict[str, object] = {}
     collect_arrays("", content, arrays, said, 0)
     streams = longest_streams(stream_of_arrays(name, arrays))
-    return Recording(str(path), name, streams, said | constants(arrays)) if streams else None
+    return Recording(str(path), name, streams, said | constants(arrays))
 
 
 def _find_trials(content: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -166,8 +161,6 @@ def _collect_numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> Non
 
 # Records in XML, one after the other, as KUKA's Robot Sensor Interface sends them every cycle.
 
-# Ten times what is read as XML elsewhere; a cycle of RSI has half a kilobyte, four minutes at 250 Hz 30 MB.
-_XML_MAX_BYTES = 512 * 1024 * 1024
 _TAG = re.compile(r"<([A-Za-z_][\w.-]*)[\s/>]")
 # An element's attributes, or its text: nothing else of XML is looked at, so that nothing in it is expanded.
 _ELEMENT = re.compile(
@@ -186,6 +179,8 @@ class XmlSource(Source):
     """An element a sample, with or without one around all of them."""
 
     name: ClassVar[str] = "xml"
+    what: ClassVar[str] = "XML"
+    limit: ClassVar[int] = _MAX_BYTES
     summary: ClassVar[str] = "records in XML, as of KUKA's RSI (.xml)"
 
     def recognises(self, path: Path) -> bool:
@@ -198,26 +193,17 @@ class XmlSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        check_file(path, limit=_XML_MAX_BYTES, error=LogError)
-        try:
-            text = path.read_text(encoding="utf-8-sig", errors="replace")
-        except (OSError, MemoryError) as error:
-            raise damaged(path, error, "XML") from error
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
         tag = _record_tag(text)
         if tag is None:
-            raise nothing_there(path)
+            return ()
         rows = [_row(record) for record in re.split(rf"<{re.escape(tag)}(?=[\s>])", text)[1:]]
         names = list(dict.fromkeys(name for row in rows for name in row))
-        if len(rows) * len(names) > MAX_NUMBERS:
-            raise damaged(
-                path, ValueError(f"{len(rows)} records of {len(names)} numbers are too many"), "XML"
-            )
+        check_size(len(rows) * len(names), 0, path, LogError)
         none = float("nan")
         columns = (Column(name, np.array([row.get(name, none) for row in rows])) for name in names)
         kept = tuple(column for column in columns if np.isfinite(column.values).any())
-        if not kept:
-            raise nothing_there(path)
-        return (Recording(str(path), path.stem, (Stream(path.stem, kept),)),)
+        return (Recording(str(path), path.stem, (Stream(path.stem, kept),)),) if kept else ()
 
 
 def _record_tag(text: str) -> str | None:

@@ -5,11 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from excite.conversion.recording import Recording
-from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source
+from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.sources.source import Source
 from excite.errors import LogError
-from excite.reading.child import in_child
-from excite.reading.file import check_file, first_bytes, is_packed, plain_name, unpack_file
+from excite.formats.child import in_child
+from excite.formats.file import (
+    MAX_FILE_BYTES,
+    check_file,
+    first_bytes,
+    is_packed,
+    plain_name,
+    unpack_file,
+    unreadable,
+)
 from excite.registry import Registry
 
 SOURCES: Registry[Source] = Registry(
@@ -17,14 +25,14 @@ SOURCES: Registry[Source] = Registry(
     {
         "lerobot": "excite.conversion.sources.lerobot:LeRobotSource",
         "bag": "excite.conversion.sources.bag:BagSource",
-        "mcap": "excite.conversion.sources.mcap:McapSource",
+        "mcap": "excite.conversion.sources.bag:McapSource",
         "log": "excite.conversion.sources.log_folder:LogFolderSource",
-        "pace": "excite.conversion.sources.pickles:PaceSource",
-        "mat": "excite.conversion.sources.matlab:MatSource",
-        "hdf5": "excite.conversion.sources.hdf5:Hdf5Source",
-        "parquet": "excite.conversion.sources.parquet:ParquetSource",
-        "pickle": "excite.conversion.sources.pickles:PickleSource",
-        "npz": "excite.conversion.sources.npz:NpzSource",
+        "pace": "excite.conversion.sources.arrays:PaceSource",
+        "mat": "excite.conversion.sources.arrays:MatSource",
+        "hdf5": "excite.conversion.sources.arrays:Hdf5Source",
+        "parquet": "excite.conversion.sources.arrays:ParquetSource",
+        "pickle": "excite.conversion.sources.arrays:PickleSource",
+        "npz": "excite.conversion.sources.arrays:NpzSource",
         "echo": "excite.conversion.sources.text:EchoSource",
         "xml": "excite.conversion.sources.records:XmlSource",
         "printed": "excite.conversion.sources.text:PrintedSource",
@@ -106,7 +114,7 @@ def _by_beginning(path: Path) -> tuple[str, str] | None:
 def _read_packed(path: Path) -> tuple[Recording, ...]:
     if (why := _REFUSED.get(plain_name(path).suffix.lower())) is not None:
         raise LogError(why[0], source=path, remedy=why[1])
-    with unpack_file(path, limit=MAX_SOURCE_BYTES, error=LogError) as plain:
+    with unpack_file(path, limit=MAX_FILE_BYTES, error=LogError) as plain:
         return tuple(replace(recording, source=str(path)) for recording in read_source(plain))
 
 
@@ -123,7 +131,14 @@ def recognised_recording(path: Path) -> bool:
 
 
 def _read(name: str, path: Path) -> tuple[Recording, ...]:
-    return SOURCES.make(name).read(path)
+    source = SOURCES.make(name)
+    if not path.is_dir():
+        check_file(path, limit=source.limit, error=LogError)
+    with unreadable(path, LogError, source.what or name):
+        found = tuple(recording for recording in source.read(path) if recording.streams)
+    if not found:
+        raise nothing_there(path)
+    return found
 
 
 def _in_own_process(name: str, path: Path) -> tuple[Recording, ...]:

@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.atomic import atomic_path
-from excite.errors import InputError, NoSolutionError
+from excite.errors import InputError
 from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places, robot_names
 from excite.export.models.parameters import (
@@ -23,12 +22,18 @@ from excite.export.models.parameters import (
     split_segment,
     with_servos,
 )
-from excite.export.models.urdf import TOLERANCE
-from excite.export.models.verification import WrittenModel, held_joints, mujoco_error, random_states
+from excite.export.models.verification import (
+    TOLERANCE,
+    WrittenModel,
+    held_joints,
+    mujoco_error,
+    random_states,
+    write_verified,
+)
 from excite.export.models.xml_text import Element, XmlText, number_text
+from excite.formats.documents import MAX_XML_BYTES
+from excite.formats.file import read_bytes
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.reading.documents import MAX_XML_BYTES
-from excite.reading.file import read_bytes
 from excite.robot.loading import model_file
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.robot import Robot
@@ -39,10 +44,6 @@ from excite.simulation.true_parameters import principal_inertia
 
 if TYPE_CHECKING:
     import mujoco
-
-# Bodies of a template that are nearer to the identified parameters, relatively, are left alone.
-_SAME_INERTIA = 1e-4
-_ORIENTATIONS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
 
 
 def write_mjcf(
@@ -85,7 +86,7 @@ def write_mjcf(
         links = tuple(robot.segments[k].link for k in changed)
         model, names_here = compile_mjcf(content, None), template_names(robot, {})
         error = mujoco_error(robot, model, names_here, identification.parameters)
-        return _write_mjcf(content, WrittenModel(Path(path), links, (), None, error))
+        return write_verified(content, WrittenModel(Path(path), links, (), None, error))
     names = names or {}
     given = read_template(robot, template, names)
     edit = given.edited(robot, identification, drives=drives)
@@ -102,7 +103,7 @@ def write_mjcf(
             f"its torques are {in_motion:.1e} off the robot's: that is how far its geometry (or the inertia of "
             "bodies that were left alone) is from the URDF's"
         )
-    return _write_mjcf(content, WrittenModel(Path(path), edit.changed, tuple(notes), None, error))
+    return write_verified(content, WrittenModel(Path(path), edit.changed, tuple(notes), None, error))
 
 
 def exact_text(spec: mujoco.MjSpec) -> bytes:
@@ -127,18 +128,6 @@ def exact_text(spec: mujoco.MjSpec) -> bytes:
                 diaginertia=number_text(*body.inertia),
             )
     return text.edited()
-
-
-def _write_mjcf(content: bytes, model: WrittenModel) -> WrittenModel:
-    error = model.mujoco_error or 0.0
-    if not error <= TOLERANCE:
-        raise NoSolutionError(
-            f"{model.path} was not written: what MuJoCo reads from it is off by {error:.1e}",
-            remedy="report this with the model",
-        )
-    with atomic_path(model.path) as temporary:
-        temporary.write_bytes(content)
-    return model
 
 
 def identified_drives(robot: Robot, identification: Found) -> Drives:
@@ -265,8 +254,8 @@ def segment_difference(members: list[Member], total: Array) -> float:
 # A MuJoCo model of a robot as its author wrote it, and its text with other inertials and friction.
 
 # Bodies of a template that are nearer to the identified parameters, relatively, are left alone.
-_MJCF_TEMPLATE_SAME_INERTIA = 1e-4
-_MJCF_TEMPLATE_ORIENTATIONS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
+_SAME_INERTIA = 1e-4
+_ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
 _ATTRIBUTES = {"viscous": "damping", "coulomb": "frictionloss", "armature": "armature"}
 
 
@@ -314,11 +303,7 @@ class MjcfTemplate:
         ten = identification.parameters.reshape(-1, 10)
         text = XmlText(self.content, self.file)
         bodies = {str(body.attributes.get("name")): body for body in text.root.everywhere("body")}
-        other = [
-            k
-            for k in range(len(ten))
-            if segment_difference(self.members[k], ten[k]) > _MJCF_TEMPLATE_SAME_INERTIA
-        ]
+        other = [k for k in range(len(ten)) if segment_difference(self.members[k], ten[k]) > _SAME_INERTIA]
         segments = tuple(sorted({*changed, *other}))
         notes, written = [], []
         for segment in segments:
@@ -405,6 +390,6 @@ def set_inertial(text: XmlText, body: Element, parameters: Array, name: str) -> 
         six = full[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         text.set(found[0], **values, fullinertia=number_text(*six))
         return
-    for other in _MJCF_TEMPLATE_ORIENTATIONS[1:]:
+    for other in _ORIENTATIONS:
         text.remove_attribute(found[0], other)
     text.set(found[0], **values, **diagonal)

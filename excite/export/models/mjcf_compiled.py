@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from excite.errors import InputError
-from excite.reading.child import in_child
+from excite.formats.child import in_child
 
 if TYPE_CHECKING:
     import mujoco

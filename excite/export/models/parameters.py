@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +13,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import InputError, RobotError
+from excite.formats.tables import csv_text
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
 from excite.identification.result import Identification
@@ -244,7 +243,6 @@ _NAMES = {
 _UNITS = {"mass": "kg", "first_moment": "kg·m", "inertia": "kg·m²"}
 _CLEAR = 2.0
 _MEASURED = 0.5
-_COLUMNS = ("link", "parameter", "unit", "nominal", "identified", "change", "std", "determined", "clear")
 
 
 @dataclass(frozen=True)
@@ -309,14 +307,9 @@ class Differences:
 
     def to_csv(self) -> str:
         """All rows, comma-separated, numbers with all digits [SI]."""
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        for row in self.rows:
-            std, share = ("" if value is None else repr(value) for value in (row.std, row.determined))
-            values = [repr(row.nominal), repr(row.identified), repr(row.change), std, share]
-            writer.writerow([row.link, row.parameter, row.unit, *values, int(row.clear)])
-        return stream.getvalue()
+        names = ("link", "parameter", "unit", "nominal", "identified", "change", "std", "determined")
+        rows = [[*(getattr(row, name) for name in names), int(row.clear)] for row in self.rows]
+        return csv_text((*names, "clear"), rows)
 
     def save(self, path: Path) -> Path:
         """Write the CSV file."""

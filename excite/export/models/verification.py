@@ -11,10 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import InputError
+from excite.atomic import write_bytes
+from excite.errors import InputError, NoSolutionError
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
+from excite.formats.documents import elements_of
 from excite.mujoco_warnings import without_log_file
-from excite.reading.documents import elements_of
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Robot
 from excite.robot.urdf.model import urdf_model
@@ -22,6 +23,9 @@ from excite.robot.urdf.tree import drop_free_root, hold_planar_root
 
 if TYPE_CHECKING:
     import mujoco
+
+TOLERANCE = 1e-9
+"""How far, relative to the largest torque, a written model's inverse dynamics may be off."""
 
 _STATES = 20
 _SEED = 7
@@ -250,3 +254,15 @@ class WrittenModel:
             "pinocchio_error": self.pinocchio_error,
             "mujoco_error": self.mujoco_error,
         }
+
+
+def write_verified(content: bytes, model: WrittenModel) -> WrittenModel:
+    """Write a model's text where all that read it agree; raises NoSolutionError where one does not (a bug here)."""
+    for error in (model.pinocchio_error, model.mujoco_error):
+        if error is not None and not error <= TOLERANCE:
+            raise NoSolutionError(
+                f"{model.path} was not written: read back, its inverse dynamics is off by {error:.1e}",
+                remedy="report this with the model",
+            )
+    write_bytes(model.path, content)
+    return model

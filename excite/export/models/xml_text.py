@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from excite.errors import RobotError
-from excite.reading.documents import parse_xml
+from excite.formats.documents import parse_xml
 
 _ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 _TAG = re.compile(rb"<[^\s/>]+")

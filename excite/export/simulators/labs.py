@@ -24,8 +24,8 @@ from excite.export.simulators.model_format import (
     Subject,
     with_friction,
 )
-from excite.export.simulators.tree import LoadedTree
 from excite.export.simulators.usd import UsdaFormat, read_usda
+from excite.robot.robot import Robot
 from excite.simulation.mjcf import GROUND
 
 # Python text of a configuration: written with all digits, and run again without the library that it is for.
@@ -245,31 +245,16 @@ class IsaacLabFormat(ModelFormat):
         found = record_configuration(rendered.files[rendered.main], variable_name(subject.stem), "isaaclab")
         (group,) = found.arguments["actuators"].values()
         usda = next(content for name, content in rendered.files.items() if name.endswith(".usda"))
-        return LoadedIsaacLab(subject, read_usda(subject.robot, usda.decode()), group.arguments)
+        given, joints = group.arguments, subject.robot.joint_names
+        limit = "joint_effort_limit" if "joint_effort_limit" in given else "actuator_effort_limit"
+        fields = {**_FIELDS, "torque_limit": limit}
+        read = {term: by_joint(given.get(name), joints) for term, name in fields.items()}
+        read["delay"] = by_joint(given.get("min_delay"), joints) * PHYSICS_DT
+        return LoadedConfiguration(subject.robot, read_usda(subject.robot, usda.decode()), read)
 
     def _known(self, subject: Subject, values: Array) -> dict[str, float]:
         pairs = zip(subject.robot.joint_names, values, strict=True)
         return {name: float(value) for name, value in pairs if np.isfinite(value)}
-
-
-class LoadedIsaacLab(LoadedModel):
-    """The bodies of a USD with the joints' terms that a configuration sets."""
-
-    def __init__(self, subject: Subject, tree: LoadedTree, given: Mapping[str, Any]) -> None:
-        self._tree, joints = tree, subject.robot.joint_names
-        fields = {**_FIELDS, "torque_limit": "actuator_effort_limit"}
-        if "joint_effort_limit" in given:
-            fields["torque_limit"] = "joint_effort_limit"
-        read = {term: by_joint(given.get(name), joints) for term, name in fields.items()}
-        read["delay"] = by_joint(given.get("min_delay"), joints) * PHYSICS_DT
-        drives = {
-            term: np.where(np.isfinite(read[term]), read[term], tree.drives[term]) for term in JOINT_TERMS
-        }
-        super().__init__(drives, {term: read[term] for term in SERVO_TERMS})
-
-    def torques(self, states: States) -> Array:
-        """See :class:`LoadedModel`."""
-        return self._tree.torques(states, self.drives)
 
 
 # mjlab: an entity's configuration in Python, and the MuJoCo model that it is made of.
@@ -379,7 +364,14 @@ class MjlabFormat(ModelFormat):
         found = record_configuration(rendered.files[rendered.main], variable_name(subject.stem), "mjlab")
         actuators = found.arguments["articulation"].arguments["actuators"]
         model = Rendered({name: text for name, text in rendered.files.items() if name.endswith(".xml")})
-        return LoadedMjlab(subject, self._mjcf.load(subject, model), [one.arguments for one in actuators])
+        rows = [_actuator_of(name, [a.arguments for a in actuators]) for name in subject.robot.joint_names]
+        fields = {**_MJLAB_FIELDS, "delay": "delay_min_lag"}
+        read = {
+            term: np.array([np.nan if row.get(name) is None else float(row[name]) for row in rows])
+            for term, name in fields.items()
+        }
+        read["delay"] = read["delay"] * PHYSICS_DT
+        return LoadedConfiguration(subject.robot, self._mjcf.load(subject, model), read)
 
     def exact(self, subject: Subject) -> bool:
         """As of the model."""
@@ -398,27 +390,26 @@ class MjlabFormat(ModelFormat):
         return found
 
 
-class LoadedMjlab(LoadedModel):
-    """A MuJoCo model with what actuators' configurations set in it."""
+class LoadedConfiguration(LoadedModel):
+    """A robot's bodies as their own file has them, with the joints' terms that a configuration sets.
 
-    def __init__(self, subject: Subject, model: LoadedModel, actuators: list[Mapping[str, Any]]) -> None:
-        self._robot, self._model = subject.robot, model
-        rows = [_actuator_of(name, actuators) for name in subject.robot.joint_names]
-        read = {
-            term: np.array([np.nan if row.get(name) is None else float(row[name]) for row in rows])
-            for term, name in _MJLAB_FIELDS.items()
-        }
-        lags = [float(row.get("delay_min_lag", np.nan)) for row in rows]
+    Args:
+        robot: the robot.
+        bodies: what was read of the file with the bodies.
+        given: terms of the joints and servos, ``(n_joints,)`` each; NaN where the configuration sets none.
+    """
+
+    def __init__(self, robot: Robot, bodies: LoadedModel, given: Mapping[str, Array]) -> None:
+        self._robot, self._bodies = robot, bodies
         drives = {
-            term: np.where(np.isfinite(read[term]), read[term], model.drives[term]) for term in JOINT_TERMS
+            term: np.where(np.isfinite(given[term]), given[term], bodies.drives[term]) for term in JOINT_TERMS
         }
-        servos = {term: read[term] for term in SERVO_TERMS if term in read}
-        super().__init__(drives, {**servos, "delay": np.array(lags) * PHYSICS_DT})
+        super().__init__(drives, {term: given[term] for term in SERVO_TERMS if term in given})
 
     def torques(self, states: States) -> Array:
-        """MuJoCo's own, with the difference that the configuration makes."""
-        more = {term: self.drives[term] - self._model.drives[term] for term in JOINT_TERMS}
-        return with_friction(self._robot, self._model.torques(states), states, more)
+        """Those of the file, with the difference that the configuration makes."""
+        more = {term: self.drives[term] - self._bodies.drives[term] for term in JOINT_TERMS}
+        return with_friction(self._robot, self._bodies.torques(states), states, more)
 
 
 def _actuator_of(joint: str, actuators: list[Mapping[str, Any]]) -> Mapping[str, Any]:

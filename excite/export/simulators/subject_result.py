@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,10 +19,10 @@ from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
 from excite.export.models.parameters import Found, ModelParameters, with_servos
 from excite.export.simulators.model_format import JOINT_TERMS, Lost, Subject
+from excite.formats.documents import read_json
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import FILE_ORDER, central_inertia_matrices
 from excite.logs.robot import robot_for_log
-from excite.reading.documents import read_json
 from excite.robot.load import load_robot
 from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot
@@ -281,7 +279,7 @@ _BODY = (
     *((f"I{axes}", "kg·m²") for axes in ("xx", "yy", "zz", "xy", "xz", "yz")),
 )
 _UPPER = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])
-_COLUMNS = ("place", "parameter", "unit", "before", "after", "change")
+COLUMNS = ("place", "parameter", "unit", "before", "after", "change")
 
 
 @dataclass(frozen=True)
@@ -315,7 +313,7 @@ class Change:
 
     def to_json(self) -> dict[str, Any]:
         """Its entry in a document."""
-        values = {name: getattr(self, name) for name in _COLUMNS}
+        values = {name: getattr(self, name) for name in COLUMNS}
         return values | {"percent": self.percent}
 
 
@@ -336,18 +334,6 @@ def list_changes(subject: Subject) -> tuple[Change, ...]:
             if np.isfinite(new)
         ]
     return tuple(rows)
-
-
-def changes_csv(rows: tuple[Change, ...]) -> str:
-    """The rows, comma-separated, numbers with all digits."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(_COLUMNS)
-    for row in rows:
-        writer.writerow(
-            [row.place, row.parameter, row.unit, repr(row.before), repr(row.after), repr(row.change)]
-        )
-    return stream.getvalue()
 
 
 def _body_values(parameters: Array) -> Array:

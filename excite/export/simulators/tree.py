@@ -243,8 +243,8 @@ class LoadedTree(LoadedModel):
         self._model = _assemble_model(robot, bodies, joints)
         self._columns = [self._model.joints[self._model.getJointId(name)].idx_v for name in robot.joint_names]
 
-    def torques(self, states: States, drives: Mapping[str, Array] | None = None) -> Array:
-        """See :class:`LoadedModel`; ``drives`` in place of those of the file."""
+    def torques(self, states: States) -> Array:
+        """See :class:`LoadedModel`."""
         base, data = self._robot.n_base_v, self._model.createData()
         at = [*range(base), *self._columns]
         place = [*range(self._robot.n_base_q), *(c + self._robot.n_base_q - base for c in self._columns)]
@@ -253,7 +253,7 @@ class LoadedTree(LoadedModel):
         for row in range(len(states.q)):
             q[place], v[at], a[at] = states.q[row], states.v[row], states.a[row]
             bodies[row] = pin.rnea(self._model, data, q, v, a)[at]
-        return with_friction(self._robot, bodies, states, self.drives if drives is None else drives)
+        return with_friction(self._robot, bodies, states, self.drives)
 
 
 def _assemble_model(robot: Robot, bodies: Mapping[str, ReadBody], joints: Sequence[ReadJoint]) -> pin.Model:

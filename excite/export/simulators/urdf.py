@@ -19,7 +19,7 @@ from excite.export.simulators.model_format import (
     move_attribute,
     with_friction,
 )
-from excite.reading.documents import elements_of
+from excite.formats.documents import elements_of
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -27,7 +25,8 @@ from excite.export.simulators.model_format import (
     with_friction,
 )
 from excite.export.simulators.registry import MODEL_FORMATS
-from excite.export.simulators.subject_result import Change, changes_csv, list_changes, subject_of
+from excite.export.simulators.subject_result import COLUMNS, Change, list_changes, subject_of
+from excite.formats.tables import csv_text
 from excite.identification.result import Identification
 from excite.logs.robot import is_bare
 from excite.regressor.columns import PARAMETERS
@@ -400,8 +399,10 @@ def write_simulator_model(
     with all_or_nothing():
         for name, content in rendered.files.items():
             write_bytes(folder / name, content)
-        write_text(folder / CHANGES, changes_csv(written.changes))
-        write_text(folder / LOST, _lost_csv(written.lost))
+        changes = [[getattr(row, name) for name in COLUMNS] for row in written.changes]
+        write_text(folder / CHANGES, csv_text(COLUMNS, changes))
+        lost = [(item.parameter, item.where, item.value, item.why) for item in written.lost]
+        write_text(folder / LOST, csv_text(("parameter", "where", "value", "why"), lost))
         write_json(written.to_json(), folder / DOCUMENT)
     return written
 
@@ -417,14 +418,3 @@ def _describe_off(proof: Proof, tolerance: float) -> list[str]:
         f"its torques are {proof.error:.1e} of the largest off those found: that is what the file has of its own,"
         " such as springs or bodies that were left alone"
     ]
-
-
-def _lost_csv(lost: tuple[Lost, ...]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["parameter", "where", "value", "why"])
-    for item in lost:
-        writer.writerow(
-            [item.parameter, item.where, "" if item.value is None else repr(item.value), item.why]
-        )
-    return stream.getvalue()

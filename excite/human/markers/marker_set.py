@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.finding import list_names
+from excite.formats.documents import read_yaml
 from excite.human.body import DIMENSIONS, Dimensions, joint_offsets, stature_dimensions
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, first_poses, solve_poses
 from excite.human.segments import NAMES, PARENTS, SIDES, Subject
 from excite.human.skeleton import N_SEGMENTS, N_VELOCITY, Pose, place_segments, point_jacobian
 from excite.human.tables import dumas
-from excite.reading.documents import read_yaml
 
 # Where bony landmarks lie on the segments: first guesses, which calibration refines.
 

@@ -14,22 +14,21 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.finding import Finding
+from excite.formats.markers import read_storage, read_trc
+from excite.formats.tables import numbers_of_words, read_table
 from excite.human.readers.reader import (
     RecordingReader,
-    check_labels,
     checked_time,
     metres_per_unit,
-    read_lines,
-    row_numbers,
 )
 from excite.human.recording import PlateRecording, Recording
 
 # Plain tables: time, three columns of each marker, and forces with moments or centres of pressure of each
 # plate.
 
-_SEPARATORS = (",", ";", "\t")
-# Lines that tell the separator.
-_FIRST = 20
+
+# A unit that is not known: what it is shows in the person's weight.
+_OTHER_UNIT = re.compile(r"\s*(?:\[[^\[\]]*\]|\([^()]*\))\s*$")
 
 
 class CsvReader(RecordingReader):
@@ -44,10 +43,8 @@ class CsvReader(RecordingReader):
 
     def read(self, path: Path) -> Recording:
         """See :meth:`RecordingReader.read`."""
-        lines = read_lines(path)
-        separator = max(_SEPARATORS, key=lambda one: sum(line.count(one) for line in lines[:_FIRST]))
-        labels, skip = header_of(lines, separator)
-        named = columns_of(labels)
+        found_table = read_table(path, error=LogError)
+        named = columns_of([_OTHER_UNIT.sub("", label) for label in found_table.columns])
         if named.time is None:
             raise LogError(
                 "has no column time",
@@ -55,25 +52,14 @@ class CsvReader(RecordingReader):
                 remedy="name the columns above the rows, one of them time; of Motive or Nexus export C3D, which holds "
                 "the plates too",
             )
-        check_labels([label for label in labels if label], path)
-        rows = []
-        for place, line in enumerate(lines[skip:], start=skip + 1):
-            if not line.strip():
-                continue
-            # Where commas do not separate, they are a decimal point's.
-            fields = (line if separator == "," else line.replace(",", ".")).split(separator)
-            if len(fields) == len(labels) + 1 and not fields[-1].strip():
-                fields = fields[:-1]
-            if len(fields) != len(labels):
-                raise LogError(
-                    f"line {place} has {len(fields)} fields for {len(labels)} columns",
-                    source=path,
-                    remedy="write one field a column, empty for a missing marker",
-                )
-            rows.append(row_numbers(fields, path, place))
-        data = np.array(rows).reshape(len(rows), len(labels))
-        table = {label: data[:, i] for i, label in enumerate(labels)}
-        time = checked_time(named.time.factor * table[named.time.label], path)
+        table = {
+            _OTHER_UNIT.sub("", label): numbers_of_words(
+                values, label, path, found_table.dress.skip, LogError
+            )
+            for label, values in found_table.in_si(path, LogError).items()
+            if label
+        }
+        time = checked_time(table[named.time], path)
         markers = {stem: _column_vector(table, axes, stem, path) for stem, axes in named.markers.items()}
         found: list[Finding] = []
         plates = tuple(_table_plate(table, plate, time, path, found) for plate in named.plates)
@@ -114,17 +100,14 @@ def _table_plate(
     if {"px", "py"} <= plate.columns.keys():
         level = np.zeros(len(time))
         point = np.column_stack(
-            [
-                _column_values(table, plate.columns[key]) if key in plate.columns else level
-                for key in ("px", "py", "pz")
-            ]
+            [table[plate.columns[key]] if key in plate.columns else level for key in ("px", "py", "pz")]
         )
         # Of an unloaded plate no centre of pressure is known.
         point = np.where(np.isfinite(point).all(axis=1, keepdims=True), point, 0.0)
         torque = np.zeros_like(force)
         for k, axis in enumerate("xyz"):
             if f"t{axis}" in plate.columns:
-                torque[:, k] = _column_values(table, plate.columns[f"t{axis}"])
+                torque[:, k] = table[plate.columns[f"t{axis}"]]
         if not any(f"t{axis}" in plate.columns for axis in "xyz"):
             text = f"{path.name}: {plate.name} has a centre of pressure and no free torque (Tz): it is taken as zero"
             found.append(Finding("free_torque", text, {}, (plate.name,)))
@@ -139,36 +122,21 @@ def _table_plate(
     )
 
 
-def _column_values(table: Mapping[str, Array], column: Column) -> Array:
-    return np.asarray(column.factor * table[column.label])
-
-
-def _column_vector(table: Mapping[str, Array], axes: Mapping[str, Column], stem: str, path: Path) -> Array:
+def _column_vector(table: Mapping[str, Array], axes: Mapping[str, str], stem: str, path: Path) -> Array:
     missing = [axis for axis in "xyz" if axis not in axes]
     if missing:
         raise LogError(
             "column is missing", source=path, field=f"{stem}.{missing[0]}"[:60], remedy="write all components"
         )
-    return np.column_stack([_column_values(table, axes[axis]) for axis in "xyz"])
+    return np.column_stack([table[axes[axis]] for axis in "xyz"])
 
 
 # What the columns of a laboratory's table are, by their names: time, markers, and what plates measured.
 
 _TIMES = {"time", "t", "times", "timestamp", "seconds", "sec"}
-_UNIT = re.compile(r"\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*$")
-# To metres, newtons, newton metres and seconds.
-_FACTORS = {
-    "mm": 1e-3,
-    "cm": 1e-2,
-    "nmm": 1e-3,
-    "n·mm": 1e-3,
-    "n.mm": 1e-3,
-    "n*mm": 1e-3,
-    "kn": 1e3,
-    "ms": 1e-3,
-}
-_BETWEEN = r"[\s._:\-]*"
-_MARKER = re.compile(r"(?P<stem>.+?)(?P<between>[\s._:\-]*)(?P<axis>[xyzXYZ])")
+_BETWEEN_CHARACTERS = " ._:-/"
+_BETWEEN = r"[\s._:/\-]*"
+_MARKER = re.compile(r"(?P<stem>.+?)(?P<between>[\s._:/\-]*)(?P<axis>[xyzXYZ])")
 # FP1_Fx, plate.left.fx, Fx1, Force Plate 2 - COPy, ground_force_r_px.
 _PLATE = re.compile(
     rf"(?P<stem>.*?)(?<![a-z])(?P<kind>force|moment|torque|cop|f|m|t|p)[ _]?(?P<axis>[xyz])(?P<tail>{_BETWEEN}\d*)",
@@ -178,24 +146,11 @@ _KINDS = {"force": "f", "moment": "m", "torque": "t", "cop": "p"}
 
 
 @dataclass(frozen=True)
-class Column:
-    """One column.
-
-    Attributes:
-        label: as it stands in the file.
-        factor: to SI, by the unit in brackets behind its name; 1 without one.
-    """
-
-    label: str
-    factor: float
-
-
-@dataclass(frozen=True)
 class Plate:
     """Columns of one plate by kind and axis, ``fx … fz``; ``mx`` moments, ``tx`` torques, ``px`` centre of pressure."""
 
     name: str
-    columns: dict[str, Column] = field(default_factory=dict)
+    columns: dict[str, str] = field(default_factory=dict)
 
     def has(self, kind: str) -> bool:
         """Whether all three components of a kind are there."""
@@ -212,8 +167,8 @@ class Columns:
         plates: those of which there are forces.
     """
 
-    time: Column | None
-    markers: dict[str, dict[str, Column]]
+    time: str | None
+    markers: dict[str, dict[str, str]]
     plates: tuple[Plate, ...]
 
 
@@ -223,110 +178,29 @@ def columns_of(labels: Sequence[str]) -> Columns:
     Markers end in an axis, ``RSHO.x``, ``RSHO_X``, ``RSHO X (mm)``; forces, moments and centres of pressure of a
     plate share what stands before and behind: ``FP1_Fx``, ``FP1_Mx``, ``FP1_COPx`` or ``Fx1``, ``Mx1``.
     """
-    time = next((column for name, column in map(_parse_label, labels) if name.lower() in _TIMES), None)
+    time = next((name for name in labels if name.lower() in _TIMES), None)
     plates: dict[str, Plate] = {}
-    for label in labels:
-        name, column = _parse_label(label)
+    for name in labels:
         found = _PLATE.fullmatch(name)
         if found:
             kind = found["kind"].lower()
-            whose = (found["stem"] + found["tail"]).strip(" ._:-")
+            whose = (found["stem"] + found["tail"]).strip(_BETWEEN_CHARACTERS)
             key = _KINDS.get(kind, kind) + found["axis"].lower()
-            plates.setdefault(whose, Plate(_plate_name(whose))).columns[key] = column
+            plates.setdefault(whose, Plate(_plate_name(whose))).columns[key] = name
     plates = {whose: plate for whose, plate in plates.items() if plate.has("f")}
-    taken = {column.label for plate in plates.values() for column in plate.columns.values()}
-    markers: dict[str, dict[str, Column]] = {}
-    for label in labels:
-        name, column = _parse_label(label)
+    taken = {name for plate in plates.values() for name in plate.columns.values()}
+    markers: dict[str, dict[str, str]] = {}
+    for name in labels:
         found = _MARKER.fullmatch(name)
-        if found and label not in taken and column != time:
-            markers.setdefault(found["stem"].strip(), {})[found["axis"].lower()] = column
+        if found and name not in taken and name != time:
+            markers.setdefault(found["stem"].strip(), {})[found["axis"].lower()] = name
     # A name that happens to end in x is no marker; one with a dot says that it is.
     markers = {stem: axes for stem, axes in markers.items() if len(axes) == 3 or f"{stem}.x" in labels}
     return Columns(time, markers, tuple(plates.values()))
 
 
-def _parse_label(label: str) -> tuple[str, Column]:
-    unit = _UNIT.search(label)
-    if unit is None:
-        return label, Column(label, 1.0)
-    said = (unit[1] or unit[2] or "").strip().lower()
-    return label[: unit.start()].strip(), Column(label, _FACTORS.get(said, 1.0))
-
-
 def _plate_name(whose: str) -> str:
     return re.sub(r"^plate\.", "", whose) or "plate"
-
-
-# Where a laboratory's table begins, and what its columns are called: in one line, below headings, above
-# units.
-
-# A line of a table's beginning that is no row of numbers; more than any program writes.
-_MOST_LINES = 60
-_UNITS = frozenset("m mm cm n kn nm nmm n.m n.mm n·m n·mm n*m n*mm s ms sec hz frames frame v # -".split())
-# What stands below the name of a marker or a plate: an axis, or a force's, moment's or centre's component.
-_BELOW = re.compile(r"(?:force|moment|torque|cop|f|m|t|p)?[ _]?[xyz](?:\s*[\[(].*[\])])?", re.IGNORECASE)
-
-
-def header_of(lines: Sequence[str], separator: str) -> tuple[list[str], int]:
-    """Labels of a table's columns, and how many lines stand above its first row of numbers.
-
-    One line of names is taken as it is. Of several, names stand below headings that hold as far as the cells beside
-    them are empty (``RSHO,,`` above ``X,Y,Z``), units below names, and lines of another width say something else.
-
-    Args:
-        lines: of the file.
-        separator: between cells.
-
-    Returns:
-        Labels, none where the file holds no row of numbers below names; the number of lines above the rows.
-    """
-    split = [_split_cells(line, separator) for line in lines[:_MOST_LINES]]
-    first = next((k for k, cells in enumerate(split) if _is_row(cells)), None)
-    if first is None or first == 0:
-        return (split[0], 1) if split else ([], 0)
-    # A separator may end the lines above and not the rows, or the other way round.
-    above = [cells for cells in split[:first] if abs(len(cells) - len(split[first])) <= 1 and any(cells)]
-    if not above:
-        return split[0], 1
-    width = max(len(cells) for cells in above)
-    above = [cells + [""] * (width - len(cells)) for cells in above]
-    units = above.pop() if len(above) > 1 and _are_units(above[-1]) else [""] * width
-    names = above[-1]
-    if len(above) > 1 and any(_BELOW.fullmatch(name) for name in names):
-        names = _align_below(above[-2], names)
-    labels = [f"{name} [{unit}]" if name and unit else name for name, unit in zip(names, units, strict=True)]
-    return labels, first
-
-
-def _split_cells(line: str, separator: str) -> list[str]:
-    return [cell.strip().strip('"').strip() for cell in line.lstrip("\ufeff").split(separator)]
-
-
-def _is_row(cells: Sequence[str]) -> bool:
-    said = [cell for cell in cells if cell]
-    return len(said) > 1 and all(_is_number(cell) for cell in said)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
-def _are_units(cells: Sequence[str]) -> bool:
-    said = [cell.strip("[]()").lower() for cell in cells if cell]
-    return bool(said) and all(cell in _UNITS for cell in said)
-
-
-def _align_below(headings: Sequence[str], names: Sequence[str]) -> list[str]:
-    found, last = [], ""
-    for heading, name in zip(headings, names, strict=True):
-        last = heading or last
-        found.append(f"{last}_{name}" if last and _BELOW.fullmatch(name) else name or heading)
-    return found
 
 
 # MOT and STO files of OpenSim that hold ground reaction forces.
@@ -340,7 +214,7 @@ class StorageReader(RecordingReader):
 
     def read(self, path: Path) -> Recording:
         """See :meth:`RecordingReader.read`."""
-        columns = read_storage(path)
+        columns = read_storage(path, LogError)
         time = checked_time(columns["time"], path)
         plates: list[PlateRecording] = []
         for label in columns:
@@ -373,43 +247,9 @@ class StorageReader(RecordingReader):
         return Recording(path, time, {}, tuple(plates))
 
 
-def read_storage(path: Path) -> dict[str, Array]:
-    """Columns of a MOT or STO file by label, ``(n,)`` each, as they stand in it.
-
-    Raises:
-        LogError: the header has no end, or a row is malformed.
-    """
-    lines = read_lines(path)
-    ends = [i for i, line in enumerate(lines[:100]) if line.strip().lower() == "endheader"]
-    if not ends or len(lines) < ends[0] + 3:
-        raise LogError("has no endheader and rows below", source=path, remedy="export it from OpenSim again")
-    labels = lines[ends[0] + 1].split()
-    check_labels(labels, path)
-    rows = []
-    for place, line in enumerate(lines[ends[0] + 2 :], start=ends[0] + 3):
-        fields = line.split()
-        if not fields:
-            continue
-        if len(fields) != len(labels):
-            raise LogError(
-                f"line {place} has {len(fields)} numbers for {len(labels)} columns",
-                source=path,
-                remedy="export it again",
-            )
-        rows.append(row_numbers(fields, path, place))
-    if "time" not in labels or not rows:
-        raise LogError("has no column time", source=path, remedy="export it again")
-    data = np.array(rows)
-    return {label: data[:, i] for i, label in enumerate(labels)}
-
-
 def _storage_vector(columns: dict[str, Array], stem: str, path: Path) -> Array:
-    missing = [f"{stem}{axis}" for axis in "xyz" if f"{stem}{axis}" not in columns]
-    if missing:
-        raise LogError(
-            "column is missing", source=path, field=missing[0], remedy="export all three components"
-        )
-    values = np.column_stack([columns[f"{stem}{axis}"] for axis in "xyz"])
+    axes = {axis: f"{stem}{axis}" for axis in "xyz" if f"{stem}{axis}" in columns}
+    values = _column_vector(columns, axes, stem, path)
     if not np.isfinite(values).all():
         raise LogError("is not finite", source=path, field=f"{stem}x", remedy="export it again")
     return values
@@ -431,45 +271,14 @@ def _storage_plate_name(stem: str, index: int) -> str:
 
 
 class TrcReader(RecordingReader):
-    """Header of five lines, then frame, time and three coordinates a marker, separated by tabs."""
+    """Markers alone."""
 
     name: ClassVar[str] = "trc"
     suffixes: ClassVar[tuple[str, ...]] = (".trc",)
 
     def read(self, path: Path) -> Recording:
         """See :meth:`RecordingReader.read`."""
-        lines = read_lines(path)
-        if len(lines) < 6 or not lines[0].startswith("PathFileType"):
-            raise LogError("is no TRC file", source=path, remedy="export the markers as TRC")
-        keys, values = lines[1].split("\t"), lines[2].split("\t")
-        header = {key.strip(): value for key, value in zip(keys, values, strict=False)}
-        if "Units" not in header:
-            raise LogError("is missing", source=path, field="Units", remedy="export the markers as TRC")
-        unit = metres_per_unit(header["Units"], path)
-        labels = [label.strip() for label in lines[3].split("\t")[2:] if label.strip()]
-        if not labels:
-            raise LogError("names no markers", source=path, remedy="export it again")
-        check_labels(labels, path)
-        width = 2 + 3 * len(labels)
-        rows = []
-        for place, line in enumerate(lines[4:], start=5):
-            fields = line.split("\t")
-            if not fields[0].strip() or fields[0].strip().startswith("X"):
-                continue
-            # Programs leave out fields at the end of a line where the last markers were not seen.
-            if len(fields) > width + 1 and any(field.strip() for field in fields[width:]):
-                raise LogError(
-                    f"line {place} has {len(fields)} fields for {len(labels)} markers",
-                    source=path,
-                    remedy="export it again",
-                )
-            fields = (fields + [""] * width)[:width]
-            rows.append(row_numbers(fields, path, place))
-        if not rows:
-            raise LogError("holds no frames", source=path, remedy="export it again")
-        data = np.array(rows)
-        points = data[:, 2:].reshape(len(data), len(labels), 3) * unit
-        # Programs write a marker that was not seen as empty fields or as exact zeros.
-        points[(points == 0.0).all(axis=2)] = np.nan
-        markers = {label: points[:, i] for i, label in enumerate(labels)}
-        return Recording(path, checked_time(data[:, 1], path), markers)
+        found = read_trc(path, LogError)
+        points = found.points * metres_per_unit(found.unit, path)
+        markers = {label: points[:, i] for i, label in enumerate(found.labels)}
+        return Recording(path, checked_time(found.time, path), markers)

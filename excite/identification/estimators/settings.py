@@ -11,9 +11,9 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
+from excite.formats.number import check_number
 from excite.identification.physical.bounds import KnownBounds
 from excite.identification.regression import USUAL_SPREAD
-from excite.reading.number import check_number
 from excite.robot.robot import Robot
 
 if TYPE_CHECKING:

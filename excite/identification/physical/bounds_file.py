@@ -12,12 +12,12 @@ import numpy as np
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import InputError, RobotError
+from excite.formats.documents import read_yaml
 from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.settings import BodySettings
 from excite.identification.physical.bounds import InertiaRules, Interval, KnownBounds, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.default_bounds import default_bounds
-from excite.reading.documents import read_yaml
 from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot
 from excite.robot.shapes.com_box import com_boxes

@@ -13,18 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.errors import MotionError
+from excite.formats.documents import parse_json, read_json, read_xml
+from excite.formats.file import check_file, first_bytes, read_text
 from excite.motion.readers.reader import (
-    DAMAGED,
     MAX_FILE_BYTES,
     MotionReader,
     RawMotion,
     named_joints,
     of_robot,
     stated_in_comments,
-    unreadable,
 )
-from excite.reading.documents import parse_json, read_json, read_xml
-from excite.reading.file import check_file, first_bytes, read_text
 
 # Pattern files of OpenHRP: the joints' positions of ``.pos``.
 
@@ -52,10 +50,7 @@ class OpenHrpReader(MotionReader):
         said: Mapping[str, Any] = {}
         if (file.parent / STATEMENT).is_file():
             said = read_json(file.parent / STATEMENT, error=MotionError)
-        try:
-            rows = np.loadtxt(file, ndmin=2)
-        except DAMAGED as error:
-            raise unreadable(file, error) from error
+        rows = np.loadtxt(file, ndmin=2)
         names = named_joints(said, joints)
         if names and rows.shape[1] != 1 + len(names):
             raise MotionError(
@@ -90,21 +85,18 @@ class KeyframesReader(MotionReader):
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
         root = read_xml(path, error=MotionError)
-        try:
-            said = parse_json(root.find("custom/text").get("data", ""))  # type: ignore[union-attr]
-            names, places = said["joints"], {"qpos": said["qpos"], "qvel": said["qvel"]}
-            keys = root.findall("keyframe/key")
-            columns: dict[str, NDArray[Any]] = {"time": _key_numbers(keys, "time")[:, 0]}
-            for channel, field in (("q", "qpos"), ("v", "qvel")):
-                values = _key_numbers(keys, field)
-                columns |= {
-                    f"{channel}.{joint}": values[:, int(place)]
-                    for joint, place in zip(names, places[field], strict=True)
-                }
-            for joint, zero in zip(names, said["zero"], strict=True):
-                columns[f"q.{joint}"] = columns[f"q.{joint}"] - float(zero)
-        except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
-            raise unreadable(path, error) from error
+        said = parse_json(root.find("custom/text").get("data", ""))  # type: ignore[union-attr]
+        names, places = said["joints"], {"qpos": said["qpos"], "qvel": said["qvel"]}
+        keys = root.findall("keyframe/key")
+        columns: dict[str, NDArray[Any]] = {"time": _key_numbers(keys, "time")[:, 0]}
+        for channel, field in (("q", "qpos"), ("v", "qvel")):
+            values = _key_numbers(keys, field)
+            columns |= {
+                f"{channel}.{joint}": values[:, int(place)]
+                for joint, place in zip(names, places[field], strict=True)
+            }
+        for joint, zero in zip(names, said["zero"], strict=True):
+            columns[f"q.{joint}"] = columns[f"q.{joint}"] - float(zero)
         return RawMotion(columns, of_robot(said))
 
 
@@ -117,9 +109,6 @@ def _key_numbers(keys: Sequence[Element], field: str) -> NDArray[Any]:
 
 HEADER = "excite"
 """Key of the first line, which says whose motion it is and which joint each motor drives."""
-
-# A minute of 30 motors at 500 Hz: 100 MB, of which every line becomes objects in turn.
-_MOST_BYTES = 512 * 1024 * 1024
 
 
 class UnitreeReader(MotionReader):
@@ -134,15 +123,11 @@ class UnitreeReader(MotionReader):
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        check_file(path, limit=_MOST_BYTES, error=MotionError)
         rows: list[list[float]] = []
-        try:
-            with path.open(encoding="utf-8") as stream:
-                said = parse_json(stream.readline())[HEADER]
-                motors = {int(place): str(joint) for place, joint in said["motors"].items()}
-                rows = [_command_row(json.loads(line), motors) for line in stream]
-        except (KeyError, TypeError, AttributeError, *DAMAGED) as error:
-            raise unreadable(path, error) from error
+        with path.open(encoding="utf-8") as stream:
+            said = parse_json(stream.readline())[HEADER]
+            motors = {int(place): str(joint) for place, joint in said["motors"].items()}
+            rows = [_command_row(json.loads(line), motors) for line in stream]
         values, names = np.array(rows, ndmin=2), [motors[place] for place in sorted(motors)]
         if not rows:
             raise MotionError("holds no commands", source=path, remedy="export it again")
@@ -182,13 +167,8 @@ class UrScriptReader(MotionReader):
         """See :class:`MotionReader`."""
         said = stated_in_comments(path)
         found = _SERVO.findall(read_text(path, limit=MAX_FILE_BYTES, error=MotionError))
-        try:
-            q = np.array([[float(value) for value in row.split(",")] for row, _ in found])
-            steps = np.array([float(step) for _, step in found])
-        except ValueError as error:
-            raise MotionError(
-                "holds a servoj that is not of numbers", source=path, remedy="export it again"
-            ) from error
+        q = np.array([[float(value) for value in row.split(",")] for row, _ in found])
+        steps = np.array([float(step) for _, step in found])
         names = named_joints(said, joints)
         if not found or q.ndim != 2 or (names and q.shape[1] != len(names)):
             raise MotionError(

@@ -8,17 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-import pyarrow as pa
 from numpy.typing import NDArray
 
-from excite.errors import MotionError
-from excite.reading.documents import parse_json
+from excite.formats.documents import parse_json
 
 # An hour of a humanoid at 1 kHz has 3.6e6 samples of 117 columns, 3.4 GB; motions here last minutes.
 MAX_FILE_BYTES = 1024 * 1024 * 1024
-MAX_VALUES = 200_000_000
-# What Arrow, and JSON in metadata, raise of files that are damaged; JSON's own error is a ValueError.
-DAMAGED = (OSError, ValueError, RecursionError, MemoryError, pa.ArrowException)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,31 +54,8 @@ class MotionReader(ABC):
             path: of the file or folder.
             joints: names of the robot's joints, for formats that name their columns as they like.
 
-        Raises:
-            MotionError: it cannot be read, is damaged, or is larger than any motion.
+        What a library raises of a damaged file becomes one line where this is called.
         """
-
-
-def check_once(names: Sequence[str], path: Path) -> None:
-    """Refuse columns of the same name; raises MotionError that names the first."""
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            raise MotionError("stands twice", source=path, field=name[:60], remedy="keep one of the columns")
-        seen.add(name)
-
-
-def of_ours(metadata: Any) -> Any:
-    """Metadata of a file that says it is of this package's own format, which has to state its schema."""
-    return {"schema": None, **metadata} if isinstance(metadata, Mapping) else metadata
-
-
-def unreadable(path: Path, reason: Exception | str) -> MotionError:
-    """The error for a file that its library cannot read."""
-    text = " ".join(str(reason).split()) or type(reason).__name__
-    return MotionError(
-        f"cannot be read ({text[:160]})", source=path, remedy="check that the file is complete"
-    )
 
 
 # What a text file says of itself in comments at its top.
@@ -97,18 +69,12 @@ def stated_in_comments(path: Path) -> dict[str, Any]:
 
     Args:
         path: a text file, of which only the comments at its top are read.
-
-    Raises:
-        MotionError: a comment begins as a JSON object and is none.
     """
-    try:
-        with path.open("rb") as stream:
-            while (line := stream.readline(_LONGEST_LINE)).startswith(b"#"):
-                text = line[1:].decode().strip()
-                if text.startswith("{"):
-                    return dict(parse_json(text))
-    except DAMAGED as error:
-        raise unreadable(path, error) from error
+    with path.open("rb") as stream:
+        while (line := stream.readline(_LONGEST_LINE)).startswith(b"#"):
+            text = line[1:].decode().strip()
+            if text.startswith("{"):
+                return dict(parse_json(text))
     return {}
 
 

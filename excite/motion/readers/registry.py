@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from excite.errors import MotionError
+from excite.formats.file import check_file, plain_name, unpack_file, unreadable
 from excite.motion.readers.programs import KeyframesReader, OpenHrpReader, UnitreeReader, UrScriptReader
 from excite.motion.readers.reader import MAX_FILE_BYTES, MotionReader, RawMotion
 from excite.motion.readers.ros2 import Ros2Reader, Ros2YamlReader
-from excite.motion.readers.tables import LeRobotReader, NpzReader, ParquetReader, RowsReader, TableReader
-from excite.reading.file import plain_name, unpack_file
+from excite.motion.readers.tables import ColumnsReader, LeRobotReader, RowsReader
 
 READERS: dict[str, type[MotionReader]] = {
     reader.name: reader
     for reader in (
-        ParquetReader,
-        NpzReader,
         RowsReader,
-        TableReader,
+        ColumnsReader,
         Ros2Reader,
         Ros2YamlReader,
         UrScriptReader,
@@ -43,7 +41,11 @@ def read_motion(path: Path, joints: Sequence[str] = ()) -> RawMotion:
     """
     with unpack_file(path, limit=MAX_FILE_BYTES, error=MotionError) as plain:
         for reader in READERS.values():
-            if reader().recognises(plain):
+            if not reader().recognises(plain):
+                continue
+            if not plain.is_dir():
+                check_file(plain, limit=MAX_FILE_BYTES, error=MotionError)
+            with unreadable(plain, MotionError):
                 return reader().read(plain, joints)
     raise MotionError(
         f"unknown format {path.suffix!r}",

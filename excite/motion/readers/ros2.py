@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.errors import MotionError
+from excite.formats.bags import open_bag
+from excite.formats.child import in_child
+from excite.formats.documents import read_yaml
+from excite.formats.file import MAX_NUMBERS, check_file, first_bytes, unreadable
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
     MAX_FILE_BYTES,
-    MAX_VALUES,
     MotionReader,
     RawMotion,
     of_robot,
     stated_in_comments,
 )
-from excite.reading.child import in_child
-from excite.reading.documents import read_yaml
-from excite.reading.file import check_file, first_bytes
 
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 BASE_TRAJECTORY = "trajectory_msgs/msg/MultiDOFJointTrajectory"
@@ -57,40 +57,30 @@ class Ros2Reader(MotionReader):
 
 def read_bag(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
     """Columns of a bag's trajectory and what the bag says of itself; raises MotionError."""
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.typesys import Stores, get_typestore
-
     columns: dict[str, NDArray[Any]] = {}
-    metadata: dict[str, str] = {}
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
-            wanted = [c for c in bag.connections if c.msgtype in {JOINT_TRAJECTORY, BASE_TRAJECTORY}]
-            for connection, _, raw in bag.messages(connections=wanted) if wanted else ():
-                message = bag.deserialize(raw, connection.msgtype)
-                for name, values in _trajectory_columns(
-                    connection.topic, connection.msgtype, message, path
-                ).items():
-                    columns.setdefault(name, values)
-            metadata = _bag_statement(bag.readers[0])
-    except (AnyReaderError, OSError) as error:
-        line = " ".join(str(error).split())
-        raise MotionError(f"cannot be read ({line[:160]})", source=path, remedy="record it again") from error
+    with (
+        unreadable(path, MotionError, remedy="record it again"),
+        open_bag(path, MotionError, indexed=True) as bag,
+    ):
+        kinds = (JOINT_TRAJECTORY, BASE_TRAJECTORY)
+        for topic, kind, message, _ in bag.messages(lambda topic, kind: kind in kinds):
+            for name, values in _trajectory_columns(topic, kind, message, path).items():
+                columns.setdefault(name, values)
+        said = {
+            key.removeprefix("excite."): str(bag.custom[key])
+            for key in (ROBOT, ROBOT_HASH)
+            if key in bag.custom
+        }
     if "time" not in columns:
         raise MotionError(
             f"holds no {JOINT_TRAJECTORY}", source=path, remedy="give a bag with a joint trajectory"
         )
-    return columns, metadata
-
-
-def _bag_statement(bag: Any) -> dict[str, str]:
-    """What the bag's custom data say of the robot, under the names of ``excite.motion/1``."""
-    custom = getattr(getattr(bag, "metadata", None), "custom", None) or {}
-    return {key.removeprefix("excite."): str(custom[key]) for key in (ROBOT, ROBOT_HASH) if key in custom}
+    return columns, said
 
 
 def _trajectory_columns(topic: str, kind: str, message: Any, path: Path) -> dict[str, NDArray[Any]]:
     points = message.points
-    if len(points) * max(len(message.joint_names), 1) > MAX_VALUES:
+    if len(points) * max(len(message.joint_names), 1) > MAX_NUMBERS:
         raise MotionError(f"has {len(points)} points", source=path, remedy="check that it is a motion")
     if kind == BASE_TRAJECTORY:
         return _base_columns(points)
@@ -142,7 +132,6 @@ def _base_columns(points: Sequence[Any]) -> dict[str, NDArray[Any]]:
 GOAL_FILE = "goal_{:03d}.yaml"
 """Names of several goals in a folder, by their number."""
 
-_ROS2_YAML_FIELDS = {"q": "positions", "v": "velocities", "a": "accelerations"}
 # Comments at the top may hold a verdict of some hundred violations.
 _BEGINNING = 1 << 18
 _MARK = re.compile(rb"^(trajectory:|joint_names:)", re.MULTILINE)
@@ -210,7 +199,7 @@ def read_goal(path: Path) -> dict[str, NDArray[Any]]:
     columns: dict[str, NDArray[Any]] = {
         "time": np.array([_point_time(k, p, path) for k, p in enumerate(points)])
     }
-    for prefix, field in _ROS2_YAML_FIELDS.items():
+    for prefix, field in _FIELDS.items():
         if prefix != "q" and not any(point.get(field) for point in points):
             continue
         rows = np.array([_point_row(k, point, field, len(names), path) for k, point in enumerate(points)])

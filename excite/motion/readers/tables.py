@@ -2,41 +2,30 @@
 
 from __future__ import annotations
 
-import csv
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
 from numpy.typing import NDArray
 
-from excite.arrow_columns import numpy_columns, read_parquet
 from excite.errors import MotionError
+from excite.formats.documents import parse_json, read_json
+from excite.formats.file import first_bytes
+from excite.formats.lerobot import is_data_set, read_data_set
+from excite.formats.registry import find_format, read_content
 from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
 from excite.motion.readers.reader import (
-    DAMAGED,
-    MAX_FILE_BYTES,
-    MAX_VALUES,
     MotionReader,
     RawMotion,
-    check_once,
-    of_ours,
     of_robot,
     stated_in_comments,
-    unreadable,
 )
-from excite.reading.documents import parse_json, read_json
-from excite.reading.file import check_file, first_bytes
-from excite.reading.numpy_files import read_npz
 
 # Text tables: ``excite.motion/1`` in CSV, and tables of other people's naming with a time and a column a
 # joint.
 
-COMMENT = b"#"
 UNSAFE = "UNSAFE"
 """How comments of a file begin that was exported although it fails the check."""
 
@@ -59,53 +48,41 @@ _MEANING = {word: channel for channel, words in _WORDS.items() for word in words
 _SEPARATORS = " ._/:-[]()"
 
 
-class TableReader(MotionReader):
-    """Values separated by commas, semicolons or tabs under one line of names; ``#`` lines before it are comments.
+class ColumnsReader(MotionReader):
+    """Columns of any format of :data:`~excite.formats.registry.FORMATS`: ``excite.motion/1``, or others' naming.
 
-    Times are called ``time``, ``t``, ``timestamp``, ``time_ms`` or the like. A joint's position is its name alone or
-    with ``q``, ``pos``, ``position`` before or after it; velocities and accelerations have ``v``, ``vel``, ``velocity``
-    and ``a``, ``acc``, ``acceleration``.
+    Of others, times are called ``time``, ``t``, ``timestamp``, ``time_ms`` or the like. A joint's position is its name
+    alone or with ``q``, ``pos``, ``position`` before or after it; velocities and accelerations have ``v``, ``vel``,
+    ``velocity`` and ``a``, ``acc``, ``acceleration``. ``joint_names`` beside matrices ``q``, ``v``, ``a`` names their
+    columns.
     """
 
-    name: ClassVar[str] = "csv"
-    summary: ClassVar[str] = "any table in text with a time and a column a joint, and excite.motion/1 in CSV"
+    name: ClassVar[str] = "columns"
+    summary: ClassVar[str] = (
+        "any table with a time and a column a joint, and excite.motion/1 (.csv, .parquet, .npz, .h5)"
+    )
 
     def recognises(self, path: Path) -> bool:
         """See :class:`MotionReader`."""
-        return path.suffix in {".csv", ".tsv", ".txt"}
+        return find_format(path) is not None
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        check_file(path, limit=MAX_FILE_BYTES, error=MotionError)
-        metadata: Any = {}
-        try:
-            with path.open("rb") as stream:
-                start = stream.tell()
-                while (line := stream.readline(1 << 20)).startswith(COMMENT):
-                    text = line[1:].decode().strip()
-                    metadata = parse_json(text) if text.startswith("{") and not metadata else metadata
-                    start += len(line)
-                names, separator = _column_names(line, path)
-                stream.seek(start)
-                table = pa.csv.read_csv(
-                    stream,
-                    # A thread that reads ahead may outlive the interpreter and end it by an abort.
-                    pa.csv.ReadOptions(use_threads=False),
-                    pa.csv.ParseOptions(delimiter=separator),
-                )
-            columns = numpy_columns(table.rename_columns(names))
-        except DAMAGED as error:
-            raise unreadable(path, error) from error
-        return RawMotion(columns if metadata else _rename_columns(columns, joints), metadata)
-
-
-def _column_names(line: bytes, path: Path) -> tuple[list[str], str]:
-    """Names of the columns, each once, and what separates them."""
-    text = line.decode("utf-8-sig")
-    separator = max(",;\t", key=text.count)
-    names = [name.strip() for name in next(csv.reader([text.strip("\r\n")], delimiter=separator), [])]
-    check_once(names, path)
-    return names, separator
+        content = read_content(path, MotionError)
+        columns = content.of_joints(joints)
+        if not columns:
+            raise MotionError("holds no columns", source=path, remedy="give a motion")
+        metadata: Any = parse_json(content.statement) if content.statement else {}
+        if "joint_names" in columns:
+            said: dict[str, str] = {
+                name: str(columns.pop(name)) for name in ("robot", "robot_hash") if name in columns
+            }
+            return RawMotion(_columns_of_matrices(columns, path), metadata or said)
+        if content.statement:
+            return RawMotion(
+                columns, {"schema": None, **metadata} if isinstance(metadata, Mapping) else metadata
+            )
+        return RawMotion(_rename_columns(columns, joints))
 
 
 def _rename_columns(columns: dict[str, NDArray[Any]], joints: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -148,163 +125,54 @@ class LeRobotReader(MotionReader):
 
     def recognises(self, path: Path) -> bool:
         """See :class:`MotionReader`."""
-        return (path / "meta" / "info.json").is_file()
+        return is_data_set(path)
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        info = read_json(path / "meta" / "info.json", error=MotionError)
-        files = sorted((path / "data").glob("**/*.parquet"))
-        if len(files) != 1:
+        data = read_data_set(path, MotionError)
+        first, *others = data.episodes()
+        if others:
+            raise MotionError("holds several episodes", source=path, remedy="give a data set of one episode")
+        if data.fps <= 0.0:
             raise MotionError(
-                f"holds {len(files)} files of episodes",
-                source=path / "data",
-                remedy="give a data set of one episode",
+                "says no rows a second", source=path, field="fps", remedy="state them in info.json"
             )
-        check_file(files[0], limit=MAX_FILE_BYTES, error=MotionError)
-        try:
-            table = read_parquet(files[0])
-            columns = _dataset_columns(table, info, path)
-        except DAMAGED as error:
-            raise unreadable(files[0], error) from error
-        except (KeyError, TypeError, AttributeError) as error:
-            raise unreadable(path / "meta" / "info.json", f"it lacks {error}") from error
-        said: Mapping[str, Any] = {}
-        if (path / STATEMENT).is_file():
-            said = read_json(path / STATEMENT, error=MotionError)
+        arrays = first[1]
+        # Stamps are in single precision, which at a minute is off by microseconds.
+        columns = {"time": np.asarray(arrays["frame_index"], dtype=float) / data.fps}
+        for feature, (channel, ending) in _FEATURES.items():
+            if feature in arrays:
+                names = [f"{channel}.{name.removesuffix(ending)}" for name in data.names(feature)]
+                columns |= _matrix_columns(feature, arrays[feature], names, path)
+        said = read_json(path / STATEMENT, error=MotionError) if (path / STATEMENT).is_file() else {}
         return RawMotion(columns, of_robot(said))
 
 
-def _dataset_columns(table: pa.Table, info: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
-    numbers = numpy_columns(
-        table.select([n for n in table.column_names if not pa.types.is_nested(table[n].type)])
-    )
-    if np.unique(numbers["episode_index"]).size != 1:
-        raise MotionError("holds several episodes", source=path, remedy="give a data set of one episode")
-    # Stamps are in single precision, which at a minute is off by microseconds.
-    columns = {"time": np.asarray(numbers["frame_index"], dtype=float) / float(info["fps"])}
-    for feature, (channel, ending) in _FEATURES.items():
-        if feature not in info["features"]:
-            continue
-        names = info["features"][feature]["names"]
-        values = np.array(table[feature].to_pylist(), dtype=float)
-        if values.ndim != 2 or values.shape[1] != len(names):
-            raise MotionError(
-                f"has the shape {values.shape} for {len(names)} names",
-                source=path,
-                field=feature,
-                remedy="name each",
-            )
-        columns |= {f"{channel}.{str(n).removesuffix(ending)}": values[:, i] for i, n in enumerate(names)}
-    return columns
-
-
-# npz archives: ``excite.motion/1`` with an array a channel, and the matrices that are exported for
-# controllers.
-
-METADATA = "__metadata__"
-# Metadata with a verdict of some hundred violations.
-_LONGEST_METADATA = 1_000_000
-_MATRICES = {"q": "q", "v": "v", "a": "a"}
 _BASE = {"base_pose": BASE_POSE, "base_twist": BASE_TWIST, "base_acceleration": BASE_ACCELERATION}
 
 
-class NpzReader(MotionReader):
-    """Arrays ``time``, ``q.JOINT`` … with metadata; or ``joint_names`` and matrices ``time``, ``q``, ``v``, ``a``."""
-
-    name: ClassVar[str] = "npz"
-    summary: ClassVar[str] = "excite.motion/1 in an npz archive, or the matrices that export writes"
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`MotionReader`."""
-        return path.suffix == ".npz"
-
-    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
-        """See :class:`MotionReader`."""
-        arrays = read_npz(
-            path,
-            limit=MAX_FILE_BYTES,
-            longest_text=_LONGEST_METADATA,
-            remedy="check that the file is complete",
-            error=MotionError,
-        )
-        if not arrays:
-            raise MotionError("holds no arrays", source=path, remedy="give a motion")
-        text = arrays.pop(METADATA, None)
-        if "joint_names" in arrays:
-            said: dict[str, str] = {
-                name: str(arrays.pop(name)) for name in ("robot", "robot_hash") if name in arrays
-            }
-            return RawMotion(
-                _matrix_columns(arrays, path), said if text is None else _parse_metadata(text, path)
-            )
-        if text is None:
-            raise MotionError(
-                "has neither metadata nor joint_names", source=path, remedy="add joint_names, or write a CSV"
-            )
-        # Written by numpy for its own option of that name.
-        arrays.pop("allow_pickle", None)
-        return RawMotion(arrays, of_ours(_parse_metadata(text, path)))
-
-
-def _parse_metadata(text: NDArray[Any] | None, path: Path) -> Any:
-    try:
-        return {} if text is None else parse_json(str(text))
-    except (ValueError, RecursionError) as error:
-        raise unreadable(path, error) from error
-
-
-def _matrix_columns(arrays: dict[str, NDArray[Any]], path: Path) -> dict[str, NDArray[Any]]:
-    """Columns of matrices."""
+def _columns_of_matrices(arrays: dict[str, NDArray[Any]], path: Path) -> dict[str, NDArray[Any]]:
     names = [str(name) for name in np.ravel(arrays.pop("joint_names"))]
     columns: dict[str, NDArray[Any]] = {}
-    groups = {name: [f"{prefix}.{joint}" for joint in names] for name, prefix in _MATRICES.items()}
+    groups = {prefix: [f"{prefix}.{joint}" for joint in names] for prefix in "qva"}
     for name, wanted in {**groups, **_BASE}.items():
-        if name not in arrays:
-            continue
-        values = arrays.pop(name)
-        if values.ndim != 2 or values.shape[1] != len(wanted):
-            raise MotionError(
-                f"has the shape {values.shape}, not (n, {len(wanted)})",
-                source=path,
-                field=name,
-                remedy="write one column a joint",
-            )
-        columns |= {column: values[:, i] for i, column in enumerate(wanted)}
+        if name in arrays:
+            columns |= _matrix_columns(name, arrays.pop(name), wanted, path)
     return columns | arrays
 
 
-# Reads motions of ``excite.motion/1`` from Parquet.
-
-
-class ParquetReader(MotionReader):
-    """One column a channel; what the file says of itself is JSON under the key ``excite``."""
-
-    name: ClassVar[str] = "parquet"
-    summary: ClassVar[str] = "excite.motion/1 in Parquet"
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`MotionReader`."""
-        return path.suffix == ".parquet"
-
-    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
-        """See :class:`MotionReader`."""
-        check_file(path, limit=MAX_FILE_BYTES, error=MotionError)
-        try:
-            found = pa.parquet.read_metadata(path)
-            if found.num_rows * found.num_columns > MAX_VALUES:
-                raise MotionError(
-                    f"holds {found.num_rows} rows of {found.num_columns} columns",
-                    source=path,
-                    remedy="check that it is a motion",
-                )
-            table = read_parquet(path)
-            check_once(table.column_names, path)
-            said = (table.schema.metadata or {}).get(b"excite")
-            metadata = {} if said is None else of_ours(parse_json(said.decode()))
-            columns = numpy_columns(table)
-        except DAMAGED as error:
-            raise unreadable(path, error) from error
-        return RawMotion(columns, metadata)
+def _matrix_columns(
+    name: str, values: NDArray[Any], wanted: Sequence[str], path: Path
+) -> dict[str, NDArray[Any]]:
+    """Columns of a matrix ``(n, len(wanted))``; raises MotionError for another shape."""
+    if values.ndim != 2 or values.shape[1] != len(wanted):
+        raise MotionError(
+            f"has the shape {values.shape}, not (n, {len(wanted)})",
+            source=path,
+            field=name,
+            remedy="write one column a joint",
+        )
+    return {column: values[:, i] for i, column in enumerate(wanted)}
 
 
 # Rows of numbers for controllers, whose columns a comment at the top names.
@@ -329,16 +197,12 @@ class RowsReader(MotionReader):
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
-        check_file(path, limit=MAX_FILE_BYTES, error=MotionError)
         said = stated_in_comments(path)
-        try:
+        with warnings.catch_warnings():
+            # Of a file without rows, which the number of columns tells as well.
+            warnings.simplefilter("ignore", UserWarning)
             names, rate = [str(name) for name in said["columns"]], float(said["rate_hz"])
-            with warnings.catch_warnings():
-                # Of a file without rows, which the number of columns tells as well.
-                warnings.simplefilter("ignore", UserWarning)
-                rows = np.loadtxt(path, ndmin=2)
-        except (KeyError, TypeError, *DAMAGED) as error:
-            raise unreadable(path, error) from error
+            rows = np.loadtxt(path, ndmin=2)
         if rows.shape[1] != len(names) or rate <= 0.0:
             raise MotionError(
                 f"has {rows.shape[1]} columns, and names {len(names)}", source=path, remedy="export it again"

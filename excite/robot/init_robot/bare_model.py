@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from excite.errors import RobotError
-from excite.reading.documents import read_xml
+from excite.formats.documents import read_xml
 from excite.robot.description import RobotDescription
 from excite.robot.init_robot.first_guesses import (
     MASSLESS,

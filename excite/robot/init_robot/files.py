@@ -14,9 +14,9 @@ import yaml
 
 from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
-from excite.reading.child import in_child
-from excite.reading.documents import read_xml
-from excite.reading.file import first_bytes
+from excite.formats.child import in_child
+from excite.formats.documents import read_xml
+from excite.formats.file import first_bytes
 from excite.results import Assumed
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 from excite.display import count
 from excite.errors import RobotError
 from excite.finding import Finding, FindingList, list_names, merge_findings, worst_first
-from excite.reading.documents import read_xml
+from excite.formats.documents import read_xml
 from excite.robot.catalogue import find_robot
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
 from excite.robot.init_robot.description import AS_IT_IS

@@ -15,8 +15,8 @@ import numpy as np
 from excite.atomic import write_bytes, write_text
 from excite.errors import InputError, RobotError
 from excite.finding import first_names
-from excite.reading.child import in_child
-from excite.reading.documents import read_xml
+from excite.formats.child import in_child
+from excite.formats.documents import read_xml
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.trees import BlockWriter, driven_joints, find_mimics, read_closures, robot_root
 from excite.robot.mjcf.urdf import UrdfWriter

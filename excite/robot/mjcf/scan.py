@@ -14,8 +14,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from excite.errors import RobotError
-from excite.reading.documents import read_xml
-from excite.reading.file import check_file, unreadable_file
+from excite.formats.documents import read_xml
+from excite.formats.file import check_file, unreadable_file
 from excite.robot.quantities import MAX_MASS
 from excite.robot.urdf.numbers import shorten_text
 

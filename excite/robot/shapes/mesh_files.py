@@ -9,8 +9,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.reading.child import in_child
-from excite.reading.file import check_file, read_bytes
+from excite.formats.child import in_child
+from excite.formats.file import check_file, read_bytes
 
 # The largest mesh known, the trunk of a quadruped in Collada, has 29 MB.
 MAX_MESH_BYTES = 256 * 1024 * 1024

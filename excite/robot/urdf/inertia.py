@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.errors import RobotError
-from excite.reading.documents import all_alike
+from excite.formats.documents import all_alike
 from excite.robot.urdf.numbers import read_numbers
 
 TOLERANCE = 1e-6

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from excite.errors import RobotError
 from excite.finding import first_names
-from excite.reading.documents import read_yaml
+from excite.formats.documents import read_yaml
 from excite.results import Assumed
 from excite.robot.quantities import MAX_ANGLE
 from excite.robot.urdf.numbers import read_numbers

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import RobotError
-from excite.reading.documents import read_xml
+from excite.formats.documents import read_xml
 from excite.robot.joint_values import check_range
 from excite.robot.urdf.inertia import check_inertials, drop_points
 from excite.robot.urdf.limits import keep_stated_limits

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from excite.errors import RobotError
-from excite.reading.documents import all_alike
+from excite.formats.documents import all_alike
 from excite.robot.joint_values import check_range
 from excite.robot.quantities import MAX_ANGLE, MAX_STAND_IN, MAX_TRAVEL_STAND_IN
 from excite.robot.urdf.inertia import check_geometry, check_origin

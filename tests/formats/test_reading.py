@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from excite.errors import ExciteError, InputError, LogError, RobotError
-from excite.reading.child import in_child
-from excite.reading.documents import read_json, read_xml, read_yaml
-from excite.reading.file import read_bytes, read_text
+from excite.formats.child import in_child
+from excite.formats.documents import read_json, read_xml, read_yaml
+from excite.formats.file import read_bytes, read_text
 
 BOMB = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
     f"{chr(98 + i)}: &{chr(98 + i)} [{','.join(['*' + chr(97 + i)] * 10)}]\n" for i in range(8)

@@ -20,7 +20,7 @@ from pydantic import BaseModel, ValidationError
 
 from excite.errors import InputError
 from excite.finding import list_names
-from excite.reading.file import MAX_DESCRIPTION_BYTES, read_bytes, read_text
+from excite.formats.file import MAX_DESCRIPTION_BYTES, read_bytes, read_text
 
 # JSON files as objects, strictly: what a document says twice, or says in numbers that are none, is refused.
 

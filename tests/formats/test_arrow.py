@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pyarrow as pa
 
-from excite.arrow_columns import arrow_table, numpy_columns
+from excite.formats.arrow import arrow_table, numpy_columns
 
 COLUMNS = {
     "time": np.arange(5) / 200.0,
@@ -45,7 +45,7 @@ def test_gaps_and_chunks_are_read():
 def test_numbers_load_no_pandas(tmp_path):
     code = (
         "import sys, pathlib, numpy as np, pyarrow as pa, pyarrow.parquet\n"
-        "from excite.arrow_columns import arrow_table, numpy_columns, read_parquet\n"
+        "from excite.formats.arrow import arrow_table, numpy_columns, read_parquet\n"
         f"path = pathlib.Path({str(tmp_path / 'x.parquet')!r})\n"
         "pa.parquet.write_table(arrow_table({'x': np.ones(3)}), path)\n"
         "assert numpy_columns(read_parquet(path))['x'].sum() == 3.0\n"

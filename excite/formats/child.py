@@ -16,7 +16,7 @@ from typing import Any
 from excite.errors import ExciteError, InputError
 from excite.kill_with_parent import die_with_parent
 
-_MAIN = "from excite.reading.child import answer; answer()"
+_MAIN = "from excite.formats.child import answer; answer()"
 
 
 def in_child(

@@ -1,83 +1,106 @@
-"""Pickles of plain data and recordings saved by torch, read without running anything in them."""
+"""Pickles of plain data, and tensors that torch saved: read without running anything that they name.
+
+A pickle may name any function of Python and have it called. Here it may name the few that numpy's arrays are rebuilt
+with, replaced by ones that do nothing else, and containers; whatever else it names ends the reading.
+"""
 
 from __future__ import annotations
 
 import pickle
 import zipfile
-from dataclasses import replace
+from collections import OrderedDict, defaultdict, deque
 from pathlib import Path
-from typing import IO, Any, ClassVar
+from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from excite.conversion.recording import Recording, nothing_there
-from excite.conversion.shapes import longest_streams, stream_of_arrays
-from excite.conversion.sources.npz import constants, recordings_of
-from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged
-from excite.errors import LogError
-from excite.reading.file import check_file, first_bytes
-from excite.reading.numpy_files import PICKLE_FAULTS, PlainUnpickler
+from excite.formats.arrays import npy_header
+from excite.formats.file import MAX_NUMBERS, first_bytes
 
-# Pickles of plain data (``.pkl``), and arrays in which numpy pickled a dictionary: read without running
-# anything.
-
-_MAX_BYTES = 2_000_000_000
 _DEEPEST = 8
 _ARRAY = b"\x93NUMPY"
+_CONTAINERS = {
+    ("collections", "OrderedDict"): OrderedDict,
+    ("collections", "defaultdict"): defaultdict,
+    ("collections", "deque"): deque,
+    ("builtins", "list"): list,
+    ("builtins", "dict"): dict,
+    ("builtins", "tuple"): tuple,
+    ("builtins", "set"): set,
+    ("builtins", "frozenset"): frozenset,
+    ("builtins", "complex"): complex,
+    ("builtins", "bytearray"): bytearray,
+    ("numpy", "ndarray"): np.ndarray,
+}
 
 
-class PickleSource(Source):
-    """Dictionaries and lists of numbers and numpy arrays, by trial or by sample."""
+class PlainUnpickler(pickle.Unpickler):
+    """Rebuilds plain data and refuses every other name."""
 
-    name: ClassVar[str] = "pickle"
-    summary: ClassVar[str] = "pickles of numbers and numpy arrays alone (.pkl, .pickle)"
-    own_process: ClassVar[bool] = True
+    def __init__(self, stream: IO[bytes]) -> None:
+        # Texts of Python 2 are bytes; arrays of its time are among them.
+        super().__init__(stream, encoding="latin1")
 
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`."""
-        if not path.is_file():
-            return False
-        if path.suffix.lower() == ".npy":
-            return _is_pickled_array(path)
-        return path.suffix.lower() in {".pkl", ".pickle", ".p"}
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """See :class:`Source`."""
-        check_file(path, limit=_MAX_BYTES, error=LogError)
-        try:
-            with path.open("rb") as stream:
-                if first_bytes(path, len(_ARRAY)) == _ARRAY:
-                    first = np.lib.format.read_magic(stream) == (1, 0)
-                    header = (
-                        np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
-                    )
-                    header(stream)
-                content = PlainUnpickler(stream).load()
-            trials = _trials(gathered(content, 0))
-        except PICKLE_FAULTS as error:
-            text = " ".join(str(error).split()) or type(error).__name__
-            raise LogError(
-                f"is a pickle, of which numbers and numpy arrays alone are read, not all that it holds ({text[:160]})",
-                source=path,
-                remedy="write its arrays with numpy.savez, or its table with to_csv or to_parquet",
-            ) from error
-        found: list[Recording] = []
-        for label, trial in trials.items():
-            arrays: dict[str, Any] = {}
-            _flatten("", trial, arrays, 0)
-            try:
-                named = recordings_of(path.with_name(f"{path.stem}{label}"), arrays)
-                found += [replace(recording, source=str(path)) for recording in named]
-            except LogError:
-                continue
-        if not found:
-            raise nothing_there(path)
-        return tuple(found)
+    def find_class(self, module: str, name: str) -> Any:
+        """What a pickle may name; raises UnpicklingError for the rest."""
+        module = module.replace("numpy._core", "numpy.core").replace("__builtin__", "builtins")
+        if (module, name) in _CONTAINERS:
+            return _CONTAINERS[module, name]
+        if (module, name) == ("numpy.core.multiarray", "_reconstruct"):
+            return _empty_array
+        if (module, name) == ("numpy.core.multiarray", "scalar"):
+            return _numpy_scalar
+        if (module, name) == ("numpy.core.numeric", "_frombuffer"):
+            return _from_buffer
+        if (module, name) == ("numpy", "dtype"):
+            return _numpy_dtype
+        if (module, name) == ("_codecs", "encode"):
+            return _latin_bytes
+        raise pickle.UnpicklingError(f"names {module}.{name}, which is no plain data")
 
 
-def _is_pickled_array(path: Path) -> bool:
+def _empty_array(*_: Any) -> Any:
+    """The array that numpy's state is then put into."""
+    return np.ndarray((0,), dtype="b")
+
+
+def _numpy_dtype(code: Any, *_: Any) -> Any:
+    if not isinstance(code, str):
+        raise pickle.UnpicklingError("names a type of numbers that no recording has")
+    return np.dtype(code)
+
+
+def _numpy_scalar(dtype: Any, content: Any = b"") -> Any:
+    if not isinstance(dtype, np.dtype) or dtype.hasobject:
+        raise pickle.UnpicklingError("has a number of a type that no recording has")
+    raw = content.encode("latin1") if isinstance(content, str) else bytes(content)
+    return np.frombuffer(raw, dtype=dtype, count=1)[0]
+
+
+def _from_buffer(content: Any, dtype: Any, shape: Any, order: Any, *_: Any) -> Any:
+    if not isinstance(dtype, np.dtype) or dtype.hasobject:
+        raise pickle.UnpicklingError("has numbers of a type that no recording has")
+    return np.frombuffer(bytes(content), dtype=dtype).reshape(shape, order=order)
+
+
+def _latin_bytes(text: Any, *_: Any) -> bytes:
+    return str(text).encode("latin1")
+
+
+def is_pickled_array(path: Path) -> bool:
+    """Whether a ``.npy`` holds Python's objects."""
     start = first_bytes(path, 256)
     return start.startswith(_ARRAY) and b"'descr': '|O'" in start
+
+
+def read_pickle(path: Path) -> dict[str, Any]:
+    """Trials of a pickle, or of an array of objects: by what distinguishes each, empty where there is one alone."""
+    with path.open("rb") as stream:
+        if first_bytes(path, len(_ARRAY)) == _ARRAY:
+            npy_header(stream)
+        content = PlainUnpickler(stream).load()
+    return _trials(gathered(content, 0))
 
 
 def gathered(value: Any, depth: int) -> Any:
@@ -122,7 +145,14 @@ def _trials(content: Any) -> dict[str, Any]:
     return {"": content}
 
 
-def _flatten(name: str, value: Any, arrays: dict[str, Any], depth: int) -> None:
+def flatten_arrays(content: Any) -> dict[str, NDArray[Any]]:
+    """Arrays, numbers and texts within dictionaries, by their paths."""
+    found: dict[str, NDArray[Any]] = {}
+    _flatten("", content, found, 0)
+    return found
+
+
+def _flatten(name: str, value: Any, arrays: dict[str, NDArray[Any]], depth: int) -> None:
     if depth > _DEEPEST:
         return
     if isinstance(value, dict):
@@ -132,12 +162,11 @@ def _flatten(name: str, value: Any, arrays: dict[str, Any], depth: int) -> None:
         arrays[name or "data"] = value
     elif isinstance(value, int | float | str):
         arrays[name or "data"] = np.asarray(value)
+    elif isinstance(value, list) and value and isinstance(value[0], int | float):
+        arrays[name or "data"] = np.asarray(value, dtype=float)
 
 
-# Recordings that torch saved (PACE's ``.pt``), read without torch: only tensors of numbers in plain
-# containers.
-#
-# Of what a pickle may name, here are the few that build a tensor from its storage, beside plain data.
+# Of what a pickle of torch may name, here are the few that build a tensor from its storage, beside plain data.
 
 _TYPES = {
     "DoubleStorage": "<f8",
@@ -150,45 +179,20 @@ _TYPES = {
     "ByteStorage": "<u1",
     "BoolStorage": "<u1",
 }
-_PACE_MAX_BYTES = 2_000_000_000
 
 
-class PaceSource(Source):
-    """A dictionary of tensors."""
-
-    name: ClassVar[str] = "pace"
-    summary: ClassVar[str] = "tensors saved by torch (.pt, .pth), as PACE writes them"
-    own_process: ClassVar[bool] = True
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`."""
-        return path.is_file() and path.suffix.lower() in {".pt", ".pth"} and first_bytes(path, 2) == b"PK"
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """See :class:`Source`."""
-        check_file(path, limit=_PACE_MAX_BYTES, error=LogError)
-        try:
-            content = _load(path)
-        except (*PICKLE_FAULTS, zipfile.BadZipFile) as error:
-            raise damaged(path, error, "tensors of torch") from error
-        arrays: dict[str, Any] = {}
-        _collect("", content, arrays, 0)
-        streams = longest_streams(stream_of_arrays(path.stem, arrays))
-        if not streams:
-            raise nothing_there(path)
-        return (Recording(str(path), path.stem, streams, constants(arrays)),)
-
-
-def _load(path: Path) -> Any:
+def read_torch(path: Path) -> dict[str, NDArray[Any]]:
+    """Tensors that torch saved (PACE's ``.pt``) and numbers beside them by their paths, read without torch."""
     with zipfile.ZipFile(path) as archive:
         names = [name for name in archive.namelist() if name.endswith("data.pkl")]
         if not names:
             raise ValueError("the archive holds no data.pkl")
         with archive.open(names[0]) as stream:
-            return _Unpickler(stream, archive, names[0].removesuffix("data.pkl")).load()
+            content = _TorchUnpickler(stream, archive, names[0].removesuffix("data.pkl")).load()
+    return flatten_arrays(content)
 
 
-class _Unpickler(PlainUnpickler):
+class _TorchUnpickler(PlainUnpickler):
     """Builds tensors as numpy arrays; refuses every name that is none and no plain data."""
 
     def __init__(self, stream: IO[bytes], archive: zipfile.ZipFile, folder: str) -> None:
@@ -227,15 +231,3 @@ def _tensor(storage: Any, offset: int, size: Any, stride: Any, *_: Any) -> Any:
 
 def _parameter(data: Any, *_: Any) -> Any:
     return data
-
-
-def _collect(name: str, value: Any, arrays: dict[str, Any], depth: int) -> None:
-    if isinstance(value, dict) and depth < 8:
-        for key, inner in value.items():
-            _collect(f"{name}/{key}" if name else str(key), inner, arrays, depth + 1)
-    elif isinstance(value, np.ndarray):
-        arrays[name] = value
-    elif isinstance(value, int | float):
-        arrays[name] = np.asarray(value)
-    elif isinstance(value, list) and value and isinstance(value[0], int | float):
-        arrays[name] = np.asarray(value, dtype=float)

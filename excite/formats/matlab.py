@@ -1,73 +1,45 @@
-"""Files that MATLAB saves, and what in them is no array."""
+"""MATLAB's ``.mat``: variables, structs and tables taken apart, version 7.3 through HDF5."""
 
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from excite.arrays import Array
-from excite.conversion.columns.words import name_tokens
-from excite.conversion.recording import Recording
-from excite.conversion.sources.hdf5 import hdf5_arrays, recordings_of
-from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
-from excite.errors import LogError
-from excite.reading.file import check_file, first_bytes
-
-# MATLAB's ``.mat``: variables, structs and tables taken apart, version 7.3 through HDF5; ``timeseries`` as
-# structs.
+from excite.errors import InputError
+from excite.formats.file import first_bytes
+from excite.formats.hdf5 import hdf5_arrays
 
 # Structs within structs; Simulink's logs have four.
 _DEEPEST = 8
+# Fields by which structs call themselves: name, label, jointName, joint_name.
+_NAMES = re.compile(r"(?:^|[^A-Za-z])(?:name|label)(?![a-z])|(?:Name|Label)(?![a-z])|^(?:NAME|LABEL)$")
 
 
-class MatSource(Source):
-    """Variables of numbers, and those in structs, by their paths."""
+def read_mat(path: Path, error: type[InputError] = InputError) -> dict[str, NDArray[Any]]:
+    """Variables of numbers and texts, those in structs and tables too, by their paths; raises ``error``."""
+    start = first_bytes(path, 520)
+    if start[512:].startswith(b"\x89HDF") or start.startswith((b"\x89HDF", b"MATLAB 7.3")):
+        return hdf5_arrays(path, error)
+    from scipy.io import loadmat
 
-    name: ClassVar[str] = "mat"
-    summary: ClassVar[str] = "MATLAB (.mat, version 7.3 too)"
-    own_process: ClassVar[bool] = True
-
-    def recognises(self, path: Path) -> bool:
-        """See :class:`Source`."""
-        return path.is_file() and (path.suffix.lower() == ".mat" or first_bytes(path, 6) == b"MATLAB")
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """See :class:`Source`."""
-        check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
-        start = first_bytes(path, 520)
-        if start[512:].startswith(b"\x89HDF") or start.startswith((b"\x89HDF", b"MATLAB 7.3")):
-            return recordings_of(path, hdf5_arrays(path))
-        from scipy.io import loadmat
-        from scipy.io.matlab import MatReadError
-
-        try:
-            content = loadmat(path, simplify_cells=True)
-            workspace = content.get("__function_workspace__")
-            tables = {} if workspace is None else tables_of(path, workspace)
-        except (
-            OSError,
-            ValueError,
-            TypeError,
-            MatReadError,
-            NotImplementedError,
-            KeyError,
-            IndexError,
-            MemoryError,
-        ) as error:
-            raise damaged(path, error, "a .mat file") from error
-        found: dict[str, Any] = {}
-        for name, value in [*content.items(), *tables.items()]:
-            if not name.startswith("__"):
-                _collect_variables(name, value, found, 0)
-        return recordings_of(path, found)
+    content = loadmat(path, simplify_cells=True)
+    workspace = content.get("__function_workspace__")
+    tables = {} if workspace is None else tables_of(path, workspace)
+    found: dict[str, NDArray[Any]] = {}
+    for name, value in [*content.items(), *tables.items()]:
+        if not name.startswith("__"):
+            _collect_variables(name, value, found, 0)
+    return found
 
 
-def _collect_variables(name: str, value: object, found: dict[str, Any], depth: int) -> None:
+def _collect_variables(name: str, value: object, found: dict[str, NDArray[Any]], depth: int) -> None:
     if depth > _DEEPEST:
         return
     if isinstance(value, dict):
@@ -91,7 +63,7 @@ def _own_names(members: list[Any]) -> list[str]:
     if len(members) < 2 or not all(isinstance(one, dict) for one in members):
         return []
     for key in members[0]:
-        if not {"name", "label"} & set(name_tokens(key)):
+        if not _NAMES.search(key):
             continue
         said = [one.get(key) for one in members]
         names = [word.strip().replace("/", "_") for word in said if isinstance(word, str)]
@@ -141,7 +113,7 @@ class Objects:
     properties: Mapping[int, Mapping[str, int]]
 
     @classmethod
-    def of(cls, workspace: Array) -> Objects:
+    def of(cls, workspace: NDArray[Any]) -> Objects:
         """From the bytes of a file's workspace, as ``scipy.io.loadmat`` gives them."""
         packed = workspace.tobytes()
         inner = next(_read_variables(b" " * (_HEADER - 4) + packed[:4] + packed[8:]))
@@ -175,7 +147,7 @@ class Objects:
             columns.append(cell if seconds is None else seconds)
         return columns
 
-    def _seconds(self, value: Any) -> Array | None:
+    def _seconds(self, value: Any) -> NDArray[Any] | None:
         """A duration or date in seconds; None for anything else."""
         held = self._held(_object_reference(value))
         stamp = held.get("millis", held.get("data"))
@@ -184,7 +156,7 @@ class Objects:
         # Dates of more digits than a number has keep the rest in the imaginary part.
         return np.asarray(1e-3 * (np.real(stamp) + np.imag(stamp)), dtype=float).ravel()
 
-    def _times(self, rows: Any, count: int) -> Array | None:
+    def _times(self, rows: Any, count: int) -> NDArray[Any] | None:
         """Times of a timetable's rows [s]: each of them, or the first with a step or a rate."""
         seconds = self._seconds(rows)
         if seconds is not None or not (rows.dtype.names or ()):
@@ -194,10 +166,10 @@ class Objects:
         step = self._seconds(even["stepSize"]) if "stepSize" in rows.dtype.names else None
         if step is None or not np.isfinite(step).all() or not step.any():
             step = 1.0 / np.ravel(even["sampleRate"]).astype(float)
-        return (0.0 if first is None else first[0]) + step[0] * np.arange(count)
+        return np.asarray((0.0 if first is None else first[0]) + step[0] * np.arange(count))
 
 
-def tables_of(path: Path, workspace: Array) -> dict[str, dict[str, Any]]:
+def tables_of(path: Path, workspace: NDArray[Any]) -> dict[str, dict[str, Any]]:
     """Tables and timetables of a file by the names of their variables.
 
     Args:
@@ -252,7 +224,7 @@ def _object_properties(packed: bytes) -> dict[int, dict[str, int]]:
     return found
 
 
-def _property_lists(words: Array) -> list[Array]:
+def _property_lists(words: NDArray[Any]) -> list[NDArray[Any]]:
     """Lists of properties, each behind its length and filled up to pairs of words."""
     found, at = [], 0
     while at < len(words):

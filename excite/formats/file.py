@@ -7,18 +7,27 @@ import errno
 import gzip
 import lzma
 import os
+import pickle
 import stat
+import struct
+import tokenize
 import zlib
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 from excite.errors import InputError
 from excite.temporary_folder import TemporaryFolder
 
 # What a person writes by hand: the largest robot.yaml and log.yaml known here have 30 kB.
 MAX_DESCRIPTION_BYTES = 8 * 1024 * 1024
+
+# Of recordings: an hour at 1 kHz of an arm with 55 channels has 1.6 GB as numbers, 2 GB as text, and fits into a usual
+# memory twice. A humanoid with hands has 500 columns, an array of tactile sensors some thousand.
+MAX_FILE_BYTES, MAX_NUMBERS, MAX_COLUMNS = 4_000_000_000, 200_000_000, 20_000
 
 # How the pointer begins that Git LFS leaves where it did not fetch a file (specification 1), and how long one may be.
 _POINTER, _POINTER_BYTES = b"version https://git-lfs.github.com/spec/", 1024
@@ -70,6 +79,70 @@ def check_file(path: str | Path, *, limit: int | None = None, error: type[InputE
             remedy="fetch the file itself: git lfs pull",
         )
     return path
+
+
+# What libraries raise of files that are damaged or lie.
+DAMAGED: tuple[type[Exception], ...] = (
+    *(OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, ArithmeticError, MemoryError),
+    *(
+        RuntimeError,
+        AssertionError,
+        SyntaxError,
+        tokenize.TokenError,
+        struct.error,
+        zlib.error,
+        lzma.LZMAError,
+        BadZipFile,
+    ),
+    *(pickle.UnpicklingError, ImportError, BadZipFile),
+)
+
+
+# Libraries whose own errors are children of no class of Python's; this module loads none of them.
+_LIBRARIES = frozenset({"pyarrow", "rosbags", "mcap", "apsw", "scipy", "h5py", "yaml"})
+
+
+def is_damage(reason: BaseException) -> bool:
+    """Whether an error is what a library says of a file that is damaged or of another kind."""
+    return isinstance(reason, DAMAGED) or type(reason).__module__.partition(".")[0] in _LIBRARIES
+
+
+@contextmanager
+def unreadable(
+    path: Path,
+    error: type[InputError] = InputError,
+    what: str = "",
+    remedy: str = "check that the file is complete",
+) -> Iterator[None]:
+    """Errors of a library within the block, as one of the class ``error`` in one line; ``what`` the file should be."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as reason:
+        if not is_damage(reason):
+            raise
+        text = " ".join(str(reason).split()) or type(reason).__name__
+        as_what = f" as {what}" if what else ""
+        raise error(f"cannot be read{as_what} ({text[:160]})", source=path, remedy=remedy) from reason
+
+
+def check_unique(names: Sequence[str], path: Path, error: type[InputError] = InputError) -> None:
+    """Refuse columns of the same name; raises ``error`` that names the first."""
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twice is not None:
+        raise error("stands twice", source=path, field=twice[:60], remedy="keep one of the columns")
+
+
+def check_size(numbers: int, columns: int, path: Path, error: type[InputError] = InputError) -> None:
+    """Refuse a file by what it says that it holds, before any of it is read; raises ``error``."""
+    for found, most, what, remedy in (
+        (columns, MAX_COLUMNS, "columns", "leave out what is no channel of the robot"),
+        (numbers, MAX_NUMBERS, "numbers", "split the recording"),
+    ):
+        if found > most:
+            text = f"holds {found} {what}, more than the {most} that are read"
+            raise error(text, source=path, remedy=remedy)
 
 
 def read_bytes(

@@ -1,0 +1,183 @@
+"""Recordings of arrays by name, whichever format holds them: one a trial where groups or stacks say so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from excite.conversion.columns.words import read_clue
+from excite.conversion.recording import Recording
+from excite.conversion.shapes import longest_streams, split_batches, stream_of_arrays
+from excite.conversion.sources.source import Source
+from excite.errors import LogError
+from excite.formats.arrays import read_npy, read_npz
+from excite.formats.arrow import ARROW, read_arrow
+from excite.formats.file import MAX_FILE_BYTES, check_size, first_bytes, is_damage
+from excite.formats.hdf5 import MOST_CONSTANTS, hdf5_arrays
+from excite.formats.matlab import read_mat
+from excite.formats.pickles import flatten_arrays, is_pickled_array, read_pickle, read_torch
+
+Arrays = Mapping[str, Any]
+_NUMBERS = "write its arrays one by one, numbers only: numpy.savez(file, q=…, tau=…)"
+
+
+class ArraySource(Source):
+    """Arrays by name, those of groups by their paths.
+
+    Attributes:
+        suffixes: of files.
+        beginnings: how files begin, whatever they are called.
+        grouped: whether groups and stacks of arrays are recordings of their own.
+        arrays: reads a file's arrays by name.
+    """
+
+    own_process: ClassVar[bool] = True
+    suffixes: ClassVar[tuple[str, ...]]
+    beginnings: ClassVar[tuple[bytes, ...]] = ()
+    grouped: ClassVar[bool] = True
+    arrays: ClassVar[Callable[[Path], Arrays]]
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        return path.is_file() and (
+            path.suffix.lower() in self.suffixes or first_bytes(path, 8).startswith(self.beginnings)
+        )
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        arrays = type(self).arrays(path)
+        if self.grouped:
+            return recordings_of(path, arrays)
+        return (Recording(str(path), path.stem, longest_streams(stream_of_arrays(path.stem, arrays))),)
+
+
+def _read_numpy(path: Path) -> Arrays:
+    if path.suffix.lower() == ".npy":
+        return read_npy(path, LogError)
+    return read_npz(path, limit=MAX_FILE_BYTES, longest_text=100_000, error=LogError, remedy=_NUMBERS)
+
+
+def _source(
+    name: str, what: str, summary: str, suffixes: str, arrays: Callable[[Path], Arrays], **more: Any
+) -> Any:
+    """A source of a format, by what sets it apart from others."""
+    own = {"name": name, "what": what, "summary": summary, "suffixes": tuple(suffixes.split())}
+    return type(f"{name.title()}Source", (ArraySource,), own | {"arrays": staticmethod(arrays), **more})
+
+
+MatSource = _source(
+    *("mat", "a .mat file", "MATLAB (.mat, version 7.3 too)", ".mat", lambda path: read_mat(path, LogError)),
+    beginnings=(b"MATLAB",),
+)
+Hdf5Source = _source(
+    *("hdf5", "HDF5", "HDF5 (.h5, .hdf5)", ".h5 .hdf5", lambda path: hdf5_arrays(path, LogError)),
+    beginnings=(b"\x89HDF\r\n\x1a\n",),
+)
+ParquetSource = _source(
+    *("parquet", "a table of Arrow", "tables of Arrow (.parquet, .feather, .arrow)"),
+    *(".parquet .pq .feather .arrow", lambda path: read_arrow(path, LogError)),
+    beginnings=ARROW,
+    grouped=False,
+)
+NpzSource = _source(
+    *("npz", "a numpy array", "numpy arrays (.npz, .npy)", ".npz .npy", _read_numpy), own_process=False
+)
+PaceSource = _source(
+    *("pace", "tensors of torch", "tensors saved by torch (.pt, .pth), as PACE writes them", ".pt .pth"),
+    read_torch,
+)
+
+
+class PickleSource(Source):
+    """Dictionaries and lists of numbers and numpy arrays, by trial or by sample."""
+
+    name: ClassVar[str] = "pickle"
+    summary: ClassVar[str] = "pickles of numbers and numpy arrays alone (.pkl, .pickle)"
+    own_process: ClassVar[bool] = True
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        if path.suffix.lower() == ".npy":
+            return path.is_file() and is_pickled_array(path)
+        return path.is_file() and path.suffix.lower() in {".pkl", ".pickle", ".p"}
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        try:
+            trials = read_pickle(path)
+        except Exception as error:
+            if not is_damage(error):
+                raise
+            text = " ".join(str(error).split()) or type(error).__name__
+            raise LogError(
+                f"is a pickle, of which numbers and numpy arrays alone are read, not all that it holds ({text[:160]})",
+                source=path,
+                remedy="write its arrays with numpy.savez, or its table with to_csv or to_parquet",
+            ) from error
+        found: list[Recording] = []
+        for label, trial in trials.items():
+            named = recordings_of(path.with_name(f"{path.stem}{label}"), flatten_arrays(trial))
+            found += [replace(recording, source=str(path)) for recording in named]
+        return tuple(found)
+
+
+def recordings_of(path: Path, arrays: Arrays) -> tuple[Recording, ...]:
+    """Recordings among arrays by their paths (``trial1/q``): one a trial where they are stacked, or lie in groups."""
+    check_size(sum(np.size(values) for values in arrays.values()), 0, path, LogError)
+    stacked = {f"{path.stem}_{name}": members for name, members in split_batches(arrays).items()}
+    groups = _trial_groups(dict(arrays)) or stacked or {path.stem: dict(arrays)}
+    return tuple(
+        Recording(
+            str(path),
+            group or path.stem,
+            longest_streams(stream_of_arrays(group or path.stem, members)),
+            constants(members),
+        )
+        for group, members in groups.items()
+    )
+
+
+def _trial_groups(arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Data sets of each trial by its group, however deep the groups lie; empty where there are no such groups."""
+    groups: dict[str, dict[str, Any]] = {}
+    for name, values in arrays.items():
+        group, _, rest = name.partition("/")
+        groups.setdefault(group if rest else "", {})[rest or name] = values
+    shared = groups.pop("", {})
+    if not _is_constant(shared):
+        return {}
+    # What describes the recordings (``info``, ``meta``) is none of them.
+    for group in [group for group, members in groups.items() if _is_constant(members)]:
+        shared |= {f"{group}/{name}": values for name, values in groups.pop(group).items()}
+    if len(groups) == 1:
+        ((group, members),) = groups.items()
+        return {name: shared | inner for name, inner in _trial_groups(members).items()}
+    inner = [frozenset(found) for found in groups.values()]
+    if not inner or 2 * len(frozenset.intersection(*inner)) < len(frozenset.union(*inner)):
+        return {}
+    # Logs of a simulation have a group a signal, each with the same fields in it.
+    said = [read_clue(group, ()).quantity for group in groups]
+    if len(set(said)) > 1 and all(said):
+        return {}
+    return {group: shared | members for group, members in groups.items()}
+
+
+def _is_constant(members: dict[str, Any]) -> bool:
+    """Whether no data set is long enough for a signal."""
+    return all(np.size(values) <= MOST_CONSTANTS for values in members.values())
+
+
+def constants(arrays: dict[str, np.ndarray]) -> dict[str, object]:
+    """Numbers and short lists of numbers among arrays, as lists; words as text."""
+    said: dict[str, object] = {}
+    for name, values in arrays.items():
+        array = np.asarray(values)
+        if array.dtype.kind in "fiu" and array.size <= MOST_CONSTANTS:
+            said[name] = np.squeeze(array).tolist()
+        elif array.dtype.kind == "U" and array.size <= MOST_CONSTANTS:
+            said[name] = np.squeeze(array).tolist()
+    return said

@@ -1,1 +1,0 @@
-"""Readers of trial files, one a format."""

@@ -1,1 +1,0 @@
-"""Files that people hand over, read within bounds: size, depth and count are checked before any reader trusts them."""
