@@ -23,7 +23,6 @@ from PIL import Image
 
 import excite
 from excite.atomic import atomic_path
-from excite.campaign.rehearsal import rehearse_motions
 from excite.excitation.conditioning import compute_conditioning, motion_factor
 from excite.excitation.precision import nominal_values, row_noise
 from excite.excitation.selection import NEGLIGIBLE, TotalDeviation, candidate_information, greedy_choice
@@ -40,6 +39,7 @@ from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidates
 from excite.safety.repairs.shares import Shares
 from excite.safety.verdict import CheckReport, Verdict
+from excite.simulation.rehearsal import rehearse_motions
 
 LIBRARY = Path(__file__).resolve().parents[1] / "motion_library"
 SEED = 1

@@ -12,7 +12,6 @@ import numpy as np
 from excite.campaign.optimised_series import Asked
 from excite.campaign.plan_document import robot_file
 from excite.campaign.pool import Keeper
-from excite.campaign.rehearsal import FELL, SLIPPED, TOUCHED
 from excite.campaign.searches import SEARCHES
 from excite.documents.plan import RefusalsDocument
 from excite.errors import NothingSafeError, UnknownNameError
@@ -30,6 +29,7 @@ from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, Remedy, joined_refusals, refusals_table, tally_refusals
 from excite.safety.remedy import TRIED, find_remedy
 from excite.safety.repairs.draft import Rejection
+from excite.simulation.rehearsal import FELL, SLIPPED, TOUCHED
 
 # Candidates of a plan as they are drawn and judged, turn by turn while too few are safe.
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
-from excite.campaign.rehearsal import can_fall, rehearse_alone
 from excite.errors import InputError
 from excite.motion.collection import MotionsLike, as_motions
 from excite.motion.motion import Motion
@@ -13,11 +11,11 @@ from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.load import RobotLike, as_robot
-from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.parameter_set import stated_parameters
-from excite.safety.verdict import CheckReport, Verdict, Violation, unit_of
+from excite.safety.verdict import CheckReport, Verdict
+from excite.simulation.rehearsal import rehearsed_verdict
 
 
 def check(
@@ -70,16 +68,7 @@ def _check_one(shared: tuple[Robot, bool], task: tuple[Motion, dict[str, Motion]
     (robot, robust), (motion, neighbours) = shared, task
     parameters = stated_parameters(robot)
     verdict = check_motion(robot, motion, neighbours=neighbours, parameters=parameters, robust=robust)
-    # A motion of a chain starts or ends on the way, which no rehearsal of it alone does.
-    if not verdict.safe or not can_fall(robot) or motion.metadata.previous or motion.metadata.following:
-        return verdict
-    rehearsal = rehearse_alone(robot, motion)
-    refused = rehearsal.refused
-    if refused is None:
-        return replace(verdict, rehearsal=rehearsal)
-    unit = unit_of(refused.reason, refused.where, sliding_joints(robot))
-    found = Violation(refused.reason, refused.time_s, refused.where, refused.value, refused.limit, unit)
-    return replace(verdict, violations=(found,), rehearsal=rehearsal)
+    return rehearsed_verdict(robot, motion, verdict, robust=robust)
 
 
 def _chain_neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:

@@ -27,7 +27,6 @@ from excite.campaign.expected import TARGET_RSD, Outlook, check_target, is_predi
 from excite.campaign.optimised_series import Asked, SeriesSettings
 from excite.campaign.plan_document import conditioning_comparison, robot_file
 from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments, write_value
-from excite.campaign.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehearse_motions
 from excite.campaign.searches import SEARCHES
 from excite.display import Row, Tabled, count
 from excite.documents.document import read_document
@@ -57,6 +56,7 @@ from excite.safety.parameter_set import stated_parameters
 from excite.safety.refusals import tally_refusals
 from excite.safety.repairs.draft import Rejection
 from excite.safety.verdict import Robustness, conditions, robustness_of_all
+from excite.simulation.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehearse_motions
 from excite.temporary_folder import TemporaryFolder
 
 # The choice of a plan's motions: by a rule, rehearsed, and chosen again without those that fell.

@@ -23,6 +23,7 @@ from excite.safety.checks.motion import coordinate_names
 from excite.safety.repairs.collisions import find_route
 from excite.safety.repairs.retiming import plan_transfer
 from excite.safety.verdict import Verdict
+from excite.simulation.rehearsal import rehearsed_verdict
 
 # How far a motion at another rate may be from what it was: shares of each joint's range, velocity limit and
 # acceleration limit. The ready motions of seven robots and planned ones of a UR10 lose at most 1e-5, 0.2 % and 2.7 % at
@@ -136,6 +137,8 @@ def _clear_motion(
             _check_loss(robot, motion, written, rate_hz)
         if verdict.safe:
             verdict = check_motion(robot, written, neighbours=named)
+    # What is written is the motion to within what a rate may lose, so that the motion's own rehearsal holds.
+    verdict = rehearsed_verdict(robot, motion, verdict)
     verdict = replace(verdict, violations=(*verdict.violations, *exporter.violations(written)))
     said = dict(verdict.to_json())
     if not verdict.safe and reason is not None:

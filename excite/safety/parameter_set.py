@@ -110,6 +110,24 @@ class ParameterSet:
         along = (part.root * of.root).sum(axis=-1) / np.where(length > 0.0, length, 1.0)
         return np.asarray(found + np.where(part.shift + length > 0.0, of.shift + along, 0.0))
 
+    def farthest(self, at: Array) -> Array:
+        """The member at which a row rises most, as what it has beyond the model, ``(10·n_segments,)``.
+
+        Args:
+            at: the row in coordinates ``(n_coordinates,)``.
+        """
+        part = self._parts(at)
+        sign = np.sign(part.bodies[:, 1:])
+        heavier = self.mass * np.sign(part.bodies[:, 0] + np.abs(part.bodies[:, 1:4]).sum(axis=-1))
+        moved = sign[:, :3] * (1.0 + heavier[:, None])
+        found = np.einsum("bck,bk->bc", self.bodies, np.column_stack([heavier, moved, sign[:, 3:]]))
+        np.add.at(found, self.carriers, np.where(part.loads > 0.0, 1.0, 0.0)[:, None] * self.loads)
+        length = float(np.linalg.norm(part.root))
+        if self.ellipsoid.shape[1] and part.shift + length > 0.0:
+            along = part.root / length if length > 0.0 else part.root
+            return np.asarray(found.ravel() + self.ellipsoid @ np.append(1.0, along))
+        return found.ravel()
+
     def _parts(self, at: Array) -> _Parts:
         n, n_loads = OF_BODY * len(self.bodies), len(self.loads)
         last = at[..., n + n_loads :] if self.ellipsoid.shape[1] else np.zeros((*at.shape[:-1], 1))

@@ -247,15 +247,18 @@ MARGIN_FIELDS = tuple(item.name for item in fields(Margins))
 
 @dataclass(frozen=True)
 class Rehearsed(Stated):
-    """What a motion of a standing robot did in simulation, without any load.
+    """What a motion of a standing robot did in simulation, without any load: the worst over the robots that ran it.
 
     Attributes:
+        robots: that ran it: ``model`` and, where its uncertainty is stated or has to be kept, the members of that set
+            that lean furthest towards and away from the nearest edge of the support polygon.
         stands: whether it did not fall.
         slip_m: largest slip of a foot that stands [m].
         touches: whether parts other than soles touched each other or the ground.
         drive_share: largest torque of a drive, of its limit; one or more where it had no more to give [no unit].
     """
 
+    robots: tuple[Name, ...]
     stands: bool
     slip_m: float
     touches: bool

@@ -14,13 +14,13 @@ from excite.campaign.check import check
 from excite.campaign.plan import Plan, plan
 from excite.campaign.pool import OnDisk
 from excite.campaign.rank import rank
-from excite.campaign.rehearsal import loaded_robot, rehearse_motions
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Rejection
+from excite.simulation.rehearsal import loaded_robot, rehearse_motions
 from excite.simulation.replay import replay_motion
 from excite.simulation.virtual_robot import VirtualRobot
 
@@ -130,7 +130,8 @@ def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot,
 def test_what_a_motion_does_not_stand_is_said_with_where_and_how_much(
     g1: Robot, standing_plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rehearsal = import_module("excite.campaign.rehearsal")
+    rehearsal = import_module("excite.simulation.rehearsal")
+    monkeypatch.setattr(rehearsal, "cached_file", lambda *_: None)
     really, motion = rehearsal.watched_run, standing_plan.accepted[0]
     waist = g1.joint_index("waist_pitch_joint")
 
@@ -165,7 +166,8 @@ def test_a_motion_near_falling_has_to_stand_without_the_load_too(
     g1: Robot, standing_plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is on its back may hold it up, where a drive has nothing left or the robot tilts far."""
-    rehearsal = import_module("excite.campaign.rehearsal")
+    rehearsal = import_module("excite.simulation.rehearsal")
+    monkeypatch.setattr(rehearsal, "cached_file", lambda *_: None)
     really, motion = rehearsal.watched_run, standing_plan.accepted[0]
 
     def verdict(tilt: float, saturation: float, unloaded_stands: bool) -> tuple[bool, ...]:

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from excite.campaign.rehearsal import AT_LIMIT, FELL, SLIPPED, TOUCHED
 from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES
 from excite.doctor.examine import CHECKS
 from excite.safety.check import CHECKS as SAFETY_CHECKS
+from excite.simulation.rehearsal import AT_LIMIT, FELL, SLIPPED, TOUCHED
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "reference" / "findings.md").read_text(encoding="utf-8")

@@ -100,7 +100,7 @@ def test_where_nothing_can_be_kept_it_is_computed(
         monkeypatch.setenv("EXCITE_CACHE", "cache")
         monkeypatch.chdir(tmp_path)
     else:
-        monkeypatch.setattr(kept_hulls, "_cache_folder", lambda: None)
+        monkeypatch.setattr(kept_hulls, "cached_file", lambda *_: None)
     before = sorted(tmp_path.rglob("*"))
     assert same(kept_hull(POINTS, *SETTINGS), computed)
     assert sorted(tmp_path.rglob("*")) == before

@@ -1,29 +1,37 @@
-"""Rehearsal: before a motion is chosen it is run in simulation, on a robot that carries a load."""
+"""Rehearsal: a motion of a robot that stands is run in simulation before it is chosen, checked or exported."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
+from hashlib import blake2b
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from excite.campaign.pool import OnDisk, read_value
-from excite.motion.generators.generator import support_reach
+from excite.arrays import Array, Moved
+from excite.cache import cached_file, read_cached, write_cached
+from excite.motion.content import content_hash, motion_columns
+from excite.motion.generators.generator import support_corners, support_reach
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.results import HIDDEN
+from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
+from excite.safety.ground_forces import hull_edges
+from excite.safety.parameter_set import RowsOfSet, stated_parameters
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Rejection
-from excite.safety.verdict import Rehearsed
+from excite.safety.verdict import Rehearsed, Verdict, Violation, unit_of
 from excite.simulation.execution import DivergedError, Machine
 from excite.simulation.replay import FALL_END_TILT_RAD, WatchedRun, watched_run
-from excite.simulation.true_parameters import AddedPart, with_part
+from excite.simulation.true_parameters import AddedPart, TrueParameters, possible_parameters, with_part
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 
 # What a robot carries that its model does not know, as a share of its mass (Jovic et al. 2016: 5 kg on 58 kg, most of
@@ -49,6 +57,9 @@ _FAR = 0.5 * FALL_END_TILT_RAD
 
 # How far any foot may slip without the load [m].
 MOST_SLIP_M = 0.01
+
+MODEL = "model"
+"""The robot as its model says."""
 
 FELL, SLIPPED, TOUCHED = "fell_in_rehearsal", "slipped_in_rehearsal", "touched_in_rehearsal"
 AT_LIMIT = "drive_at_limit_in_rehearsal"
@@ -84,10 +95,9 @@ def rehearse_motions(
     if not can_fall(robot):
         return (None,) * len(motions)
     # Motions that are on disk are read where they are run.
-    tasks: Sequence[Motion | Path] = motions.files if isinstance(motions, OnDisk) else motions
-    shared = (robot, load)
+    shared, which = (robot, load, motions), range(len(motions))
     return tuple(
-        in_order(_rehearse_one, tasks, jobs=jobs, shared=shared, stage="rehearse", progress=progress)
+        in_order(_rehearse_one, which, jobs=jobs, shared=shared, stage="rehearse", progress=progress)
     )
 
 
@@ -101,9 +111,9 @@ def may_slip_m(robot: Robot) -> float:
     return MAX_SLIP_SHARE * support_reach(robot, robot.feet)
 
 
-def _rehearse_one(shared: tuple[Robot, float], task: Motion | Path) -> Rejection | None:
-    robot, load = shared
-    motion = read_value(task) if isinstance(task, Path) else task
+def _rehearse_one(shared: tuple[Robot, float, Sequence[Motion]], index: int) -> Rejection | None:
+    robot, load, motions = shared
+    motion = motions[index]
     may_slip = _slip_under_load(robot)
     run = _run_rehearsal(robot, load, motion, may_slip)
     refused = _refuse_run(robot, motion, run, may_slip)
@@ -134,13 +144,92 @@ class Rehearsal(Rehearsed):
     refused: Rejection | None = field(default=None, metadata=HIDDEN)
 
 
-def rehearse_alone(robot: Robot, motion: Motion) -> Rehearsal:
-    """Run a motion of a standing robot without a load, until something goes wrong."""
+def rehearse_alone(robot: Robot, motion: Motion, *, uncertain: bool = False) -> Rehearsal:
+    """Run a motion of a standing robot without a load, until something goes wrong.
+
+    Args:
+        robot: the robot.
+        motion: from rest to rest.
+        uncertain: whether the two members of :func:`leaning_members` run it after the model.
+
+    Returns:
+        The worst over these robots. It is kept on disk (:mod:`excite.cache`) under the motion's samples, the robot, and
+        the code and simulator that ran it: what was rehearsed before is read.
+    """
+    robots = (MODEL, *leaning_members(robot)) if uncertain else (MODEL,)
+    motion_key = content_hash(motion_columns(motion)).encode()
+    file = cached_file("rehearsals", _rehearsal_key(robot), repr(robots).encode(), motion_key)
+    kept = read_cached(file)
+    if kept is not None:
+        return _parse_rehearsal(kept, motion.name)
+    found: list[Rehearsal] = []
+    for which in robots:
+        found.append(_rehearse_member(robot, motion, which))
+        if found[-1].refused is not None:
+            break
+    rehearsal = Rehearsal(
+        tuple(one.robots[0] for one in found),
+        all(one.stands for one in found),
+        max(one.slip_m for one in found),
+        any(one.touches for one in found),
+        max(one.drive_share for one in found),
+        found[-1].refused,
+    )
+    write_cached(file, json.dumps(asdict(rehearsal)).encode())
+    return rehearsal
+
+
+def rehearsed_verdict(robot: Robot, motion: Motion, verdict: Verdict, *, robust: bool = False) -> Verdict:
+    """The verdict on a motion with what it does in simulation, where the robot stands and nothing is violated.
+
+    Args:
+        robot: the robot.
+        motion: the motion.
+        verdict: of the independent check on it.
+        robust: whether the set of robots has to keep it even where its description states none.
+    """
+    # A motion of a chain starts or ends on the way, which no rehearsal of it alone does.
+    if not verdict.safe or not can_fall(robot) or motion.metadata.previous or motion.metadata.following:
+        return verdict
+    rehearsal = rehearse_alone(robot, motion, uncertain=robust or robot.description.uncertainty is not None)
+    refused = rehearsal.refused
+    if refused is None:
+        return replace(verdict, rehearsal=rehearsal)
+    unit = unit_of(refused.reason, refused.where, sliding_joints(robot))
+    found = Violation(refused.reason, refused.time_s, refused.where, refused.value, refused.limit, unit)
+    return replace(verdict, violations=(found,), rehearsal=rehearsal)
+
+
+def leaning_members(robot: Robot) -> dict[str, Array]:
+    """Of the robot's stated set of parameters the members that lean furthest, by name, ``(10·n_segments,)`` each.
+
+    At rest the moment of the weight about an edge of the support polygon is linear in the parameters: one member makes
+    the most of it about the edge that is nearest to the centre of mass, another one the least.
+    """
+    parameters = stated_parameters(robot)
+    rest = Moved(robot.rest[None], *np.zeros((2, 1, robot.model.nv)))
+    corners = support_corners(robot, robot.feet)
+    edges = hull_edges(corners[None])[0]
+    edges = edges[np.isfinite(edges[:, 0])]
+    if not len(edges):
+        return {}
+    centre = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))[:2]
+    x, y, offset = edges[np.argmin(edges[:, :2] @ centre - edges[:, 2])]
+    over = (
+        np.array([0.0, 0.0, offset, -y, x, 0.0]) @ RowsOfSet(robot, parameters).of_wrench(rest).of_wrench[0]
+    )
+    return {
+        "leaning to the nearest edge": robot.nominal_parameters + parameters.farthest(over),
+        "leaning away from it": robot.nominal_parameters + parameters.farthest(-over),
+    }
+
+
+def _rehearse_member(robot: Robot, motion: Motion, which: str) -> Rehearsal:
     may_slip = min(MOST_SLIP_M, _slip_under_load(robot))
-    run = _run_rehearsal(robot, 0.0, motion, may_slip)
+    run = _run_rehearsal(robot, 0.0, motion, may_slip, which)
     refused = _refuse_run(robot, motion, run, may_slip)
     if run is None:
-        return Rehearsal(False, 0.0, False, 0.0, refused)
+        return Rehearsal((which,), False, 0.0, False, 0.0, refused)
     replay, recording = run.replay, run.recording
     shares = np.where(recording.clipped, 1.0, np.abs(recording.tau_motor) / robot.limits.torque)
     if refused is None and (shares >= 1.0).any():
@@ -149,7 +238,29 @@ def rehearse_alone(robot: Robot, motion: Motion) -> Rehearsal:
         name, time = robot.joint_names[joint], float(recording.time[row])
         refused = Rejection(motion.name, AT_LIMIT, name, time, float(shares[row, joint]) * limit, limit)
     most = float(shares.max(initial=0.0))
-    return Rehearsal(not replay.fell, replay.max_slip_m, replay.self_collided, most, refused)
+    return Rehearsal((which,), not replay.fell, replay.max_slip_m, replay.self_collided, most, refused)
+
+
+def _parse_rehearsal(content: bytes, motion: str) -> Rehearsal:
+    found = json.loads(content)
+    refused = found.pop("refused")
+    if refused is not None:
+        posture = refused.pop("posture")
+        where = None if posture is None else tuple(posture)
+        refused = Rejection(**{**refused, "candidate": motion, "posture": where})
+    return Rehearsal(**{**found, "robots": tuple(found["robots"]), "refused": refused})
+
+
+@lru_cache(maxsize=4)
+def _rehearsal_key(robot: Robot) -> bytes:
+    """What decides a rehearsal beside the motion: the robot, as it may have been changed in memory, code, simulator."""
+    digest = blake2b(robot.hash.encode())
+    for values in (robot.nominal_parameters, robot.rest, *vars(robot.limits).values()):
+        digest.update(np.ascontiguousarray(values, dtype=float).tobytes())
+    digest.update(repr([(foot.name, foot.friction, foot.sole.tolist()) for foot in robot.feet]).encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.digest() + version("mujoco").encode()
 
 
 def _refuse_run(robot: Robot, motion: Motion, run: WatchedRun | None, may_slip: float) -> Rejection | None:
@@ -180,10 +291,12 @@ def _explain_fall(robot: Robot, run: WatchedRun) -> str:
     return f"base, {robot.joint_names[longest]} at its torque limit"
 
 
-def _run_rehearsal(robot: Robot, load: float, motion: Motion, may_slip: float) -> WatchedRun | None:
+def _run_rehearsal(
+    robot: Robot, load: float, motion: Motion, may_slip: float, which: str = MODEL
+) -> WatchedRun | None:
     """A run in the longest steps of the physics in which it does not diverge; None if it does in all."""
     for step in _STEPS:
-        machine = _loaded_machine(robot, load, step)
+        machine = _loaded_machine(robot, load, step, which)
         try:
             return watched_run(machine.virtual, motion, may_slip_m=may_slip, forces=False, machine=machine)
         except DivergedError:
@@ -192,9 +305,13 @@ def _run_rehearsal(robot: Robot, load: float, motion: Motion, may_slip: float) -
 
 
 @lru_cache(maxsize=4)
-def _loaded_machine(robot: Robot, load: float, step: float) -> Machine:
-    """The robot with a load and steps of the physics [s], compiled."""
+def _loaded_machine(robot: Robot, load: float, step: float, which: str) -> Machine:
+    """The robot with a load, or a member of its set, and steps of the physics [s], compiled."""
     loaded = loaded_robot(robot, load=load) if load else nominal_robot(robot)
+    if which != MODEL:
+        bodies = zip(leaning_members(robot)[which].reshape(-1, 10), robot.segments, strict=True)
+        phi = np.concatenate([possible_parameters(own, segment.link) for own, segment in bodies])
+        loaded = replace(loaded, truth=TrueParameters(phi))
     return Machine(replace(loaded, world=replace(loaded.world, timestep=step)), watch=True)
 
 
