@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -171,9 +171,7 @@ class _Trial:
         self.regressor = joint_torque_regressor(self.robot.model, states.q, states.v, states.a)
         self.base, self.drives = self._torques(subject)
         # What is written as a whole was read once; changes are of what torques depend on.
-        self.subject = replace(subject, shapes=False)
-        if subject.template is not None:
-            self.subject.__dict__["mjcf"] = subject.mjcf
+        self.subject = subject.varied(shapes=False)
         self.largest = max(float(np.abs(self.base).max()), 1e-9)
         self.floor = _ABOVE_ROUNDING * model_format.tolerance * self.largest
 
