@@ -32,7 +32,6 @@ from excite.motion.readers.ros2 import (
     ROBOT,
     ROBOT_HASH,
 )
-from excite.motion.timing import to_nanoseconds
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 BASE_TOPIC = "/excite/base"
@@ -90,6 +89,11 @@ def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
             connection = bag.add_connection(topic, kind, typestore=store)
             for time, content in zip(times, contents, strict=False):
                 bag.write(connection, time, store.serialize_cdr(content, kind))
+
+
+def to_nanoseconds(time: np.ndarray) -> np.ndarray:
+    """Times since the first sample as whole nanoseconds, ``(n,)`` integers, from ``(n,)`` seconds."""
+    return np.asarray(np.round((np.asarray(time) - time[0]) * 1e9).astype(np.int64))
 
 
 def _message_times(store: Any, motion: Motion) -> list[Any]:

@@ -163,7 +163,7 @@ def _single_columns(found: dict[str, Array]) -> dict[str, Array]:
     return {
         f"{name}.{i + 1}" if np.ndim(values) == 2 else name: column
         for name, values in found.items()
-        for i, column in enumerate(values.T if np.ndim(values) == 2 else [values])
+        for i, column in enumerate(np.atleast_2d(np.transpose(values)))
     }
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path, PurePosixPath
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -223,15 +223,15 @@ class Subject:
         identified = replace(
             self.found.identified, inertial=parameters, drive_names=tuple(own), drives=values
         )
-        other = replace(self, found=replace(self.found, identified=identified))
-        # What was read of the template does not depend on values, and takes long.
-        if "mjcf" in self.__dict__:
-            other.__dict__["mjcf"] = self.mjcf
-        return other
+        return self.varied(found=replace(self.found, identified=identified))
 
     def with_servo(self, name: str, values: Array) -> Subject:
         """The same with another term of the servos, ``(n_joints,)``."""
-        other = replace(self, servo_values={**self.servo_values, name: values})
+        return self.varied(servo_values={**self.servo_values, name: values})
+
+    def varied(self, **changes: Any) -> Subject:
+        """The same with other attributes than the template, whose reading takes long and is kept."""
+        other = replace(self, **changes)
         if "mjcf" in self.__dict__:
             other.__dict__["mjcf"] = self.mjcf
         return other

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.atomic import all_or_nothing, write_bytes, write_text
@@ -140,34 +139,26 @@ def prove_taken(model_format: ModelFormat, subject: Subject) -> Proof:
             f"{model_format.name} was not written: read again, its torques are {error:.1e} off",
             remedy="report this with the robot",
         )
-    felt, unseen, deaf = trial.bodies()
-    not_held: list[str] = []
+    found = trial.bodies()
     for term in JOINT_TERMS:
-        names = [f"{term}.{joint}" for joint in subject.robot.joint_names]
-        followed = trial.joints(term)
-        if term not in model_format.terms:
-            not_held += names
-            followed = ~followed
-        felt += [name for name, good in zip(names, followed, strict=True) if good and name not in not_held]
-        deaf += [name for name, good in zip(names, followed, strict=True) if not good]
+        found |= trial.joints(term)
     for term in model_format.servo(subject):
-        heard, unheard = trial.servos(term)
-        felt, deaf = felt + heard, deaf + unheard
+        found |= trial.servos(term)
+    deaf = [name for name, what in found.items() if what == _DEAF]
     if deaf:
         shown = ", ".join(deaf[:6]) + (f" and {len(deaf) - 6} more" if len(deaf) > 6 else "")
         raise NoSolutionError(
             f"{model_format.name} was not written: its torques do not follow {shown}",
             remedy="report this with the robot",
         )
-    return Proof(error, len(felt), tuple(unseen), tuple(deaf), tuple(not_held))
+    felt, unseen, not_held = (
+        tuple(name for name, what in found.items() if what == one) for one in (_FELT, _UNSEEN, _NOT_HELD)
+    )
+    return Proof(error, len(felt), unseen, (), not_held)
 
 
-class _Followed(NamedTuple):
-    """Names of inertial parameters that are followed, that nothing depends on, and that are not followed."""
-
-    felt: list[str]
-    unseen: list[str]
-    deaf: list[str]
+# What torques do where a parameter changes.
+_FELT, _UNSEEN, _DEAF, _NOT_HELD = "felt", "unseen", "deaf", "not held"
 
 
 class _Trial:
@@ -180,9 +171,7 @@ class _Trial:
         self.regressor = joint_torque_regressor(self.robot.model, states.q, states.v, states.a)
         self.base, self.drives = self._torques(subject)
         # What is written as a whole was read once; changes are of what torques depend on.
-        self.subject = replace(subject, shapes=False)
-        if subject.template is not None:
-            self.subject.__dict__["mjcf"] = subject.mjcf
+        self.subject = subject.varied(shapes=False)
         self.largest = max(float(np.abs(self.base).max()), 1e-9)
         self.floor = _ABOVE_ROUNDING * model_format.tolerance * self.largest
 
@@ -199,14 +188,12 @@ class _Trial:
         wanted = with_friction(self.robot, self.states.torque, self.states, drives)
         return float(np.abs(self.base - wanted).max() / max(float(np.abs(wanted).max()), 1e-9))
 
-    def bodies(self) -> _Followed:
-        """Which inertial parameters are followed."""
+    def bodies(self) -> dict[str, str]:
+        """What a change of each inertial parameter does."""
         added, steps = self._added()
         parameters = self.subject.parameters
         plain, _ = self._torques(self.subject.but(parameters + added.ravel(), {}))
-        felt: list[str] = []
-        unseen: list[str] = []
-        deaf: list[str] = []
+        found: dict[str, str] = {}
         columns = self.regressor.reshape(*self.regressor.shape[:2], -1, 10)
         for k, name in enumerate(PARAMETERS):
             more = added.copy()
@@ -215,12 +202,9 @@ class _Trial:
             parts = columns[..., k] * steps[:, k]
             missed = float(np.abs(changed - plain - parts.sum(axis=2)).max())
             for segment, own in zip(self.robot.segments, np.abs(parts).max(axis=(0, 1)), strict=True):
-                here = f"{segment.link}.{name}"
-                if own <= self.floor:
-                    unseen.append(here)
-                else:
-                    (felt if missed <= _MISSED * own + self.floor / 10.0 else deaf).append(here)
-        return _Followed(felt, unseen, deaf)
+                followed = _FELT if missed <= _MISSED * own + self.floor / 10.0 else _DEAF
+                found[f"{segment.link}.{name}"] = _UNSEEN if own <= self.floor else followed
+        return found
 
     def _added(self) -> tuple[Array, Array]:
         """A body for each segment, ``(n, 10)``, and how far each of its parameters is changed, ``(n, 10)``."""
@@ -240,45 +224,40 @@ class _Trial:
         size = _SHARE * self.largest / np.maximum(effect, 1e-3 * max(float(effect.max()), 1e-12))
         return body * size[:, None], step * size[:, None]
 
-    def joints(self, term: str) -> NDArray[np.bool_]:
-        """Whether the torques follow a change of a term, ``(n_joints,)``."""
-        n = self.robot.n_joints
+    def joints(self, term: str) -> dict[str, str]:
+        """What a change of a term of each joint does; one that the format does not hold has to change nothing."""
         own = self.subject.written(term)
-        step = _SHARE * self.largest * np.random.default_rng(_SEED).uniform(0.5, 1.0, n)
+        step = _SHARE * self.largest * np.random.default_rng(_SEED).uniform(0.5, 1.0, self.robot.n_joints)
         names = [f"{term}.{joint}" for joint in self.robot.joint_names]
-        before, _ = self._torques(
-            self.subject.but(self.subject.parameters, dict(zip(names, own, strict=True)))
+        before, after = (
+            self._torques(self.subject.but(self.subject.parameters, dict(zip(names, values, strict=True))))[0]
+            for values in (own, own + step)
         )
-        after, _ = self._torques(
-            self.subject.but(self.subject.parameters, dict(zip(names, own + step, strict=True)))
-        )
-        states = self.states
-        zero = np.zeros_like(states.torque)
-        wanted = with_friction(self.robot, zero, states, {term: step})[:, self.robot.n_base_v :]
-        seen = (after - before)[:, self.robot.n_base_v :]
-        missed = np.abs(seen - wanted).max(axis=0)
-        return np.asarray(missed <= _MISSED * np.abs(wanted).max(axis=0))
+        zero = np.zeros_like(self.states.torque)
+        wanted = with_friction(self.robot, zero, self.states, {term: step})
+        far = np.abs(after - before - wanted)[:, self.robot.n_base_v :].max(axis=0)
+        followed = far <= _MISSED * np.abs(wanted[:, self.robot.n_base_v :]).max(axis=0)
+        held = term in self.format.terms
+        right = _FELT if held else _NOT_HELD
+        return {name: right if good == held else _DEAF for name, good in zip(names, followed, strict=True)}
 
-    def servos(self, term: str) -> tuple[list[str], list[str]]:
-        """Names of a term of servos that are read as written and follow a change, and of those that are not."""
+    def servos(self, term: str) -> dict[str, str]:
+        """Whether a known term of each joint's servo is read as written, and follows a change."""
         own = self.subject.servo(term)
-        known = np.isfinite(own)
         more = np.random.default_rng(_SEED).uniform(1.2, 1.5, self.robot.n_joints)
+        late = term == "delay"
         # All joints have one delay, and a change of it is several steps.
-        changed = own + 10.0 * max(self.format.delay_step_s, 1e-3) if term == "delay" else own * more
+        changed = own + 10.0 * max(self.format.delay_step_s, 1e-3) if late else own * more
         off = np.zeros(self.robot.n_joints)
         for values in (own, changed):
             other = self.subject.with_servo(term, values)
             seen = self.format.load(other, self.format.render(other)).servos[term]
-            room = 0.5 * self.format.delay_step_s if term == "delay" else 0.0
+            room = 0.5 * self.format.delay_step_s if late else 0.0
             off = np.maximum(
                 off, np.abs(seen - values) - room - _MISSED * np.abs(values - own) - _ROUNDED * np.abs(values)
             )
-        names = [f"{term}.{joint}" for joint in self.robot.joint_names]
-        heard = [name for name, there, far in zip(names, known, off, strict=True) if there and far <= 0.0]
-        return heard, [
-            name for name, there, far in zip(names, known, off, strict=True) if there and not far <= 0.0
-        ]
+        known = zip(self.robot.joint_names, np.isfinite(own), off, strict=True)
+        return {f"{term}.{joint}": _FELT if far <= 0.0 else _DEAF for joint, there, far in known if there}
 
 
 SCHEMA = "excite.model/1"
