@@ -40,7 +40,7 @@ from excite.report.theme import (
     shorten_name,
 )
 from excite.robot.robot import Robot
-from excite.safety.verdict import conditions
+from excite.safety.verdict import MARGINS, conditions
 
 # How well the chosen motions excite each segment.
 
@@ -314,15 +314,6 @@ def _value_text(item: dict[str, Any], key: str) -> str:
 
 # The independent verdict on the chosen motions.
 
-_MARGINS = {
-    "joint_position_rad": ("joint position", "rad"),
-    "joint_velocity_rad_s": ("joint velocity", "rad/s"),
-    "joint_acceleration_rad_s2": ("joint acceleration", "rad/s²"),
-    "joint_jerk_rad_s3": ("joint jerk", "rad/s³"),
-    "joint_torque_nm": ("joint torque", "N·m"),
-    "self_collision_m": ("distance between bodies", "m"),
-    "zmp_m": ("ZMP to the edge of support", "m"),
-}
 # A margin in one of the units that the robot's joints move in.
 _Column = tuple[str, str]
 
@@ -340,7 +331,7 @@ def show_safety(findings: Findings) -> Content | str:
     held = {one: None for motion in motions for one in motion.get("as_far_as", ())}
     if held:
         lead += f" What is safe here is safe{conditions(held)}."
-    columns = [column for name in _MARGINS for column in _margin_columns(name, motions)]
+    columns = [column for name in MARGINS for column in _margin_columns(name, motions)]
     smallest = html_table(
         ("margin", "smallest", "of", "in motion"), [_smallest_margins(c, motions) for c in columns]
     )
@@ -362,12 +353,12 @@ def _margin_columns(name: str, motions: list[Document]) -> list[_Column]:
     if all(name in motion["not_applicable"] for motion in motions):
         return []
     units = [one["unit"] for motion in motions for one in motion["nearest"].get(name, ())]
-    return [(name, unit) for unit in dict.fromkeys(sorted(units, reverse=True) or [_MARGINS[name][1]])]
+    return [(name, unit) for unit in dict.fromkeys(sorted(units, reverse=True) or [MARGINS[name][1]])]
 
 
 def _column_title(column: _Column) -> str:
     name, unit = column
-    return f"{_MARGINS[name][0]} [{unit}]"
+    return f"{MARGINS[name][0]} [{unit}]"
 
 
 def _motion_margin(motion: Document, column: _Column) -> tuple[float | None, str]:
