@@ -13,8 +13,8 @@ def fields_page() -> str:
     lines = [
         "# Fields of results",
         "",
-        "Every command writes JSON; `excite schema NAME` prints the schema of a document. A field in *italics* may be left out. "
-        "Units are SI, angles radians; a number that is not known or not finite is null.",
+        "Every command writes JSON; `excite schema NAME` prints the schema of a document. A field in *italics* may be "
+        "left out. Units are SI, angles radians; a number that is not known or not finite is null.",
     ]
     shown: list[dict[str, Any]] = []
     for schema, kind in DOCUMENTS.items():
