@@ -108,8 +108,8 @@ class StatedField(NamedTuple):
         """What stands for it where a document lacks it, as plain objects."""
         if self.source is None or self.added:
             return None
-        make = self.source.default_factory
-        return plain(self.source.default if isinstance(make, type(MISSING)) else make())
+        make: Any = self.source.default_factory
+        return plain(self.source.default if make is MISSING else make())
 
 
 class Stated:

@@ -41,7 +41,7 @@ def test_the_example_of_a_check_has_every_field():
     (motion,) = example["motions"]
     (nearest, *_), *_ = motion["nearest"].values()
     for shown, name in (
-        (motion, "CheckedMotion"),
+        (motion, "Verdict"),
         (motion["margins"], "Margins"),
         (nearest, "Nearest"),
         (motion["violations"][0], "Violation"),

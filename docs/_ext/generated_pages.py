@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from command_pages import commands_page
+from field_pages import fields_page
 from notebook_pages import notebook_pages
 from registry_pages import names_page
 
-PAGES = {"commands": commands_page, "names": names_page}
+PAGES = {"commands": commands_page, "names": names_page, "fields": fields_page}
 
 
 def write_pages(app: Any) -> None:

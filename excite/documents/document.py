@@ -7,7 +7,7 @@ from functools import cache, reduce
 from operator import or_
 from pathlib import Path, PurePosixPath
 from types import UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
@@ -165,7 +165,7 @@ def _build_model(kind: type[Stated]) -> type[Document]:
     return found
 
 
-model_of: Callable[[type[Stated]], type[Document]] = cache(_build_model)
+model_of: Callable[[type[Stated]], type[Document]] = cast(Any, cache)(_build_model)
 
 
 def _content_kind(kind: Any) -> Any:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from excite.documents.document import (
+    AS_DOCUMENT,
     MOST_CHANNELS,
     MOST_ENTRIES,
     Block,
@@ -23,6 +25,7 @@ from excite.documents.document import (
     Text,
     Texts,
 )
+from excite.identification.judgement.judgement import ChannelFit
 
 # ``excite.doctor/1``: what is wrong with a log, worst first.
 
@@ -68,19 +71,6 @@ class TableMass(Block):
     dumas_kg: Positive = Field(description="Dumas 2007 [kg]")
 
 
-class ReactionFit(Block):
-    """A component of the ground reaction, measured and predicted."""
-
-    unit: Name = Field(description="N or N·m")
-    rmse: MaybePositive = Field(description="root mean square error of the identified model")
-    cc: Maybe = Field(default=None, description="correlation of measured and predicted")
-    reference_rmse: MaybePositive = Field(description="error of the nominal model")
-    reference_cc: Maybe = Field(default=None, description="correlation of the nominal model's")
-
-
-Reaction = Annotated[dict[Name, ReactionFit], Field(max_length=MOST_CHANNELS)]
-
-
 class MeasuredSubject(Block):
     """Who was measured."""
 
@@ -122,7 +112,7 @@ class Human(Document):
     segments: Annotated[list[TableMass], Field(max_length=MOST_CHANNELS)] = Field(
         description="masses by the tables"
     )
-    ground_reaction: dict[Literal["identification", "validation"], Reaction] | None = Field(
+    ground_reaction: Annotated[Mapping[Name, Mapping[Name, ChannelFit]] | None, AS_DOCUMENT] = Field(
         default=None, description="by role of the trials and component, world axes"
     )
 

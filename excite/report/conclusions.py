@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from excite.display import count, span
-from excite.identification.judgement.judgement import PATIENCE, POOR_RSD
+from excite.display import count
+from excite.identification.judgement.forecast import Forecast
+from excite.identification.judgement.judgement import POOR_RSD
 from excite.logs.log import LogHeader
 from excite.report.folder import Document, Findings
 from excite.report.html import format_number
@@ -448,7 +449,7 @@ def of_plan(plan: Document, findings: Findings) -> Conclusion:
     promise = f"{within} of {n} essential parameters are to be expected within {target} %"
     if within == n:
         return Conclusion(f"{found}: {promise}, which is enough.", True, capture, purpose)
-    more = _longer_motion(forecast)
+    more = Forecast.from_json(forecast).longer() or "; the others do not come within it by motion like this"
     return Conclusion(f"{found}: {promise}{more}.", None, capture, purpose)
 
 
@@ -466,23 +467,6 @@ def of_refusals(found: Document, findings: Findings) -> Conclusion:
         )
     purpose = "again, once its limits, posture at rest and feet are seen to be right"
     return Conclusion(f"{sentence}. No single limit lifted helps.", False, again, purpose)
-
-
-def _longer_motion(forecast: Document) -> str:
-    """How much motion of this kind the others take, as far as anybody would have the patience for it."""
-    seconds = forecast["seconds"]
-    needed = [s for s in forecast["needed_s"].values() if s > seconds]
-    if not needed:
-        return "; the others do not come within it by motion like this"
-    near = [s for s in needed if s <= PATIENCE * seconds]
-    far = len(needed) - len(near)
-    said = ""
-    if near:
-        least, most = f"{min(near):.0f} s", f"{max(near):.0f} s"
-        said += f"; {len(near)} more would take {span(least, most, ' to ')} of motion like this"
-    if far:
-        said += f"; {far} would take more than {PATIENCE:g} times as much as this"
-    return said
 
 
 def of_check(check: Document, findings: Findings) -> Conclusion:

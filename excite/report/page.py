@@ -19,21 +19,38 @@ from excite.report.html import (
     content_policy,
     format_number,
     html_paragraph,
-    html_section,
     html_table,
     inline_figure,
     live_chart,
     plot_style,
 )
 from excite.report.plots.forces import channel_label
-from excite.report.sections.answers import Answer, Certainty, Differences, Overview, Parameters
-from excite.report.sections.diagnosed import Baseline, BudgetByChannel, GapByChannel, Verdict, Where
-from excite.report.sections.doctored import LogFindings, TorquesBesideModel
-from excite.report.sections.identified import Forces, Masses, Person, Sessions, Signals
-from excite.report.sections.motions import Motions
-from excite.report.sections.moving import Moving
-from excite.report.sections.planned import Excitation, Refused, Safety
-from excite.report.sections.section import Section
+from excite.report.sections.answers import (
+    show_answer,
+    show_certainty,
+    show_differences,
+    show_overview,
+    show_parameters,
+)
+from excite.report.sections.diagnosed import (
+    show_baseline,
+    show_budget_by_channel,
+    show_gap_by_channel,
+    show_verdict,
+    show_where,
+)
+from excite.report.sections.doctored import show_log_findings, show_torques_beside_model
+from excite.report.sections.identified import (
+    show_forces,
+    show_masses,
+    show_person,
+    show_sessions,
+    show_signals,
+)
+from excite.report.sections.motions import show_motions
+from excite.report.sections.moving import show_moving
+from excite.report.sections.planned import show_excitation, show_refused, show_safety
+from excite.report.sections.section import Content, Section, section, section_content
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, css_variables, draw_figure, shorten_name, to_svg
 
 if TYPE_CHECKING:
@@ -133,26 +150,19 @@ def _page_footer(findings: Findings) -> str:
 # What no file said of the robot, and what follows from the values taken for it.
 
 
-class Assumed(Section):
+@section("assumed", "Assumed")
+def show_assumed(findings: Findings) -> Content | str:
     """Everything that the robot's description assumed."""
-
-    identifier = "assumed"
-    title = "Assumed"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        source = findings.plan or findings.refusals or findings.check or {}
-        rows = [(one["what"], one["value"], one["consequence"]) for one in source.get("assumed", [])]
-        if not rows:
-            return ""
-        lead = (
-            "Neither the model nor its maker's files say these things of the robot. What the page finds safe is safe "
-            "as far as they hold: state in robot.yaml what is known better, take it out of the list assumed there, and "
-            "plan again."
-        )
-        return html_section(
-            self.identifier, self.title, lead, html_table(("what", "taken", "what follows"), rows)
-        )
+    source = findings.plan or findings.refusals or findings.check or {}
+    rows = [(one["what"], one["value"], one["consequence"]) for one in source.get("assumed", [])]
+    if not rows:
+        return ""
+    lead = (
+        "Neither the model nor its maker's files say these things of the robot. What the page finds safe is safe "
+        "as far as they hold: state in robot.yaml what is known better, take it out of the list assumed there, and "
+        "plan again."
+    )
+    return section_content(lead, html_table(("what", "taken", "what follows"), rows))
 
 
 # A trial as it was measured, and as the model tells it before and after the effects.
@@ -160,32 +170,25 @@ class Assumed(Section):
 _SHOWN = 4
 
 
-class Curves(Section):
+@section("curves", "A trial before and after")
+def show_curves(findings: Findings) -> Content | str:
     """The channels with the largest shares of the gap."""
-
-    identifier = "curves"
-    title = "A trial before and after"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found, data = findings.diagnosis, findings.data.gap
-        if found is None or data is None:
-            return ""
-        order = [row["channel"] for row in found["where"] if row["channel"] in data.channels]
-        shown = (order or list(data.channels))[:_SHOWN]
-        closed = bool(found["effects"])
-        lead = (
-            f"Trial {data.trial}: what was measured and what the model says, and the difference between them."
-        )
-        if closed:
-            lead += " With the effects, the blue difference should be no more than noise."
-        if len(shown) < len(data.channels):
-            lead += f" The {len(shown)} channels with the largest shares of the gap."
-        svg = to_svg(plot_left_over(data, shown, closed), "curves", "Measured and modelled, before and after")
-        plots = live_chart(
-            "curves-plots", data.time, list(_curve_panels(data, shown, closed)), inline_figure(svg)
-        )
-        return html_section(self.identifier, self.title, lead, plots)
+    found, data = findings.diagnosis, findings.data.gap
+    if found is None or data is None:
+        return ""
+    order = [row["channel"] for row in found["where"] if row["channel"] in data.channels]
+    shown = (order or list(data.channels))[:_SHOWN]
+    closed = bool(found["effects"])
+    lead = f"Trial {data.trial}: what was measured and what the model says, and the difference between them."
+    if closed:
+        lead += " With the effects, the blue difference should be no more than noise."
+    if len(shown) < len(data.channels):
+        lead += f" The {len(shown)} channels with the largest shares of the gap."
+    svg = to_svg(plot_left_over(data, shown, closed), "curves", "Measured and modelled, before and after")
+    plots = live_chart(
+        "curves-plots", data.time, list(_curve_panels(data, shown, closed)), inline_figure(svg)
+    )
+    return section_content(lead, plots)
 
 
 def _curve_panels(data: ForceComparison, channels: Sequence[str], closed: bool) -> Iterator[dict[str, Any]]:
@@ -254,41 +257,36 @@ def plot_left_over(data: ForceComparison, channels: Sequence[str], closed: bool)
 _PARAMETERS = 3
 
 
-class Effects(Section):
+@section("effects", "Effects")
+def show_effects(findings: Findings) -> Content | str:
     """Accepted effects with their sizes, then what the first of them was preferred to."""
-
-    identifier = "effects"
-    title = "Effects"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.diagnosis
-        if found is None or not (found["effects"] or found["candidates"]):
-            return ""
-        accepted = {(item["effect"], item["location"]) for item in found["effects"]}
-        alike = {(item["effect"], item["location"]) for item in found["candidates"][: found["n_tied"]]}
-        others = [c for c in found["candidates"] if (c["effect"], c["location"]) not in accepted]
-        rows: list[tuple[Cell, ...]] = []
-        for item in (*found["effects"], *others):
-            key = (item["effect"], item["location"])
-            standing = "as likely" if key in alike else "accepted" if key in accepted else "tried"
-            rows.append(_effect_row(item, standing))
-        headers = ("effect", "place", "", "evidence [nats]", "closed [%]", "size")
-        lead = (
-            "Evidence is a log-likelihood ratio over effective samples, less the price of the parameters and of the "
-            "candidates tried: e to that power is by how much an effect is likelier than none."
-        )
-        units = (item["unit"] for item in found["gap"]["per_channel"].values())
-        lead += f" {closed_in_words(of_positions(units)).capitalize()}."
-        if not found["effects"]:
-            lead += " None was accepted."
-        tied = found["tied_locations"]
-        places = (
-            html_paragraph("Places that the record cannot tell apart: " + ", ".join(tied) + ".")
-            if len(tied) > 1
-            else ""
-        )
-        return html_section(self.identifier, self.title, lead, html_table(headers, rows), places)
+    found = findings.diagnosis
+    if found is None or not (found["effects"] or found["candidates"]):
+        return ""
+    accepted = {(item["effect"], item["location"]) for item in found["effects"]}
+    alike = {(item["effect"], item["location"]) for item in found["candidates"][: found["n_tied"]]}
+    others = [c for c in found["candidates"] if (c["effect"], c["location"]) not in accepted]
+    rows: list[tuple[Cell, ...]] = []
+    for item in (*found["effects"], *others):
+        key = (item["effect"], item["location"])
+        standing = "as likely" if key in alike else "accepted" if key in accepted else "tried"
+        rows.append(_effect_row(item, standing))
+    headers = ("effect", "place", "", "evidence [nats]", "closed [%]", "size")
+    lead = (
+        "Evidence is a log-likelihood ratio over effective samples, less the price of the parameters and of the "
+        "candidates tried: e to that power is by how much an effect is likelier than none."
+    )
+    units = (item["unit"] for item in found["gap"]["per_channel"].values())
+    lead += f" {closed_in_words(of_positions(units)).capitalize()}."
+    if not found["effects"]:
+        lead += " None was accepted."
+    tied = found["tied_locations"]
+    places = (
+        html_paragraph("Places that the record cannot tell apart: " + ", ".join(tied) + ".")
+        if len(tied) > 1
+        else ""
+    )
+    return section_content(lead, html_table(headers, rows), places)
 
 
 def _effect_row(item: Document, standing: str) -> tuple[Cell, ...]:
@@ -318,40 +316,35 @@ def _format_sizes(parameters: Document) -> str:
 # What to measure next, what was wrong with the record, and the limits of what was said.
 
 
-class Record(Section):
+@section("record", "What to do, and what to keep in mind")
+def show_record(findings: Findings) -> Content | str:
     """The next experiment, faults of the log and notes, each only where there is something to say."""
-
-    identifier = "record"
-    title = "What to do, and what to keep in mind"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.diagnosis
-        if found is None:
-            return ""
-        content, following = [], found["next_experiment"]
-        if following is not None:
-            motion = f" The motion is in {following['motion']}." if following["motion"] else ""
-            content.append(html_paragraph(f"Next: {following['why']}{motion}"))
-        if found["log"]:
-            rows: list[tuple[Cell, ...]] = [
-                (item["what"], item["cause"], "repaired" if item["repaired"] else "left as it is")
-                for item in found["log"]
-            ]
-            content.append(
-                "<h3>Faults of the record</h3>"
-                + html_table(("what", "what was done, or is to be done", ""), rows)
-            )
-        said = {item["what"] for item in found["log"]}
-        notes = [*found["warnings"], *((found["simulation"] or {"warnings": ()})["warnings"])]
-        notes = [text for text in notes if text not in said]
-        if notes:
-            content.append(
-                "<h3>Limits</h3><ul>" + "".join(f"<li>{escape(text)}</li>" for text in notes) + "</ul>"
-            )
-        if not content:
-            return ""
-        return html_section(self.identifier, self.title, "", *content)
+    found = findings.diagnosis
+    if found is None:
+        return ""
+    content, following = [], found["next_experiment"]
+    if following is not None:
+        motion = f" The motion is in {following['motion']}." if following["motion"] else ""
+        content.append(html_paragraph(f"Next: {following['why']}{motion}"))
+    if found["log"]:
+        rows: list[tuple[Cell, ...]] = [
+            (item["what"], item["cause"], "repaired" if item["repaired"] else "left as it is")
+            for item in found["log"]
+        ]
+        content.append(
+            "<h3>Faults of the record</h3>"
+            + html_table(("what", "what was done, or is to be done", ""), rows)
+        )
+    said = {item["what"] for item in found["log"]}
+    notes = [*found["warnings"], *((found["simulation"] or {"warnings": ()})["warnings"])]
+    notes = [text for text in notes if text not in said]
+    if notes:
+        content.append(
+            "<h3>Limits</h3><ul>" + "".join(f"<li>{escape(text)}</li>" for text in notes) + "</ul>"
+        )
+    if not content:
+        return ""
+    return section_content("", *content)
 
 
 # A diagnosis' held-out figures beside those of predictors that are far simpler than a simulator.
@@ -366,31 +359,24 @@ _COLUMNS = {
 _ANGLES = {"rad": "mrad", "m": "mm"}
 
 
-class Trivial(Section):
+@section("trivial", "Beside simple predictors")
+def show_trivial(findings: Findings) -> Content | str:
     """A row a channel: the model's error, then the command's, its delay's, a filter's, and what repeats differ by."""
-
-    identifier = "trivial"
-    title = "Beside simple predictors"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.diagnosis
-        errors = {} if found is None else found["trivial"]
-        shown = {k: v for k, v in _COLUMNS.items() if any(item[k] is not None for item in errors.values())}
-        if found is None or not shown.keys() - {"model"}:
-            return ""
-        rows: list[tuple[Cell, ...]] = [
-            (channel_label(name), _item_unit(item), *(_sized_value(item, key) for key in shown))
-            for name, item in errors.items()
-        ]
-        said = [item["message"] for item in found["findings"] if item["code"] == "no_better_than_trivial"]
-        return html_section(
-            self.identifier,
-            self.title,
-            _lead_sentence(found, "fir" in shown),
-            html_table(("channel", "unit", *shown.values()), rows),
-            *(html_paragraph(f"{text[:1].upper()}{text[1:]}.", "note") for text in said),
-        )
+    found = findings.diagnosis
+    errors = {} if found is None else found["trivial"]
+    shown = {k: v for k, v in _COLUMNS.items() if any(item[k] is not None for item in errors.values())}
+    if found is None or not shown.keys() - {"model"}:
+        return ""
+    rows: list[tuple[Cell, ...]] = [
+        (channel_label(name), _item_unit(item), *(_sized_value(item, key) for key in shown))
+        for name, item in errors.items()
+    ]
+    said = [item["message"] for item in found["findings"] if item["code"] == "no_better_than_trivial"]
+    return section_content(
+        _lead_sentence(found, "fir" in shown),
+        html_table(("channel", "unit", *shown.values()), rows),
+        *(html_paragraph(f"{text[:1].upper()}{text[1:]}.", "note") for text in said),
+    )
 
 
 def _lead_sentence(found: Document, of_commands: bool) -> str:
@@ -427,56 +413,49 @@ def _sized_value(item: Document, key: str) -> float | None:
 # How long each stage of the plan took.
 
 
-class Stages(Section):
+@section("stages", "Time taken")
+def show_stages(findings: Findings) -> Content | str:
     """Seconds by stage."""
-
-    identifier = "stages"
-    title = "Time taken"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        stages = (findings.plan or {}).get("stages")
-        if not stages:
-            return ""
-        rows: list[tuple[Cell, ...]] = [
-            (entry["stage"], round(float(entry["seconds"]), 2)) for entry in stages
-        ]
-        total = ("all", sum(float(entry["seconds"]) for entry in stages))
-        lead = "The plan's stages in the order in which they ran."
-        return html_section(self.identifier, self.title, lead, html_table(("stage", "time [s]"), rows, total))
+    stages = (findings.plan or {}).get("stages")
+    if not stages:
+        return ""
+    rows: list[tuple[Cell, ...]] = [(entry["stage"], round(float(entry["seconds"]), 2)) for entry in stages]
+    total = ("all", sum(float(entry["seconds"]) for entry in stages))
+    lead = "The plan's stages in the order in which they ran."
+    return section_content(lead, html_table(("stage", "time [s]"), rows, total))
 
 
 # The sections in the order of the page. A new one is one file beside this one and one line here.
 
 SECTIONS: tuple[Section, ...] = (
-    Answer(),
-    Verdict(),
-    Overview(),
-    LogFindings(),
-    TorquesBesideModel(),
-    Moving(),
-    Effects(),
-    BudgetByChannel(),
-    GapByChannel(),
-    Trivial(),
-    Where(),
-    Baseline(),
-    Curves(),
-    Record(),
-    Motions(),
-    Refused(),
-    Safety(),
-    Assumed(),
-    Excitation(),
-    Certainty(),
-    Forces(),
-    Masses(),
-    Person(),
-    Differences(),
-    Parameters(),
-    Sessions(),
-    Signals(),
-    Stages(),
+    show_answer,
+    show_verdict,
+    show_overview,
+    show_log_findings,
+    show_torques_beside_model,
+    show_moving,
+    show_effects,
+    show_budget_by_channel,
+    show_gap_by_channel,
+    show_trivial,
+    show_where,
+    show_baseline,
+    show_curves,
+    show_record,
+    show_motions,
+    show_refused,
+    show_safety,
+    show_assumed,
+    show_excitation,
+    show_certainty,
+    show_forces,
+    show_masses,
+    show_person,
+    show_differences,
+    show_parameters,
+    show_sessions,
+    show_signals,
+    show_stages,
 )
 
 

@@ -233,15 +233,16 @@ def robustness_of_all(found: Sequence[Robustness]) -> str:
     return f"for {found[0].uncertainty.words}: {holding} of {len(found)} hold; at least {', '.join(said)}"
 
 
-_IN_WORDS = {
-    "joint_position_rad": ("position", "rad"),
-    "joint_velocity_rad_s": ("velocity", "rad/s"),
-    "joint_acceleration_rad_s2": ("acceleration", "rad/s²"),
-    "joint_jerk_rad_s3": ("jerk", "rad/s³"),
-    "joint_torque_nm": ("torque", "N·m"),
+MARGINS = {
+    "joint_position_rad": ("joint position", "rad"),
+    "joint_velocity_rad_s": ("joint velocity", "rad/s"),
+    "joint_acceleration_rad_s2": ("joint acceleration", "rad/s²"),
+    "joint_jerk_rad_s3": ("joint jerk", "rad/s³"),
+    "joint_torque_nm": ("joint torque", "N·m"),
     "self_collision_m": ("bodies apart", "m"),
     "zmp_m": ("zero-moment point inside", "m"),
 }
+"""Margins by field: what a person calls each, and its unit."""
 MARGIN_FIELDS = tuple(item.name for item in fields(Margins))
 
 
@@ -319,7 +320,8 @@ class Verdict(Stated):
     def margins_in_words(self) -> str:
         """The smallest margins in one line; of a robot whose joints slide and turn, of both, and where."""
         said = []
-        for name, (what, unit) in _IN_WORDS.items():
+        for name, (title, unit) in MARGINS.items():
+            what = title.removeprefix("joint ")
             value, nearest = getattr(self.margins, name), self.nearest.get(name, ())
             if len(nearest) == 1:
                 said.append(f"{what} {nearest[0].value:.3g} {nearest[0].unit}")

@@ -270,20 +270,16 @@ class ToyExporter(Exporter):
     "report section": Toy(
         "report/sections/toy.py",
         """
-from excite.report.html import html_section
-from excite.report.sections.section import Section
+from excite.report.sections.section import section, section_content
 
 
-class Toy(Section):
-    identifier = "toy"
-    title = "A toy"
-
-    def build(self, findings):
-        return html_section(self.identifier, self.title, "Nobody needs it.")
+@section("toy", "A toy")
+def show_toy(findings):
+    return section_content("Nobody needs it.")
 """,
         (
-            ("report/page.py", "from excite.", "from excite.report.sections.toy import Toy"),
-            ("report/page.py", "    Stages(),", "    Toy(),"),
+            ("report/page.py", "from excite.", "from excite.report.sections.toy import show_toy"),
+            ("report/page.py", "    show_stages,", "    show_toy,"),
         ),
     ),
 }

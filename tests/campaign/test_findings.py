@@ -18,7 +18,7 @@ from excite.logs.log import Trial
 from excite.motion.collection import load_motions
 from excite.report.comparisons import PathComparison, Record, load_report_data
 from excite.report.page import report
-from excite.report.sections.moving import Moving
+from excite.report.sections.moving import show_moving
 from excite.robot.load import load_robot
 from tests.identification.practice_log import arm_log
 
@@ -90,7 +90,7 @@ def test_a_trial_in_motion_shows_where_both_models_take_the_robot(tmp_path: Path
     assert identified < 0.2 * supplied
 
     findings = SimpleNamespace(record=Record(robot, log), data=data, diagnosis=None)
-    assert_ghost(Moving().build(findings), path)  # type: ignore[arg-type]
+    assert_ghost(show_moving.build(findings), path)  # type: ignore[arg-type]
 
 
 def assert_ghost(page: str, path: PathComparison) -> None:

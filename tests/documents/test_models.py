@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from pathlib import Path
 
@@ -94,3 +95,16 @@ def test_a_document_of_another_kind_is_named(tmp_path: Path) -> None:
         read_document(path, DOCUMENTS["excite.plan/1"])
     assert caught.value.field == "schema" and caught.value.source == path
     assert "excite.check/1" in caught.value.what
+
+
+def test_the_manual_lists_every_field(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "docs" / "_ext"))
+    page = importlib.import_module("field_pages").fields_page()
+    rows = [line for line in page.splitlines() if line.startswith("| ")]
+    for schema, model in DOCUMENTS.items():
+        assert f"\n## {schema}\n" in page
+        content = model.model_json_schema(by_alias=True)
+        for block in (content, *content.get("$defs", {}).values()):
+            for name, entry in block.get("properties", {}).items():
+                meaning = entry["description"].replace("|", "\\|")
+                assert any(f"`{name}`" in row and meaning in row for row in rows), (schema, name)

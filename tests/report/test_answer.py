@@ -42,13 +42,14 @@ def test_a_plan_says_what_is_to_be_expected(tmp_path: Path) -> None:
     text, mark = answer(tmp_path, plan=plan)
     assert "1 motion of 8 s in all" in text and "3 of 4 essential parameters" in text
     assert "expected within 15 %" in text
-    assert "1 more would take 70 s of motion like this." in text and mark == ""
+    assert "1 more would take motion like this for 70 s in all." in text and mark == ""
     assert f"excite capture ur10 {tmp_path}" in text
     # What nobody has the patience for is not said in seconds.
     needed = {"m(hand)": 70.0, "my(hand)": 20.0, "Ixx(hand)": 9e4}
     text, _ = answer(tmp_path, plan={**plan, "forecast": {**forecast, "needed_s": needed}})
     assert (
-        "2 more would take 20 s to 70 s of motion like this; 1 would take more than 10 times as much" in text
+        "2 more would take motion like this for 20 s to 70 s in all; 1 would take more than 10 times as much"
+        in text
     )
     text, mark = answer(tmp_path, plan={**plan, "forecast": {**forecast, "within": 4}})
     assert "which is enough" in text and mark == "yes"

@@ -11,8 +11,15 @@ import pytest
 
 from excite.logs.columns import BASE_POSE
 from excite.motion.collection import load_motions
-from excite.report.replay.bodies import CELLS, merge_corners, solid_triangles, visible_bodies
-from excite.report.replay.scene import joint_tree, robot_scene, trial_frames
+from excite.report.replay.scene import (
+    CELLS,
+    joint_tree,
+    merge_corners,
+    robot_scene,
+    solid_triangles,
+    trial_frames,
+    visible_bodies,
+)
 from excite.report.replay.tracks import (
     FRAMES_HZ,
     Tracks,

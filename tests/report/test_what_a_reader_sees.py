@@ -15,7 +15,7 @@ from excite.provenance import made_by
 from excite.report.comparisons import Record, load_report_data, save_report_data
 from excite.report.html import html_table
 from excite.report.page import report
-from excite.report.sections.moving import Moving
+from excite.report.sections.moving import show_moving
 from excite.results import write_json
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log
@@ -84,7 +84,7 @@ def test_a_simulator_that_runs_away_is_not_shown(folder: Path) -> None:
     findings = SimpleNamespace(
         record=Record(robot, log), data=replace(data, path=away), diagnosis={"effects": []}
     )
-    page = Moving().build(findings)  # type: ignore[arg-type]
+    page = show_moving.build(findings)  # type: ignore[arg-type]
     assert "runs away by more than half a turn" in page and "the simulator as it was" not in page
 
 

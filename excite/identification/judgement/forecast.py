@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from excite.display import span
 from excite.identification.judgement.judgement import PATIENCE
 from excite.results import Positive, Seconds, Stated, Unbounded, named, stated
@@ -49,20 +47,20 @@ class Forecast(Stated):
 
     def summary(self) -> str:
         """One line for a person."""
-        total = len(self.needed_s)
-        line = (
-            f"to be expected of {self.seconds:.0f} s: {self.within} of {total} essential parameters within "
-        )
-        line += f"{self.target_rsd:g} %"
-        later = np.array([needed for needed in self.needed_s.values() if needed > self.seconds])
-        within_reach = later[later <= PATIENCE * self.seconds]
-        if len(within_reach):
-            least, most = f"{within_reach.min():.0f} s", f"{within_reach.max():.0f} s"
-            line += f"; {len(within_reach)} more would take motion like this for "
-            line += f"{span(least, most, ' to ')} in all"
-        if len(later) > len(within_reach):
-            line += f"; {len(later) - len(within_reach)} would take more than {PATIENCE:g} times as much"
-        return line
+        within = f"{self.within} of {self.essential} essential parameters within {self.target_rsd:g} %"
+        return f"to be expected of {self.seconds:.0f} s: {within}{self.longer()}"
+
+    def longer(self) -> str:
+        """How much motion the others take, to follow a sentence; as far as anybody would have the patience for it."""
+        later = [needed for needed in self.needed_s.values() if needed > self.seconds]
+        near = [needed for needed in later if needed <= PATIENCE * self.seconds]
+        said = ""
+        if near:
+            least, most = f"{min(near):.0f} s", f"{max(near):.0f} s"
+            said += f"; {len(near)} more would take motion like this for {span(least, most, ' to ')} in all"
+        if len(later) > len(near):
+            said += f"; {len(later) - len(near)} would take more than {PATIENCE:g} times as much"
+        return said
 
 
 @dataclass(frozen=True)

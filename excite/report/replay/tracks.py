@@ -25,6 +25,7 @@ from excite.safety.checks.collision import approach_rates
 from excite.safety.checks.ground import ZMP_MARGIN, support_margin
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
+from excite.safety.verdict import MARGINS
 
 # Instants a second: between two of them at 10 rad/s² a joint strays 1.4 mrad from a straight line, which nobody sees.
 FRAMES_HZ = 30.0
@@ -38,8 +39,6 @@ class Margin:
 
     Attributes:
         name: field of :class:`~excite.safety.verdict.Margins`.
-        title: for reading.
-        unit: of the values.
         required: what the check asks for.
         values: ``(n,)``, NaN where it cannot be computed.
         where: ``(n,)`` index in ``places`` of what is nearest to its limit.
@@ -47,8 +46,6 @@ class Margin:
     """
 
     name: str
-    title: str
-    unit: str
     required: float
     values: Array
     where: NDArray[np.int64]
@@ -127,10 +124,11 @@ class Tracks:
 
 def _margin_json(margin: Margin) -> dict[str, Any]:
     used, where = np.unique(margin.where, return_inverse=True)
+    title, unit = MARGINS[margin.name]
     return {
         "name": margin.name,
-        "title": margin.title,
-        "unit": margin.unit,
+        "title": title,
+        "unit": unit,
         "required": margin.required,
         "values": pack_table(margin.values),
         "where": packed_indices(where),
@@ -172,8 +170,7 @@ def motion_tracks(robot: Robot, motion: Motion) -> Tracks:
         zmp = sweep.zmp
         edge = support_margin(sweep, zmp)
         where = np.zeros(n, dtype=np.int64)
-        title = "ZMP to the edge of support"
-        margins.append(Margin("zmp_m", title, "m", ZMP_MARGIN, edge, where, ("support polygon",)))
+        margins.append(Margin("zmp_m", ZMP_MARGIN, edge, where, ("support polygon",)))
     return Tracks(
         motion=sweep.fine,
         limits=robot.limits,
@@ -191,26 +188,19 @@ def _limit_margins(robot: Robot, motion: Motion, torque: Array) -> Iterator[Marg
     limits = robot.limits
     q, v, a = motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()
     peaks = jerk_peaks(motion.time, q, v, a)
+    jerk = np.maximum(np.vstack([peaks[:1], peaks]), np.vstack([peaks, peaks[-1:]]))
     left = {
-        "joint_position_rad": (
-            "joint position",
-            "rad",
-            np.minimum(q - limits.position_lower, limits.position_upper - q),
-        ),
-        "joint_velocity_rad_s": ("joint velocity", "rad/s", limits.velocity - np.abs(v)),
-        "joint_acceleration_rad_s2": ("joint acceleration", "rad/s²", limits.acceleration - np.abs(a)),
-        "joint_jerk_rad_s3": (
-            "joint jerk",
-            "rad/s³",
-            limits.jerk - np.maximum(np.vstack([peaks[:1], peaks]), np.vstack([peaks, peaks[-1:]])),
-        ),
-        "joint_torque_nm": ("joint torque", "N·m", limits.torque - np.abs(torque)),
+        "joint_position_rad": np.minimum(q - limits.position_lower, limits.position_upper - q),
+        "joint_velocity_rad_s": limits.velocity - np.abs(v),
+        "joint_acceleration_rad_s2": limits.acceleration - np.abs(a),
+        "joint_jerk_rad_s3": limits.jerk - jerk,
+        "joint_torque_nm": limits.torque - np.abs(torque),
     }
-    for name, (title, unit, room) in left.items():
+    for name, room in left.items():
         known = np.where(np.isfinite(room), room, np.inf)
         where = np.argmin(known, axis=1)
         values = np.where(np.isfinite(room).all(axis=1), known[np.arange(len(room)), where], np.nan)
-        yield Margin(name, title, unit, 0.0, values, where, robot.joint_names)
+        yield Margin(name, 0.0, values, where, robot.joint_names)
 
 
 @lru_cache(maxsize=1)
@@ -246,7 +236,7 @@ def _nearest_margin(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.in
     names = [one.name for one in objects]
     places = tuple(f"{names[first]} – {names[second]}" for first, second in ends)
     required = float(robot.description.collision.margin)
-    margin = Margin("self_collision_m", "distance between bodies", "m", required, values, where, places)
+    margin = Margin("self_collision_m", required, values, where, places)
     return margin, joints, points
 
 

@@ -21,12 +21,11 @@ from excite.report.html import (
     folded_content,
     format_number,
     html_paragraph,
-    html_section,
     html_table,
     inline_figure,
     key_figure,
 )
-from excite.report.sections.section import Section
+from excite.report.sections.section import Content, section, section_content
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw_figure, to_svg
 
 if TYPE_CHECKING:
@@ -36,23 +35,18 @@ if TYPE_CHECKING:
 # What was found, whether it is good enough, and what to do next: the first thing on the page.
 
 
-class Answer(Section):
+@section("answer")
+def show_answer(findings: Findings) -> Content | str:
     """One sentence, the next command, and which command made what the page shows."""
-
-    identifier = "answer"
-    title = ""
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        answer = draw_conclusion(findings)
-        if answer is None:
-            return ""
-        mark = {True: " yes", False: " no", None: ""}[answer.good]
-        said = html_paragraph(answer.found, "verdict")
-        return (
-            f'<section id="{self.identifier}" '
-            f'class="answer{mark}">{said}{_next_step(answer)}{_made_files(findings)}</section>'
-        )
+    answer = draw_conclusion(findings)
+    if answer is None:
+        return ""
+    mark = {True: " yes", False: " no", None: ""}[answer.good]
+    said = html_paragraph(answer.found, "verdict")
+    return (
+        f'<section id="answer" '
+        f'class="answer{mark}">{said}{_next_step(answer)}{_made_files(findings)}</section>'
+    )
 
 
 def _next_step(answer: Conclusion) -> str:
@@ -142,38 +136,33 @@ def _draw_column(axes: Axes, x: int, iteration: dict) -> None:
 # How certain the base parameters became, iteration by iteration.
 
 
-class Certainty(Section):
+@section("certainty", "Certainty")
+def show_certainty(findings: Findings) -> Content | str:
     """Relative standard deviations per iteration, and which parameters miss the target."""
-
-    identifier = "certainty"
-    title = "Certainty"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        if findings.campaign is None or not findings.campaign["iterations"]:
-            return ""
-        campaign = findings.campaign
-        iterations = campaign["iterations"]
-        target = campaign["target_rsd_percent"]
-        lead = (
-            "Each point is one base parameter: with every iteration the points should sink, and those that "
-            "stay above their target are the ones that new motions are made for, where more motion can help."
-        )
-        plot = plot_rsd(iterations, target)
-        last = iterations[-1]
-        missed = sorted(last["not_met"], key=lambda name: -(last["rsd_percent"].get(name) or float("inf")))
-        why = last["reasons"] or {}
-        deviations = [last["rsd_percent"].get(name) for name in missed]
-        rows = [
-            (name, Said(rsd, said_rsd(rsd)), why.get(name, ""))
-            for name, rsd in zip(missed, deviations, strict=True)
-        ]
-        listing = folded_content(
-            f"{count(len(missed), 'parameter')} above the target at the end",
-            html_table(("base parameter", "RSD", "why"), rows),
-        )
-        svg = to_svg(plot, "rsd", "Relative standard deviation of each base parameter per iteration")
-        return html_section(self.identifier, self.title, lead, inline_figure(svg), listing if missed else "")
+    if findings.campaign is None or not findings.campaign["iterations"]:
+        return ""
+    campaign = findings.campaign
+    iterations = campaign["iterations"]
+    target = campaign["target_rsd_percent"]
+    lead = (
+        "Each point is one base parameter: with every iteration the points should sink, and those that "
+        "stay above their target are the ones that new motions are made for, where more motion can help."
+    )
+    plot = plot_rsd(iterations, target)
+    last = iterations[-1]
+    missed = sorted(last["not_met"], key=lambda name: -(last["rsd_percent"].get(name) or float("inf")))
+    why = last["reasons"] or {}
+    deviations = [last["rsd_percent"].get(name) for name in missed]
+    rows = [
+        (name, Said(rsd, said_rsd(rsd)), why.get(name, ""))
+        for name, rsd in zip(missed, deviations, strict=True)
+    ]
+    listing = folded_content(
+        f"{count(len(missed), 'parameter')} above the target at the end",
+        html_table(("base parameter", "RSD", "why"), rows),
+    )
+    svg = to_svg(plot, "rsd", "Relative standard deviation of each base parameter per iteration")
+    return section_content(lead, inline_figure(svg), listing if missed else "")
 
 
 # The table nominal → identified.
@@ -181,37 +170,30 @@ class Certainty(Section):
 _HEADERS = ("link", "parameter", "nominal", "identified", "change", "±", "from data [%]")
 
 
-class Differences(Section):
+@section("differences", "Differences")
+def show_differences(findings: Findings) -> Content | str:
     """Parameters that clearly changed in the open, all of them behind a fold."""
-
-    identifier = "differences"
-    title = "Differences"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        identification = findings.identification or {}
-        found = find_differences(identification.get("standard_parameters") or {})
-        if not found.rows:
-            return ""
-        clear = [row for row in found.rows if row.clear]
-        lead = (
-            "Inertial parameters about the joint frames (SI), as supplied and as identified, with one standard "
-            "deviation. Where little comes from data the value is the nominal model's and the constraints' "
-            "choice: the motions, or the robot's joints, do not tell it from its neighbours'."
-        )
-        everything = folded_content(f"All {len(found.rows)} parameters", _differences_table(found.rows))
-        if not clear:
-            said = "No single parameter is determined by the data and more than two deviations off."
-            return html_section(self.identifier, self.title, lead, html_paragraph(said), everything)
-        said = (
-            f"{len(clear)} of {len(found.rows)} were determined mostly by the data and moved by more than "
-            "two standard deviations:"
-        )
-        strongest = sorted(clear, key=lambda row: -abs(row.change) / max(row.std or 0.0, 1e-300))[:20]
-        chosen = [row for row in found.rows if row in strongest]
-        return html_section(
-            self.identifier, self.title, lead, html_paragraph(said), _differences_table(chosen), everything
-        )
+    identification = findings.identification or {}
+    found = find_differences(identification.get("standard_parameters") or {})
+    if not found.rows:
+        return ""
+    clear = [row for row in found.rows if row.clear]
+    lead = (
+        "Inertial parameters about the joint frames (SI), as supplied and as identified, with one standard "
+        "deviation. Where little comes from data the value is the nominal model's and the constraints' "
+        "choice: the motions, or the robot's joints, do not tell it from its neighbours'."
+    )
+    everything = folded_content(f"All {len(found.rows)} parameters", _differences_table(found.rows))
+    if not clear:
+        said = "No single parameter is determined by the data and more than two deviations off."
+        return section_content(lead, html_paragraph(said), everything)
+    said = (
+        f"{len(clear)} of {len(found.rows)} were determined mostly by the data and moved by more than "
+        "two standard deviations:"
+    )
+    strongest = sorted(clear, key=lambda row: -abs(row.change) / max(row.std or 0.0, 1e-300))[:20]
+    chosen = [row for row in found.rows if row in strongest]
+    return section_content(lead, html_paragraph(said), _differences_table(chosen), everything)
 
 
 def _differences_table(rows: list[Difference] | tuple[Difference, ...]) -> str:
@@ -229,17 +211,12 @@ def _differences_table(rows: list[Difference] | tuple[Difference, ...]) -> str:
 _TOLD = 0.5
 
 
-class Overview(Section):
+@section("overview")
+def show_overview(findings: Findings) -> Content | str:
     """A row of key figures, each only where the folder holds it."""
-
-    identifier = "overview"
-    title = ""
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        tiles = [*_plan_tiles(findings), *_check_tiles(findings), *_conditioning_tiles(findings)]
-        tiles += [*_certainty_tiles(findings), *_fit_tiles(findings), *_mass_tiles(findings)]
-        return f'<div class="tiles" id="{self.identifier}">{"".join(tiles)}</div>' if tiles else ""
+    tiles = [*_plan_tiles(findings), *_check_tiles(findings), *_conditioning_tiles(findings)]
+    tiles += [*_certainty_tiles(findings), *_fit_tiles(findings), *_mass_tiles(findings)]
+    return f'<div class="tiles" id="overview">{"".join(tiles)}</div>' if tiles else ""
 
 
 def _plan_tiles(findings: Findings) -> Iterator[str]:
@@ -329,31 +306,24 @@ _CHECKS = {
 }
 
 
-class Parameters(Section):
+@section("parameters", "Parameters")
+def show_parameters(findings: Findings) -> Content | str:
     """Values with their uncertainty, behind a fold; warnings in the open."""
-
-    identifier = "parameters"
-    title = "Parameters"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        identification = findings.identification
-        if identification is None:
-            return ""
-        lead = (
-            f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
-            "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly determine it."
-        )
-        warnings = [html_paragraph(text, "note") for text in identification["warnings"]]
-        base = identification["base_parameters"]
-        rows = [_parameter_row(item) for item in base]
-        values = folded_content(
-            f"{len(base)} base parameters",
-            html_table(("base parameter (SI)", "value", "standard deviation", "RSD"), rows),
-        )
-        return html_section(
-            self.identifier, self.title, lead, *warnings, _consistency_sentence(identification), values
-        )
+    identification = findings.identification
+    if identification is None:
+        return ""
+    lead = (
+        f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
+        "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly determine it."
+    )
+    warnings = [html_paragraph(text, "note") for text in identification["warnings"]]
+    base = identification["base_parameters"]
+    rows = [_parameter_row(item) for item in base]
+    values = folded_content(
+        f"{len(base)} base parameters",
+        html_table(("base parameter (SI)", "value", "standard deviation", "RSD"), rows),
+    )
+    return section_content(lead, *warnings, _consistency_sentence(identification), values)
 
 
 def _parameter_row(item: dict) -> tuple[Cell, ...]:

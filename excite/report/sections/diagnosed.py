@@ -20,13 +20,12 @@ from excite.report.html import (
     folded_content,
     format_number,
     html_paragraph,
-    html_section,
     html_table,
     inline_figure,
     key_figure,
 )
 from excite.report.plots.forces import channel_label
-from excite.report.sections.section import Section
+from excite.report.sections.section import Content, section, section_content
 from excite.report.theme import IDENTIFIED, INK, PALE, WIDTH_IN, draw_figure, shorten_name, to_svg
 
 if TYPE_CHECKING:
@@ -35,39 +34,32 @@ if TYPE_CHECKING:
 # The gap of each channel against its noise floor, before and after the effects.
 
 
-class GapByChannel(Section):
+@section("gap", "Gap by channel")
+def show_gap_by_channel(findings: Findings) -> Content | str:
     """Bars from the noise floor upwards; the numbers, with those of roll-outs."""
-
-    identifier = "gap"
-    title = "Gap by channel"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.diagnosis
-        if found is None:
-            return ""
-        channels = found["gap"]["per_channel"]
-        closed = bool(found["effects"])
-        lead = (
-            "What the model leaves on trials that were not fitted, as a multiple of the noise floor: bars that end at "
-            "the line leave nothing to explain."
-        )
-        svg = to_svg(plot_gap(channels, closed), "gap", "Gap of each channel over its noise floor")
-        rows: list[tuple[Cell, ...]] = [
-            (name, item["unit"], item["before"], item["after"] if closed else None, item["noise_floor"])
-            for name, item in channels.items()
-        ]
-        numbers = folded_content(
-            "Numbers", html_table(("channel", "unit", "before", "after", "noise floor"), rows)
-        )
-        return html_section(
-            self.identifier,
-            self.title,
-            lead,
-            inline_figure(svg),
-            numbers,
-            _rollout_sentence(found["simulation"]),
-        )
+    found = findings.diagnosis
+    if found is None:
+        return ""
+    channels = found["gap"]["per_channel"]
+    closed = bool(found["effects"])
+    lead = (
+        "What the model leaves on trials that were not fitted, as a multiple of the noise floor: bars that end at "
+        "the line leave nothing to explain."
+    )
+    svg = to_svg(plot_gap(channels, closed), "gap", "Gap of each channel over its noise floor")
+    rows: list[tuple[Cell, ...]] = [
+        (name, item["unit"], item["before"], item["after"] if closed else None, item["noise_floor"])
+        for name, item in channels.items()
+    ]
+    numbers = folded_content(
+        "Numbers", html_table(("channel", "unit", "before", "after", "noise floor"), rows)
+    )
+    return section_content(
+        lead,
+        inline_figure(svg),
+        numbers,
+        _rollout_sentence(found["simulation"]),
+    )
 
 
 def _rollout_sentence(simulation: dict | None) -> str:
@@ -152,30 +144,23 @@ _BODIES = {
 }
 
 
-class Baseline(Section):
+@section("baseline", "What the baseline was fitted to")
+def show_baseline(findings: Findings) -> Content | str:
     """A row a joint and parameter, with its interval."""
-
-    identifier = "baseline"
-    title = "What the baseline was fitted to"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.diagnosis
-        if found is None or not found["baseline"]:
-            return ""
-        lead = (
-            "The gap is what is left with these sizes, which the record decided before any effect was asked for: "
-            "what they have taken up is no effect. Beside the accepted effects they may come out otherwise."
-        )
-        bodies = [html_paragraph(text) for word, text in _BODIES.items() if word in found["modelled"]]
-        headers = ("joint", "parameter", "value", "±", "90 % interval", "unit")
-        return html_section(
-            self.identifier,
-            self.title,
-            lead,
-            html_table(headers, [_baseline_row(item) for item in found["baseline"]]),
-            *bodies,
-        )
+    found = findings.diagnosis
+    if found is None or not found["baseline"]:
+        return ""
+    lead = (
+        "The gap is what is left with these sizes, which the record decided before any effect was asked for: "
+        "what they have taken up is no effect. Beside the accepted effects they may come out otherwise."
+    )
+    bodies = [html_paragraph(text) for word, text in _BODIES.items() if word in found["modelled"]]
+    headers = ("joint", "parameter", "value", "±", "90 % interval", "unit")
+    return section_content(
+        lead,
+        html_table(headers, [_baseline_row(item) for item in found["baseline"]]),
+        *bodies,
+    )
 
 
 def _baseline_row(item: Document) -> tuple[Cell, ...]:
@@ -203,42 +188,33 @@ class _Part:
     kind: str
 
 
-class BudgetByChannel(Section):
+@section("budget", "Where the gap goes")
+def show_budget_by_channel(findings: Findings) -> Content | str:
     """A sentence, a stacked bar and a table for each channel, the largest part of the gap first."""
-
-    identifier = "budget"
-    title = "Where the gap goes"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.diagnosis
-        if found is None or not found["budget"]:
-            return ""
-        order = sorted(found["budget"].items(), key=lambda item: -(item[1]["weight"] or 0.0))
-        blocks = [(item["weight"] or 0.0, _render_channel(name, item)) for name, item in order]
-        large = "".join(html for weight, html in blocks if weight >= _SMALL) or blocks[0][1]
-        small = "".join(html for weight, html in blocks[1:] if weight < _SMALL)
-        if not any(weight > 0.0 for weight, _ in blocks):
-            lead = "No joint's gap stands above its noise floor: there is nothing to share out."
-            every = folded_content("Noise floors", "".join(html for _, html in blocks))
-            return html_section(self.identifier, self.title, lead, every)
-        lead = _channel_sentence(*order[0])
-        how = (
-            "Shares are of the power above the noise floor on trials that were not fitted, all effects taken together; "
-            "those of a channel add up to one. An interval says what a share would be on other stretches of such a "
-            "record: blocks of it were left out in turn. Instants at which a joint stands or turns round count for "
-            "next to nothing here, so that gap and noise floor are other numbers than under Gap by channel, where each "
-            f"instant counts. The {HELD}."
-        )
-        rest = (
-            folded_content(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small)
-            if small
-            else ""
-        )
-        beside = _explain_difference(found, order) + _explain_elsewhere(found)
-        return html_section(
-            self.identifier, self.title, lead, html_paragraph(how), beside, _bar_legend(), large, rest
-        )
+    found = findings.diagnosis
+    if found is None or not found["budget"]:
+        return ""
+    order = sorted(found["budget"].items(), key=lambda item: -(item[1]["weight"] or 0.0))
+    blocks = [(item["weight"] or 0.0, _render_channel(name, item)) for name, item in order]
+    large = "".join(html for weight, html in blocks if weight >= _SMALL) or blocks[0][1]
+    small = "".join(html for weight, html in blocks[1:] if weight < _SMALL)
+    if not any(weight > 0.0 for weight, _ in blocks):
+        lead = "No joint's gap stands above its noise floor: there is nothing to share out."
+        every = folded_content("Noise floors", "".join(html for _, html in blocks))
+        return section_content(lead, every)
+    lead = _channel_sentence(*order[0])
+    how = (
+        "Shares are of the power above the noise floor on trials that were not fitted, all effects taken together; "
+        "those of a channel add up to one. An interval says what a share would be on other stretches of such a "
+        "record: blocks of it were left out in turn. Instants at which a joint stands or turns round count for "
+        "next to nothing here, so that gap and noise floor are other numbers than under Gap by channel, where each "
+        f"instant counts. The {HELD}."
+    )
+    rest = (
+        folded_content(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small) if small else ""
+    )
+    beside = _explain_difference(found, order) + _explain_elsewhere(found)
+    return section_content(lead, html_paragraph(how), beside, _bar_legend(), large, rest)
 
 
 def _render_channel(name: str, channel: Document) -> str:
@@ -375,21 +351,16 @@ _NOISE = 3.0
 _DIFFERS = 0.15
 
 
-class Verdict(Section):
+@section("verdict")
+def show_verdict(findings: Findings) -> Content | str:
     """The gap before and after, how far it closes, what roll-outs say."""
-
-    identifier = "verdict"
-    title = ""
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.diagnosis
-        if found is None:
-            return ""
-        return (
-            '<div class="tiles" '
-            f'id="{self.identifier}">{"".join(_verdict_tiles(found))}</div>{_explain_disagreement(found)}'
-        )
+    found = findings.diagnosis
+    if found is None:
+        return ""
+    return (
+        '<div class="tiles" '
+        f'id="verdict">{"".join(_verdict_tiles(found))}</div>{_explain_disagreement(found)}'
+    )
 
 
 def _verdict_tiles(found: Document) -> Iterator[str]:
@@ -482,35 +453,30 @@ def _whole_percent(share: float | None) -> str:
 # The map of the gap: which channels, and what each one's follows.
 
 
-class Where(Section):
+@section("where", "Where it lies")
+def show_where(findings: Findings) -> Content | str:
     """A row a channel, a column for each thing that its gap may follow; the fuller the colour, the more it does."""
-
-    identifier = "where"
-    title = "Where it lies"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.diagnosis
-        if found is None or not found["where"]:
-            return ""
-        lead = (
-            "Before any effect is added. Each cell says what share of the channel's gap, on trials that were fitted, "
-            "functions of that one thing would explain; several may look alike, and what does not hold on the trials "
-            "that judge is no part of Where the gap goes. The band holds the middle 80 % of the gap's power."
+    found = findings.diagnosis
+    if found is None or not found["where"]:
+        return ""
+    lead = (
+        "Before any effect is added. Each cell says what share of the channel's gap, on trials that were fitted, "
+        "functions of that one thing would explain; several may look alike, and what does not hold on the trials "
+        "that judge is no part of Where the gap goes. The band holds the middle 80 % of the gap's power."
+    )
+    what = list(dict.fromkeys(name for row in found["where"] for name in row["dependence"]))
+    head = "".join(
+        f"<th>{escape(text)}</th>"
+        for text in (
+            "channel",
+            "share of the gap",
+            *(name.replace("_", " ") for name in what),
+            "band [Hz]",
         )
-        what = list(dict.fromkeys(name for row in found["where"] for name in row["dependence"]))
-        head = "".join(
-            f"<th>{escape(text)}</th>"
-            for text in (
-                "channel",
-                "share of the gap",
-                *(name.replace("_", " ") for name in what),
-                "band [Hz]",
-            )
-        )
-        body = "".join(_where_row(row, what) for row in found["where"])
-        map_ = f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-        return html_section(self.identifier, self.title, lead, map_)
+    )
+    body = "".join(_where_row(row, what) for row in found["where"])
+    map_ = f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    return section_content(lead, map_)
 
 
 def _where_row(row: dict, what: list[str]) -> str:

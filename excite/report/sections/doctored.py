@@ -8,9 +8,9 @@ from typing import Any
 
 from excite.report.comparisons import ForceComparison
 from excite.report.folder import Document, Findings
-from excite.report.html import Cell, html_section, html_table, inline_figure, live_chart
+from excite.report.html import Cell, html_table, inline_figure, live_chart
 from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
-from excite.report.sections.section import Section
+from excite.report.sections.section import Content, section, section_content
 from excite.report.theme import to_svg
 
 # What is wrong with a log, worst first, and what was done or is to be done about it.
@@ -25,35 +25,31 @@ _MEANS = {
 _NAMED = 4
 
 
-class LogFindings(Section):
+@section("findings", "Findings")
+def show_log_findings(findings: Findings) -> Content | str:
     """A row a finding."""
-
-    identifier = "findings"
-    title = "Findings"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = findings.doctor
-        if found is None:
-            return ""
-        if not found["findings"]:
-            lead = "Rows, clock, units, signs, order of columns, zeros, dead and clipped channels: nothing is wrong."
-            return html_section(self.identifier, self.title, lead)
+    found = findings.doctor
+    if found is None:
+        return ""
+    if not found["findings"]:
         lead = (
-            "Worst first. What is mended here is mended for excite identify and excite diagnose too, which look the "
-            "log through in the same way; the log itself is as it was."
+            "Rows, clock, units, signs, order of columns, zeros, dead and clipped channels: nothing is wrong."
         )
-        if found["repaired"]:
-            lead += f" A mended copy is in {found['repaired']}."
-        headers = ["how bad", "what was found", "what was done, or is to be done", "where"]
-        rows = [_finding_row(item) for item in found["findings"]]
-        if any(item["sure"] < 1.0 for item in found["findings"]):
-            headers.append("sure")
-            rows = [
-                (*row, f"{100.0 * item['sure']:.0f} %")
-                for row, item in zip(rows, found["findings"], strict=True)
-            ]
-        return html_section(self.identifier, self.title, lead, html_table(headers, rows))
+        return section_content(lead)
+    lead = (
+        "Worst first. What is mended here is mended for excite identify and excite diagnose too, which look the "
+        "log through in the same way; the log itself is as it was."
+    )
+    if found["repaired"]:
+        lead += f" A mended copy is in {found['repaired']}."
+    headers = ["how bad", "what was found", "what was done, or is to be done", "where"]
+    rows = [_finding_row(item) for item in found["findings"]]
+    if any(item["sure"] < 1.0 for item in found["findings"]):
+        headers.append("sure")
+        rows = [
+            (*row, f"{100.0 * item['sure']:.0f} %") for row, item in zip(rows, found["findings"], strict=True)
+        ]
+    return section_content(lead, html_table(headers, rows))
 
 
 def _finding_row(item: Document) -> tuple[Cell, ...]:
@@ -74,37 +70,32 @@ def _list_places(names: list[str]) -> str:
 _MODEL, _LOGGED, _REPAIRED = "what the model needs", "as logged", "as repaired"
 
 
-class TorquesBesideModel(Section):
+@section("beside-model", "Torques beside the model")
+def show_torques_beside_model(findings: Findings) -> Content | str:
     """A panel a joint, those that something was found at first."""
-
-    identifier = "beside-model"
-    title = "Torques beside the model"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        data = findings.data.torques
-        if data is None or findings.doctor is None:
-            return ""
-        # Findings name joints, or channels (``tau.elbow``).
-        named = {
-            place.rpartition(".")[2] for finding in findings.doctor["findings"] for place in finding["places"]
-        }
-        order = sorted(data.channels, key=lambda name: name not in named)
-        shown = _select_channels(data, order[:MOST_PANELS])
-        lead = (
-            f"Trial {data.trial}: the torques as they stand in the log and as they were repaired, beside those of the "
-            "nominal model's bodies in the repaired motion, with an offset, friction and a rotor fitted to each joint. "
-            "What is left between them may be the model's fault as well."
-        )
-        if len(shown.channels) < len(data.channels):
-            lead += f" Drawn are {MOST_PANELS} of {len(data.channels)} joints, those of the findings first."
-        svg = to_svg(
-            plot_forces(shown, (_MODEL, _LOGGED, _REPAIRED)),
-            self.identifier,
-            "Torques as logged, as repaired and as the model needs them",
-        )
-        plots = live_chart("beside-model-plots", shown.time, list(_torque_panels(shown)), inline_figure(svg))
-        return html_section(self.identifier, self.title, lead, plots)
+    data = findings.data.torques
+    if data is None or findings.doctor is None:
+        return ""
+    # Findings name joints, or channels (``tau.elbow``).
+    named = {
+        place.rpartition(".")[2] for finding in findings.doctor["findings"] for place in finding["places"]
+    }
+    order = sorted(data.channels, key=lambda name: name not in named)
+    shown = _select_channels(data, order[:MOST_PANELS])
+    lead = (
+        f"Trial {data.trial}: the torques as they stand in the log and as they were repaired, beside those of the "
+        "nominal model's bodies in the repaired motion, with an offset, friction and a rotor fitted to each joint. "
+        "What is left between them may be the model's fault as well."
+    )
+    if len(shown.channels) < len(data.channels):
+        lead += f" Drawn are {MOST_PANELS} of {len(data.channels)} joints, those of the findings first."
+    svg = to_svg(
+        plot_forces(shown, (_MODEL, _LOGGED, _REPAIRED)),
+        "beside-model",
+        "Torques as logged, as repaired and as the model needs them",
+    )
+    plots = live_chart("beside-model-plots", shown.time, list(_torque_panels(shown)), inline_figure(svg))
+    return section_content(lead, plots)
 
 
 def _select_channels(data: ForceComparison, names: list[str]) -> ForceComparison:

@@ -20,13 +20,12 @@ from excite.report.html import (
     folded_content,
     format_number,
     html_paragraph,
-    html_section,
     html_table,
     inline_figure,
     live_chart,
 )
 from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
-from excite.report.sections.section import Section
+from excite.report.sections.section import Content, section, section_content
 from excite.report.theme import (
     IDENTIFIED,
     INK,
@@ -45,43 +44,34 @@ if TYPE_CHECKING:
 # The report's section on the masses of the segments.
 
 
-class Masses(Section):
+@section("masses", "Masses")
+def show_masses(findings: Findings) -> Content | str:
     """Nominal, identified and, on a virtual robot, true masses."""
-
-    identifier = "masses"
-    title = "Masses"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        data = findings.data.masses
-        if data is None:
-            return ""
-        lead = "Where the blue bar leaves the pale one, the robot is not the model that was supplied"
+    data = findings.data.masses
+    if data is None:
+        return ""
+    lead = "Where the blue bar leaves the pale one, the robot is not the model that was supplied"
+    lead += (
+        "; the green tick is the truth, which only a virtual robot tells." if data.true is not None else "."
+    )
+    if data.half_width is not None:
         lead += (
-            "; the green tick is the truth, which only a virtual robot tells."
-            if data.true is not None
-            else "."
+            " Lines are 95 % intervals of the data and of what the nominal model is granted together: where the "
+            "data tell little of a mass by itself, as of neighbours whose sum they tell, it is as wide as that."
         )
-        if data.half_width is not None:
-            lead += (
-                " Lines are 95 % intervals of the data and of what the nominal model is granted together: where the "
-                "data tell little of a mass by itself, as of neighbours whose sum they tell, it is as wide as that."
-            )
-        if data.changed is not None and data.changed.any():
-            names = [name for name, changed in zip(data.names, data.changed, strict=True) if changed]
-            lead += (
-                " In bold, the fewest segments that, changed in mass, centre of mass or inertia, explain what the "
-                f"nominal model leaves: {', '.join(names)}. A robot whose bodies all differ a little shows itself so "
-                "too; Differences lists what the data tell of each parameter by itself."
-            )
-        svg = to_svg(plot_masses(data), "masses", "Mass of each segment: nominal, identified, true")
-        return html_section(
-            self.identifier,
-            self.title,
-            lead,
-            inline_figure(svg),
-            folded_content("Numbers", _mass_numbers(data)),
+    if data.changed is not None and data.changed.any():
+        names = [name for name, changed in zip(data.names, data.changed, strict=True) if changed]
+        lead += (
+            " In bold, the fewest segments that, changed in mass, centre of mass or inertia, explain what the "
+            f"nominal model leaves: {', '.join(names)}. A robot whose bodies all differ a little shows itself so "
+            "too; Differences lists what the data tell of each parameter by itself."
         )
+    svg = to_svg(plot_masses(data), "masses", "Mass of each segment: nominal, identified, true")
+    return section_content(
+        lead,
+        inline_figure(svg),
+        folded_content("Numbers", _mass_numbers(data)),
+    )
 
 
 def _mass_numbers(data: MassComparison) -> str:
@@ -185,46 +175,39 @@ def save_signal_figure(trace: SignalTrace, path: Path) -> Path:
 _UNITS = {"f": "N", "t": "N·m"}
 
 
-class Forces(Section):
+@section("forces", "Prediction of forces")
+def show_forces(findings: Findings) -> Content | str:
     """Measured, nominal and identified on one trial; RMSE and correlation of all trials."""
-
-    identifier = "forces"
-    title = "Prediction of forces"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        data = _from_zero(findings.data)
-        identification = findings.identification or {}
-        blocks = [
-            (
-                "Cross validation (trials that the identification has not seen)",
-                identification.get("validation"),
-            ),
-            ("Direct validation (trials that it was identified from)", identification.get("fit")),
-        ]
-        tables = [f"<h3>{title}</h3>{_fit_table(rows)}" for title, rows in blocks if rows]
-        if data is None and not tables:
-            return ""
-        content = []
-        lead = "RMSE should fall and correlation rise from the nominal to the identified model."
-        if data is not None:
-            lead = (
-                f"On {data.trial}, which the identification has not seen, the blue line of the identified "
-                "model should cover the measured one, and the dashed nominal one should not."
+    data = _from_zero(findings.data)
+    identification = findings.identification or {}
+    blocks = [
+        (
+            "Cross validation (trials that the identification has not seen)",
+            identification.get("validation"),
+        ),
+        ("Direct validation (trials that it was identified from)", identification.get("fit")),
+    ]
+    tables = [f"<h3>{title}</h3>{_fit_table(rows)}" for title, rows in blocks if rows]
+    if data is None and not tables:
+        return ""
+    content = []
+    lead = "RMSE should fall and correlation rise from the nominal to the identified model."
+    if data is not None:
+        lead = (
+            f"On {data.trial}, which the identification has not seen, the blue line of the identified "
+            "model should cover the measured one, and the dashed nominal one should not."
+        )
+        if findings.human is not None and tables:
+            lead += (
+                " The curves are the ground reaction in the laboratory's axes, with moments about a point on the "
+                "ground below the pelvis, as under Person; the tables are of the same wrench in the pelvis' axes, "
+                "about its origin, as it was fitted: other figures of the same trials."
             )
-            if findings.human is not None and tables:
-                lead += (
-                    " The curves are the ground reaction in the laboratory's axes, with moments about a point on the "
-                    "ground below the pelvis, as under Person; the tables are of the same wrench in the pelvis' axes, "
-                    "about its origin, as it was fitted: other figures of the same trials."
-                )
-            if len(data.channels) > MOST_PANELS:
-                lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
-            svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
-            content.append(
-                live_chart("forces-plots", data.time, list(_force_panels(data)), inline_figure(svg))
-            )
-        return html_section(self.identifier, self.title, lead, *content, *tables)
+        if len(data.channels) > MOST_PANELS:
+            lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
+        svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
+        content.append(live_chart("forces-plots", data.time, list(_force_panels(data)), inline_figure(svg)))
+    return section_content(lead, *content, *tables)
 
 
 def _from_zero(data: ReportData) -> ForceComparison | None:
@@ -272,25 +255,18 @@ def _fit_table(channels: dict[str, dict[str, Any]]) -> str:
 _ROLES = {"validation": "trials that were left out", "identification": "trials that were identified from"}
 
 
-class Person(Section):
+@section("person", "Person")
+def show_person(findings: Findings) -> Content | str:
     """De Leva's and Dumas' masses beside those that were identified, and how well the ground reaction is predicted."""
-
-    identifier = "person"
-    title = "Person"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        human = findings.human
-        if human is None:
-            return ""
-        lead = (
-            "Masses of the segments by two tables of the literature, beside those that the ground reaction tells; "
-            "± is one standard deviation of motions and table together, and where it is as large as the mass, motions "
-            "did not tell it."
-        )
-        return html_section(
-            self.identifier, self.title, lead, _mass_table(human, findings), _reaction_table(human)
-        )
+    human = findings.human
+    if human is None:
+        return ""
+    lead = (
+        "Masses of the segments by two tables of the literature, beside those that the ground reaction tells; "
+        "± is one standard deviation of motions and table together, and where it is as large as the mass, motions "
+        "did not tell it."
+    )
+    return section_content(lead, _mass_table(human, findings), _reaction_table(human))
 
 
 def _mass_table(human: Document, findings: Findings) -> str:
@@ -345,43 +321,34 @@ def _reaction_table(human: Document) -> str:
 _COLUMNS = 6
 
 
-class Sessions(Section):
+@section("sessions", "Sessions")
+def show_sessions(findings: Findings) -> Content | str:
     """Parameters that vary between sessions beyond their intervals in the open, all others behind a fold."""
-
-    identifier = "sessions"
-    title = "Sessions"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        found = (findings.identification or {}).get("sessions")
-        if not found:
-            return ""
-        varying = [item for item in found["parameters"] if item["varies"]]
-        count = f"{len(varying)} of {len(found['parameters'])}" if varying else "None"
-        lead = (
-            f"{count} of the base parameters differ{'s' if len(varying) == 1 else ''} between {len(found['names'])} "
-            f"sessions ({', '.join(found['names'][:_COLUMNS])}) by more than their own intervals allow: friction that "
-            "warms up, a load, a zero that was set anew."
-        )
-        if not varying:
-            lead = lead.partition(":")[0] + "."
-        notes = [
-            html_paragraph(f"Left out: {name}, whose motions determine {own} of them.", "note")
-            for name, own in found["left_out"].items()
-        ]
-        rest = [item for item in found["parameters"] if not item["varies"]]
-        shown = [_sessions_table(varying, found)] if varying else []
-        return html_section(
-            self.identifier,
-            self.title,
-            lead,
-            *notes,
-            *shown,
-            html_paragraph("ranges.yaml holds what the next session may bring, for domain randomisation."),
-            folded_content(f"{len(rest)} that sessions agree on", _sessions_table(rest, found))
-            if rest
-            else "",
-        )
+    found = (findings.identification or {}).get("sessions")
+    if not found:
+        return ""
+    varying = [item for item in found["parameters"] if item["varies"]]
+    count = f"{len(varying)} of {len(found['parameters'])}" if varying else "None"
+    lead = (
+        f"{count} of the base parameters differ{'s' if len(varying) == 1 else ''} between {len(found['names'])} "
+        f"sessions ({', '.join(found['names'][:_COLUMNS])}) by more than their own intervals allow: friction that "
+        "warms up, a load, a zero that was set anew."
+    )
+    if not varying:
+        lead = lead.partition(":")[0] + "."
+    notes = [
+        html_paragraph(f"Left out: {name}, whose motions determine {own} of them.", "note")
+        for name, own in found["left_out"].items()
+    ]
+    rest = [item for item in found["parameters"] if not item["varies"]]
+    shown = [_sessions_table(varying, found)] if varying else []
+    return section_content(
+        lead,
+        *notes,
+        *shown,
+        html_paragraph("ranges.yaml holds what the next session may bring, for domain randomisation."),
+        folded_content(f"{len(rest)} that sessions agree on", _sessions_table(rest, found)) if rest else "",
+    )
 
 
 def _sessions_table(parameters: list[Document], found: Document) -> str:
@@ -405,25 +372,18 @@ def _session_value(found: Document | None) -> str:
 # What the signal processing did to one channel.
 
 
-class Signals(Section):
+@section("signals", "Signals")
+def show_signals(findings: Findings) -> Content | str:
     """One panel and one line a step."""
-
-    identifier = "signals"
-    title = "Signals"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        if findings.signals is None:
-            return ""
-        trace = trace_from_json(findings.signals)
-        lead = (
-            f"From the samples of {trace.channel} in {trace.trial}, as logged, to the rows of the regression: "
-            "each panel is one step."
-        )
-        rows: list[tuple[Cell, ...]] = [
-            (f"{number} {step.name}", step.effect) for number, step in enumerate(trace.steps, start=1)
-        ]
-        svg = to_svg(plot_signals(trace), "signals", "Each step of the signal processing, before and after")
-        return html_section(
-            self.identifier, self.title, lead, inline_figure(svg), html_table(("step", "what it did"), rows)
-        )
+    if findings.signals is None:
+        return ""
+    trace = trace_from_json(findings.signals)
+    lead = (
+        f"From the samples of {trace.channel} in {trace.trial}, as logged, to the rows of the regression: "
+        "each panel is one step."
+    )
+    rows: list[tuple[Cell, ...]] = [
+        (f"{number} {step.name}", step.effect) for number, step in enumerate(trace.steps, start=1)
+    ]
+    svg = to_svg(plot_signals(trace), "signals", "Each step of the signal processing, before and after")
+    return section_content(lead, inline_figure(svg), html_table(("step", "what it did"), rows))

@@ -18,7 +18,6 @@ from excite.report.html import (
     Cell,
     folded_content,
     html_paragraph,
-    html_section,
     html_table,
     inline_figure,
     live_replay,
@@ -27,7 +26,7 @@ from excite.report.plots.body import Picture, View, draw_posture, front_view
 from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, rectangle_corners, text_length
 from excite.report.replay.scene import robot_scene
 from excite.report.replay.tracks import motion_tracks
-from excite.report.sections.section import Section
+from excite.report.sections.section import Content, section, section_content
 from excite.report.theme import (
     GROUND,
     IDENTIFIED,
@@ -53,40 +52,33 @@ _BODY = "Each row is one motion in its most different postures, grey bodies with
 _FEET = "the orange point, the centre of mass above the green support polygon, says how far it leans"
 
 
-class Motions(Section):
+@section("motions", "Motions")
+def show_motions(findings: Findings) -> Content | str:
     """Snapshots, activity of the joints, the list of motions, the count of rejections by reason."""
-
-    identifier = "motions"
-    title = "Motions"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        if findings.plan is None:
-            figures = _motion_figures(findings) if findings.check is not None else []
-            lead = "The motions that were checked, those that are not safe first."
-            return html_section(self.identifier, self.title, lead, *figures) if figures else ""
-        selected = findings.plan["selected"]
-        rows: list[tuple[Cell, ...]] = [
-            (entry["motion"], ", ".join(entry["segments"]), float(entry["duration_s"])) for entry in selected
-        ]
-        headers = ("motion", "chosen for the segments", "duration [s]")
-        listing = folded_content(
-            f"All {len(rows)} motions" if len(rows) > 1 else "The motion", html_table(headers, rows)
+    if findings.plan is None:
+        figures = _motion_figures(findings) if findings.check is not None else []
+        lead = "The motions that were checked, those that are not safe first."
+        return section_content(lead, *figures) if figures else ""
+    selected = findings.plan["selected"]
+    rows: list[tuple[Cell, ...]] = [
+        (entry["motion"], ", ".join(entry["segments"]), float(entry["duration_s"])) for entry in selected
+    ]
+    headers = ("motion", "chosen for the segments", "duration [s]")
+    listing = folded_content(
+        f"All {len(rows)} motions" if len(rows) > 1 else "The motion", html_table(headers, rows)
+    )
+    rejected = findings.plan["candidates"]["rejected"]
+    reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
+    refused = (
+        folded_content(
+            f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
+            html_table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
         )
-        rejected = findings.plan["candidates"]["rejected"]
-        reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
-        refused = (
-            folded_content(
-                f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
-                html_table(
-                    ("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]
-                ),
-            )
-            if rejected
-            else ""
-        )
-        lead = "These motions excite the segments best, and every one of them passed the checks."
-        return html_section(self.identifier, self.title, lead, *_motion_figures(findings), listing, refused)
+        if rejected
+        else ""
+    )
+    lead = "These motions excite the segments best, and every one of them passed the checks."
+    return section_content(lead, *_motion_figures(findings), listing, refused)
 
 
 def _motion_caption(robot: Robot) -> str:

@@ -12,9 +12,9 @@ from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
 from excite.report.comparisons import PathComparison, Record
 from excite.report.folder import Findings
-from excite.report.html import html_paragraph, html_section, live_replay
+from excite.report.html import html_paragraph, live_replay
 from excite.report.replay.scene import robot_scene, trial_frames
-from excite.report.sections.section import Section
+from excite.report.sections.section import Content, section, section_content
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 
@@ -22,37 +22,32 @@ _COMMANDED = "commanded"
 _LOST = " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
 
 
-class Moving(Section):
+@section("moving", "The trial in motion")
+def show_moving(findings: Findings) -> Content | str:
     """The trial that judges; with an identification both models, with a diagnosis its simulator before and after."""
-
-    identifier = "moving"
-    title = "The trial in motion"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        record = findings.record
-        if record is None:
-            return ""
-        path = findings.data.path
-        found = findings.diagnosis or {}
-        if path is not None and not set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names):
-            path = None
-        trial = record.trial(path.trial if path else "")
-        try:
-            models = {} if path is None else _model_paths(path, found)
-            lost = "" if path is None or models else _LOST
-            path = path if models else None
-            tracks = _simulated_tracks(record, path, models) if path else _recorded_tracks(record, trial)
-        except ExciteError:
-            return ""
-        still = html_paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
-        if path is not None and path.horizon_s is not None:
-            lead = _of_identification(record.robot, path, path.horizon_s)
-        else:
-            horizon_s = (found.get("simulation") or {}).get("horizon_s")
-            lead = _lead_sentence(trial.name, path is not None, horizon_s, tracks) + lost
-        shown = live_replay("moving-replay", robot_scene(record.robot), tracks, still)
-        return html_section(self.identifier, self.title, lead, shown)
+    record = findings.record
+    if record is None:
+        return ""
+    path = findings.data.path
+    found = findings.diagnosis or {}
+    if path is not None and not set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names):
+        path = None
+    trial = record.trial(path.trial if path else "")
+    try:
+        models = {} if path is None else _model_paths(path, found)
+        lost = "" if path is None or models else _LOST
+        path = path if models else None
+        tracks = _simulated_tracks(record, path, models) if path else _recorded_tracks(record, trial)
+    except ExciteError:
+        return ""
+    still = html_paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
+    if path is not None and path.horizon_s is not None:
+        lead = _of_identification(record.robot, path, path.horizon_s)
+    else:
+        horizon_s = (found.get("simulation") or {}).get("horizon_s")
+        lead = _lead_sentence(trial.name, path is not None, horizon_s, tracks) + lost
+    shown = live_replay("moving-replay", robot_scene(record.robot), tracks, still)
+    return section_content(lead, shown)
 
 
 def _lead_sentence(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str, Any]) -> str:

@@ -19,13 +19,12 @@ from excite.report.html import (
     folded_content,
     format_number,
     html_paragraph,
-    html_section,
     html_table,
     inline_figure,
 )
 from excite.report.plots.body import Picture, draw_posture, front_view
 from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, rectangle_corners, text_length
-from excite.report.sections.section import Section
+from excite.report.sections.section import Content, section, section_content
 from excite.report.theme import (
     GRID,
     GROUND,
@@ -41,37 +40,30 @@ from excite.report.theme import (
     shorten_name,
 )
 from excite.robot.robot import Robot
-from excite.safety.verdict import conditions
+from excite.safety.verdict import MARGINS, conditions
 
 # How well the chosen motions excite each segment.
 
 
-class Excitation(Section):
+@section("excitation", "Excitation")
+def show_excitation(findings: Findings) -> Content | str:
     """Condition numbers of the segments, before and after where both are known."""
-
-    identifier = "excitation"
-    title = "Excitation"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        plan = (findings.plan or {}).get("conditioning")
-        change = findings.data.conditioning
-        if plan is None and change is None:
-            return ""
-        lead = "The shorter a bar, the more evenly the motions excite that segment's ten inertial parameters."
-        content = []
-        if change is not None:
-            content.append(
-                inline_figure(draw_conditioning(change).to_svg("Condition number of each segment"))
-            )
-        if plan is not None:
-            full, log_det = format_number(condition_value(plan["full"])), format_number(plan["log_det"])
-            numbers = f"the condition number is {full}, the log-determinant of the information {log_det}."
-            content.append(html_paragraph(f"Over all {plan['n_base_parameters']} base parameters {numbers}"))
-            rows = [(row["segment"], condition_value(row["condition"])) for row in plan["segments"]]
-            listing = html_table(("segment", "condition number"), rows)
-            content.append(folded_content("Condition number of each segment", listing))
-        return html_section(self.identifier, self.title, lead, *content)
+    plan = (findings.plan or {}).get("conditioning")
+    change = findings.data.conditioning
+    if plan is None and change is None:
+        return ""
+    lead = "The shorter a bar, the more evenly the motions excite that segment's ten inertial parameters."
+    content = []
+    if change is not None:
+        content.append(inline_figure(draw_conditioning(change).to_svg("Condition number of each segment")))
+    if plan is not None:
+        full, log_det = format_number(condition_value(plan["full"])), format_number(plan["log_det"])
+        numbers = f"the condition number is {full}, the log-determinant of the information {log_det}."
+        content.append(html_paragraph(f"Over all {plan['n_base_parameters']} base parameters {numbers}"))
+        rows = [(row["segment"], condition_value(row["condition"])) for row in plan["segments"]]
+        listing = html_table(("segment", "condition number"), rows)
+        content.append(folded_content("Condition number of each segment", listing))
+    return section_content(lead, *content)
 
 
 # Condition number of each segment before and after the choice of motions.
@@ -232,46 +224,39 @@ _PICTURES, _LISTED = 3, 8
 _BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None, "posture": None}
 
 
-class Refused(Section):
+@section("refused", "What refuses candidates")
+def show_refused(findings: Findings) -> Content | str:
     """Pictures of the worst refused postures, the table, the change that was counted."""
-
-    identifier = "refused"
-    title = "What refuses candidates"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        refused, remedy, generated = _plan_refusals(findings)
-        if not refused:
-            return ""
-        rows = [
-            (
-                item["reason"].replace("_", " "),
-                item["where"],
-                item["candidates"],
-                _value_text(item, "worst"),
-                _value_text(item, "limit"),
-                item["time_s"],
-            )
-            for item in refused
-        ]
-        headers = ("reason", "where", "candidates", "worst", "limit", "at [s]")
-        listing = html_table(headers, rows[:_LISTED])
-        if len(rows) > _LISTED:
-            listing += folded_content(f"{len(rows) - _LISTED} more", html_table(headers, rows[_LISTED:]))
-        lead = (
-            f"Of {generated} candidates. One that breaks several limits counts with each. Limits are planning's, "
-            "which keeps a reserve to what the check asks for; no time is stated of what is refused as a posture."
+    refused, remedy, generated = _plan_refusals(findings)
+    if not refused:
+        return ""
+    rows = [
+        (
+            item["reason"].replace("_", " "),
+            item["where"],
+            item["candidates"],
+            _value_text(item, "worst"),
+            _value_text(item, "limit"),
+            item["time_s"],
         )
-        if remedy is not None:
-            lead += (
-                f" Most likely to help: {remedy['change']} ({remedy['passes']} of {remedy['tried']} that were tried "
-                "again pass then)."
-            )
-        elif findings.plan is None:
-            lead += " No single limit lifted lets any of those pass that were tried again."
-        return html_section(
-            self.identifier, self.title, lead, *_refusal_pictures(findings.robot, refused), listing
+        for item in refused
+    ]
+    headers = ("reason", "where", "candidates", "worst", "limit", "at [s]")
+    listing = html_table(headers, rows[:_LISTED])
+    if len(rows) > _LISTED:
+        listing += folded_content(f"{len(rows) - _LISTED} more", html_table(headers, rows[_LISTED:]))
+    lead = (
+        f"Of {generated} candidates. One that breaks several limits counts with each. Limits are planning's, "
+        "which keeps a reserve to what the check asks for; no time is stated of what is refused as a posture."
+    )
+    if remedy is not None:
+        lead += (
+            f" Most likely to help: {remedy['change']} ({remedy['passes']} of {remedy['tried']} that were tried "
+            "again pass then)."
         )
+    elif findings.plan is None:
+        lead += " No single limit lifted lets any of those pass that were tried again."
+    return section_content(lead, *_refusal_pictures(findings.robot, refused), listing)
 
 
 class _Said(NamedTuple):
@@ -329,52 +314,38 @@ def _value_text(item: dict[str, Any], key: str) -> str:
 
 # The independent verdict on the chosen motions.
 
-_MARGINS = {
-    "joint_position_rad": ("joint position", "rad"),
-    "joint_velocity_rad_s": ("joint velocity", "rad/s"),
-    "joint_acceleration_rad_s2": ("joint acceleration", "rad/s²"),
-    "joint_jerk_rad_s3": ("joint jerk", "rad/s³"),
-    "joint_torque_nm": ("joint torque", "N·m"),
-    "self_collision_m": ("distance between bodies", "m"),
-    "zmp_m": ("ZMP to the edge of support", "m"),
-}
 # A margin in one of the units that the robot's joints move in.
 _Column = tuple[str, str]
 
 
-class Safety(Section):
+@section("safety", "Safety")
+def show_safety(findings: Findings) -> Content | str:
     """Smallest margins over all motions, every motion's own, violations."""
-
-    identifier = "safety"
-    title = "Safety"
-
-    def build(self, findings: Findings) -> str:
-        """See :class:`Section`."""
-        if findings.check is None:
-            return ""
-        motions = findings.check["motions"]
-        lead = (
-            "How far the motions stay from every limit at the worst instant, by a check independent of the "
-            "repairs; a margin that could not be computed counts as unsafe."
-        )
-        held = {one: None for motion in motions for one in motion.get("as_far_as", ())}
-        if held:
-            lead += f" What is safe here is safe{conditions(held)}."
-        columns = [column for name in _MARGINS for column in _margin_columns(name, motions)]
-        smallest = html_table(
-            ("margin", "smallest", "of", "in motion"), [_smallest_margins(c, motions) for c in columns]
-        )
-        every = folded_content(
-            f"Margins of all {count(len(motions), 'motion')}",
-            html_table(
-                ("motion", "safe", *map(_column_title, columns)),
-                [
-                    (m["motion"], m["safe"], *(_motion_margin(m, column)[0] for column in columns))
-                    for m in motions
-                ],
-            ),
-        )
-        return html_section(self.identifier, self.title, lead, smallest, every, _violation_table(motions))
+    if findings.check is None:
+        return ""
+    motions = findings.check["motions"]
+    lead = (
+        "How far the motions stay from every limit at the worst instant, by a check independent of the "
+        "repairs; a margin that could not be computed counts as unsafe."
+    )
+    held = {one: None for motion in motions for one in motion.get("as_far_as", ())}
+    if held:
+        lead += f" What is safe here is safe{conditions(held)}."
+    columns = [column for name in MARGINS for column in _margin_columns(name, motions)]
+    smallest = html_table(
+        ("margin", "smallest", "of", "in motion"), [_smallest_margins(c, motions) for c in columns]
+    )
+    every = folded_content(
+        f"Margins of all {count(len(motions), 'motion')}",
+        html_table(
+            ("motion", "safe", *map(_column_title, columns)),
+            [
+                (m["motion"], m["safe"], *(_motion_margin(m, column)[0] for column in columns))
+                for m in motions
+            ],
+        ),
+    )
+    return section_content(lead, smallest, every, _violation_table(motions))
 
 
 def _margin_columns(name: str, motions: list[Document]) -> list[_Column]:
@@ -382,12 +353,12 @@ def _margin_columns(name: str, motions: list[Document]) -> list[_Column]:
     if all(name in motion["not_applicable"] for motion in motions):
         return []
     units = [one["unit"] for motion in motions for one in motion["nearest"].get(name, ())]
-    return [(name, unit) for unit in dict.fromkeys(sorted(units, reverse=True) or [_MARGINS[name][1]])]
+    return [(name, unit) for unit in dict.fromkeys(sorted(units, reverse=True) or [MARGINS[name][1]])]
 
 
 def _column_title(column: _Column) -> str:
     name, unit = column
-    return f"{_MARGINS[name][0]} [{unit}]"
+    return f"{MARGINS[name][0]} [{unit}]"
 
 
 def _motion_margin(motion: Document, column: _Column) -> tuple[float | None, str]:
