@@ -126,7 +126,7 @@ class ParameterSet:
         if self.ellipsoid.shape[1] and part.shift + length > 0.0:
             along = part.root / length if length > 0.0 else part.root
             return np.asarray(found.ravel() + self.ellipsoid @ np.append(1.0, along))
-        return found.ravel()
+        return np.asarray(found.ravel())
 
     def _parts(self, at: Array) -> _Parts:
         n, n_loads = OF_BODY * len(self.bodies), len(self.loads)
