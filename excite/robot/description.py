@@ -6,6 +6,7 @@ Lengths are metres, angles radians, forces newtons, torques newton metres, rates
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,6 +17,7 @@ from excite.formats.documents import read_yaml
 from excite.results import Assumed
 from excite.robot.mechanisms.closures import CouplingBlock, LoopBlock, TieBlock, TransmissionBlock
 from excite.robot.quantities import (
+    MAX_FORCE,
     Accelerations,
     Block,
     Coordinate,
@@ -159,6 +161,41 @@ class PositionLimits(Block):
     source: Source
 
 
+class PositionTable(Block):
+    """A limit of a joint that depends on a position, as linkages and makers' controllers have: linear between ``at``.
+
+    ``limit`` holds of the magnitude of a velocity, acceleration or torque; of the joint's position ``lower`` and
+    ``upper`` do. ``over`` is the joint whose position counts, the joint itself where it is left out. Beyond the first
+    and last position the nearest value holds. What is stated for all positions holds beside it.
+    """
+
+    joint: str
+    over: str | None = None
+    quantity: Literal["position", "velocity", "acceleration", "torque"]
+    at: Annotated[tuple[JointValue, ...], Field(min_length=2)]
+    limit: tuple[Annotated[float, Field(gt=0.0, le=MAX_FORCE)], ...] = ()
+    lower: tuple[JointValue, ...] = ()
+    upper: tuple[JointValue, ...] = ()
+    source: Source
+
+    @model_validator(mode="after")
+    def _columns(self) -> PositionTable:
+        wanted = {"lower", "upper"} if self.quantity == "position" else {"limit"}
+        for name in ("limit", "lower", "upper"):
+            n = len(self.at) if name in wanted else 0
+            if len(getattr(self, name)) != n:
+                raise ValueError(
+                    f"{self.quantity} of {self.joint}: {name} has to have {n} values, one a position"
+                )
+        if any(a >= b for a, b in pairwise(self.at)):
+            raise ValueError(f"{self.quantity} of {self.joint}: the positions have to increase")
+        if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
+            raise ValueError(f"{self.quantity} of {self.joint}: a lower limit is not below the upper one")
+        if self.quantity == "position" and self.over in {None, self.joint}:
+            raise ValueError(f"position of {self.joint}: name the other joint on which it depends, over")
+        return self
+
+
 class LimitsBlock(Block):
     """Limits of every joint; ``velocity`` and ``torque`` fall back on the URDF's where left out."""
 
@@ -167,6 +204,7 @@ class LimitsBlock(Block):
     acceleration: Accelerations
     jerk: Jerks
     torque: Torques | None = None
+    by_position: tuple[PositionTable, ...] = ()
 
 
 class FootBlock(Block):

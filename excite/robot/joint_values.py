@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,8 +11,37 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.robot.description import FREE_BASES, RobotDescription
+from excite.robot.description import FREE_BASES, LimitsBlock, RobotDescription
 from excite.robot.quantities import MAX_TRAVEL, PerJoint, in_radians, looks_like_degrees
+
+
+@dataclass(frozen=True)
+class LimitTable:
+    """A limit that depends on a position, linear between the table's positions.
+
+    Attributes:
+        joint: column of the joint that is limited.
+        over: column of the joint whose position counts.
+        quantity: ``position_lower``, ``position_upper``, ``velocity``, ``acceleration`` or ``torque``.
+        at: positions, increasing [rad or m].
+        limit: values there.
+    """
+
+    joint: int
+    over: int
+    quantity: str
+    at: tuple[float, ...]
+    limit: tuple[float, ...]
+
+    def tightest(self, low: Array, high: Array) -> Array:
+        """The tightest limit while the joint is anywhere between two positions, ``(n,)`` each."""
+        # A function that is linear between nodes is extreme at an end of an interval, or at a node inside it.
+        found = np.stack([np.interp(low, self.at, self.limit), np.interp(high, self.at, self.limit)])
+        sign = -1.0 if self.quantity == "position_lower" else 1.0
+        worst = (sign * found).min(axis=0)
+        for at, limit in zip(self.at, self.limit, strict=True):
+            worst = np.where((low <= at) & (at <= high), np.minimum(worst, sign * limit), worst)
+        return np.asarray(sign * worst)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +55,7 @@ class Limits:
         acceleration: [rad/s² or m/s²]
         jerk: [rad/s³ or m/s³]
         torque: [N·m or N]
+        tables: limits that depend on positions, and hold beside these.
     """
 
     position_lower: Array
@@ -33,6 +64,29 @@ class Limits:
     acceleration: Array
     jerk: Array
     torque: Array
+    tables: tuple[LimitTable, ...] = ()
+
+    def while_between(self, quantity: str, low: Array, high: Array | None = None) -> Array:
+        """The limits of a quantity while the joints are anywhere between two postures.
+
+        Args:
+            quantity: name of one of the arrays.
+            low: ``(n, n_joints)`` lowest positions [rad or m].
+            high: ``(n, n_joints)`` highest positions; None where the postures are points.
+
+        Returns:
+            ``(n, n_joints)``, or ``(n_joints,)`` where no table limits it.
+        """
+        stated: Array = getattr(self, quantity)
+        tables = [table for table in self.tables if table.quantity == quantity]
+        if not tables:
+            return stated
+        found = np.tile(stated, (len(low), 1))
+        tighter = np.maximum if quantity == "position_lower" else np.minimum
+        for table in tables:
+            ends = low[:, table.over], (low if high is None else high)[:, table.over]
+            found[:, table.joint] = tighter(found[:, table.joint], table.tightest(*ends))
+        return found
 
 
 def check_joints(
@@ -66,6 +120,8 @@ def check_joints(
         _check_covers(full, driven, f"controller.{field}", path)
     if description.sensors.noise_torque is not None:
         _check_covers(description.sensors.noise_torque, driven, "sensors.noise_torque", path)
+    for i, table in enumerate(limits.by_position):
+        named[f"limits.by_position[{i}]"] = dict.fromkeys({table.joint, table.over or table.joint})
     for field, joints in named.items():
         for joint in joints:
             if joint not in names:
@@ -136,6 +192,7 @@ def read_limits(
         acceleration=per_joint(block.acceleration, names, nothing),
         jerk=per_joint(block.jerk, names, nothing),
         torque=per_joint(block.torque, names, model.effortLimit[nv:]),
+        tables=tuple(_read_tables(block, names)),
     )
     for field in ("position_lower", "position_upper", "velocity", "acceleration", "jerk", "torque"):
         values = getattr(limits, field)
@@ -162,3 +219,13 @@ def read_limits(
         what = f"empty position range of joint {joint!r}: {low:g} … {high:g}, less a margin"
         raise RobotError(what, source=path, field="limits.position", remedy=remedy)
     return limits
+
+
+def _read_tables(block: LimitsBlock, names: tuple[str, ...]) -> Iterator[LimitTable]:
+    for table in block.by_position:
+        joint, over = names.index(table.joint), names.index(table.over or table.joint)
+        if table.quantity == "position":
+            yield LimitTable(joint, over, "position_lower", table.at, table.lower)
+            yield LimitTable(joint, over, "position_upper", table.at, table.upper)
+        else:
+            yield LimitTable(joint, over, table.quantity, table.at, table.limit)

@@ -90,18 +90,19 @@ TORQUE_SHARE = 0.85
 _LEFT_BY_FRICTION = 0.3
 
 
-def usable_torque(robot: Robot, share: Array, speed: Array) -> Array:
-    """Torque that is left to gravity and inertia beside friction ``(n_joints,)`` [N·m or N].
+def usable_torque(robot: Robot, share: Array, speed: Array, limit: Array | None = None) -> Array:
+    """Torque that is left to gravity and inertia beside friction, in the shape of the limit [N·m or N].
 
     Args:
         robot: its limits and its drives' friction.
         share: of the torque limit that may be used, ``(n_joints,)``.
         speed: at which viscous friction counts, ``(n_joints,)`` [rad/s or m/s].
+        limit: ``(…, n_joints)``, the robot's stated ones where it is None.
     """
     drives, nothing = robot.description.drives, np.zeros(robot.n_joints)
     viscous = per_joint(drives.viscous, robot.joint_names, nothing)
     coulomb = per_joint(drives.coulomb, robot.joint_names, nothing)
-    limit = robot.limits.torque
+    limit = robot.limits.torque if limit is None else limit
     return np.asarray(np.maximum(share * limit - coulomb - viscous * speed, _LEFT_BY_FRICTION * limit))
 
 

@@ -231,10 +231,12 @@ def _rehearse_member(robot: Robot, motion: Motion, which: str) -> Rehearsal:
     if run is None:
         return Rehearsal((which,), False, 0.0, False, 0.0, refused)
     replay, recording = run.replay, run.recording
-    shares = np.where(recording.clipped, 1.0, np.abs(recording.tau_motor) / robot.limits.torque)
+    limits = robot.limits.while_between("torque", recording.q[:, robot.n_base_q :])
+    limits = np.broadcast_to(limits, recording.tau_motor.shape)
+    shares = np.where(recording.clipped, 1.0, np.abs(recording.tau_motor) / limits)
     if refused is None and (shares >= 1.0).any():
         row, joint = (int(k) for k in np.argwhere(shares >= 1.0)[0])
-        limit = float(robot.limits.torque[joint])
+        limit = float(limits[row, joint])
         name, time = robot.joint_names[joint], float(recording.time[row])
         refused = Rejection(motion.name, AT_LIMIT, name, time, float(shares[row, joint]) * limit, limit)
     most = float(shares.max(initial=0.0))
@@ -255,7 +257,9 @@ def _parse_rehearsal(content: bytes, motion: str) -> Rehearsal:
 def _rehearsal_key(robot: Robot) -> bytes:
     """What decides a rehearsal beside the motion: the robot, as it may have been changed in memory, code, simulator."""
     digest = blake2b(robot.hash.encode())
-    for values in (robot.nominal_parameters, robot.rest, *vars(robot.limits).values()):
+    limits = {**vars(robot.limits)}
+    digest.update(repr(limits.pop("tables")).encode())
+    for values in (robot.nominal_parameters, robot.rest, *limits.values()):
         digest.update(np.ascontiguousarray(values, dtype=float).tobytes())
     digest.update(repr([(foot.name, foot.friction, foot.sole.tolist()) for foot in robot.feet]).encode())
     for source in sorted(Path(__file__).parent.glob("*.py")):

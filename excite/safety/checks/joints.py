@@ -38,11 +38,13 @@ class JointPositionCheck(Check):
 
     def judge(self, sweep: Sweep) -> CheckResult:
         limits, low, high = sweep.robot.limits, sweep.bounds.lowest, sweep.bounds.highest
-        below, above = limits.position_lower - low, high - limits.position_upper
+        lower = limits.while_between("position_lower", low, high)
+        upper = limits.while_between("position_upper", low, high)
+        below, above = lower - low, high - upper
         excess = np.maximum(below, above)
         bad = excess > _ROUNDING * (limits.position_upper - limits.position_lower)
         values = np.where(below > above, low, high)
-        passed = np.where(below > above, limits.position_lower, limits.position_upper)
+        passed = np.where(below > above, lower, upper)
         names, time = sweep.robot.joint_names, sweep.fine.time
         return CheckResult(
             float(-excess.max()),
@@ -58,7 +60,7 @@ class JointVelocityCheck(Check):
     margin_field: ClassVar[str | None] = "joint_velocity_rad_s"
 
     def judge(self, sweep: Sweep) -> CheckResult:
-        return magnitude_result("joint_velocity", sweep, sweep.bounds.speed, sweep.robot.limits.velocity)
+        return magnitude_result("joint_velocity", sweep, sweep.bounds.speed, _limits(sweep, "velocity"))
 
 
 class JointAccelerationCheck(Check):
@@ -68,7 +70,7 @@ class JointAccelerationCheck(Check):
     margin_field: ClassVar[str | None] = "joint_acceleration_rad_s2"
 
     def judge(self, sweep: Sweep) -> CheckResult:
-        values, limits = sweep.bounds.acceleration, sweep.robot.limits.acceleration
+        values, limits = sweep.bounds.acceleration, _limits(sweep, "acceleration")
         return magnitude_result("joint_acceleration", sweep, values, limits)
 
 
@@ -99,6 +101,11 @@ class JointJerkCheck(Check):
                 jump = np.abs(motion.joint_accelerations()[row]) / step[row]
                 values[row] = np.maximum(values[row], jump)
         return magnitude_result("joint_jerk", sweep, values, sweep.robot.limits.jerk, motion.time)
+
+
+def _limits(sweep: Sweep, quantity: str) -> Array:
+    """Limits of a quantity on the intervals of the finer grid, those that depend on positions too."""
+    return sweep.robot.limits.while_between(quantity, sweep.bounds.lowest, sweep.bounds.highest)
 
 
 def magnitude_result(
@@ -248,7 +255,7 @@ class JointTorqueCheck(Check):
     def judge(self, sweep: Sweep) -> CheckResult:
         robot, samples = sweep.robot, sweep.torque_samples
         tau = drive_torques(sweep)
-        limits = robot.limits.torque
+        limits = robot.limits.while_between("torque", sweep.fine.q[samples, robot.n_base_q :])
         bad = ~(np.abs(tau) <= limits) & np.isfinite(tau)
         time = sweep.fine.time[samples]
         violations = first_violations("joint_torque", robot.joint_names, time, np.abs(tau), limits, bad)

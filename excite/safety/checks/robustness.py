@@ -70,7 +70,10 @@ def worst_torque(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
         None where a torque could not be computed, or the contacts cannot carry the motion.
     """
     robot, samples, fine = sweep.robot, sweep.torque_samples, sweep.fine
-    tau, limits = drive_torques(sweep), robot.limits.torque
+    tau = drive_torques(sweep)
+    limits = np.broadcast_to(
+        robot.limits.while_between("torque", fine.q[samples, robot.n_base_q :]), tau.shape
+    )
     carried = bool(robot.feet) and robot.floating
     if carried and (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any():
         return None
@@ -83,7 +86,7 @@ def worst_torque(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
         moved = Moved(fine.q[at], fine.v[at], fine.a[at])
         of_set = rows.of_torques(moved, None if shares is None else shares[part])
         upper, lower = tau[part] + parameters.rise(of_set), tau[part] - parameters.rise(of_set, -1.0)
-        room = limits - np.maximum(upper, -lower)
+        room = limits[part] - np.maximum(upper, -lower)
         if not np.isfinite(room).all():
             return None
         row, joint = np.unravel_index(int(np.argmin(room)), room.shape)

@@ -67,16 +67,16 @@ class PathLimits:
     def _legs(self) -> dict[str, list[int]]:
         return {foot.name: list(leg_joints(self._robot, foot)) for foot in self._robot.feet}
 
-    @cached_property
-    def _usable_torque(self) -> Array:
-        """Torque that each joint may use beside friction, ``(n_joints,)`` [N·m or N].
+    def _usable_torque(self, sample: PathSample) -> Array:
+        """Torque that each joint may use beside friction, ``(n_joints,)`` or one row a sample [N·m or N].
 
         Friction is bounded by that at the velocity limit, so that the rows stay linear.
         """
         share = np.full(self._robot.n_joints, self.shares.torque)
         for leg in self._legs.values():
             share[leg] = self.shares.leg_torque
-        return usable_torque(self._robot, share, self.shares.velocity * self._robot.limits.velocity)
+        speed = self.shares.velocity * self._robot.limits.velocity
+        return usable_torque(self._robot, share, speed, self.limits_at("torque", sample))
 
     @cached_property
     def _soles(self) -> dict[str, Array]:
@@ -118,10 +118,15 @@ class PathLimits:
 
     def speed_bound(self) -> Array:
         """Largest ``ṡ`` at the knots that joint velocities and phases allow, ``(n,)``; may be infinite."""
-        limit = self.shares.velocity * self._robot.limits.velocity
+        limit = self.shares.velocity * self.limits_at("velocity", self.path.knots)
         twist = np.abs(self.path.knots.twist[:, self._robot.n_base_v :])
         with np.errstate(divide="ignore"):
             return np.asarray(np.minimum((limit / twist).min(axis=1), self.phase_bound(self.path.s)))
+
+    def limits_at(self, quantity: str, sample: PathSample) -> Array:
+        """Limits of the joints at samples of the path, ``(n, n_joints)`` where a table has them depend on positions."""
+        robot = self._robot
+        return robot.limits.while_between(quantity, sample.q[:, robot.n_base_q :])
 
     def phase_bound(self, s: Array) -> Array:
         """Largest ``ṡ`` that the phases allow at path parameters ``(n,)``; infinite where they say nothing."""
@@ -250,8 +255,10 @@ class PathLimits:
 
     def joint_shares(self, sample: PathSample) -> Rows:
         """Accelerations and torques of the joints as shares of what they may be, either way: within ±1, not below 0."""
-        tau = _interpolate_rows(self.path.s, self._dynamics[0], sample.s) / self._usable_torque
-        limit, n_base = self.shares.acceleration * self._robot.limits.acceleration, self._robot.n_base_v
+        tau = _interpolate_rows(self.path.s, self._dynamics[0], sample.s)
+        tau = tau / np.broadcast_to(self._usable_torque(sample), tau[:, 0].shape)[:, None]
+        limit = self.shares.acceleration * self.limits_at("acceleration", sample)
+        n_base = self._robot.n_base_v
         names = self._robot.joint_names
         return Rows(
             tuple((kind, joint) for kind in ("joint_acceleration", "joint_torque") for joint in names),

@@ -161,7 +161,7 @@ def _rate_bounds(
     jerk = np.abs(np.diff(a, axis=0)) / (time[1] - time[0])
     found = []
     for reason, values, limit, power in (
-        ("joint_velocity", velocity, shares.velocity * robot.limits.velocity, 1.0),
+        ("joint_velocity", velocity, shares.velocity * limits.limits_at("velocity", sample), 1.0),
         ("joint_jerk", jerk, shares.jerk * robot.limits.jerk, 1.0 / 3.0),
     ):
         ratio = values / limit
