@@ -200,5 +200,7 @@ class _AsDocument:
 
 
 AS_DOCUMENT = _AsDocument()
+NONE: Any = []
+"""Default of a list of results: a model holds what JSON does."""
 Findings = Annotated[tuple[Finding, ...], AS_DOCUMENT]
 Assumptions = Annotated[tuple[Assumed, ...], AS_DOCUMENT, Field(description="what no file said of the robot")]

@@ -11,6 +11,7 @@ from excite.documents.document import (
     AS_DOCUMENT,
     MOST_CHANNELS,
     MOST_ENTRIES,
+    NONE,
     Block,
     Count,
     Document,
@@ -139,7 +140,7 @@ class Identification(Document):
     fit: Fits = Field(description="by channel, on the trials that were identified from")
     validation: Fits = Field(description="by channel, on the trials that were not")
     changed_segments: Annotated[tuple[ChangedSegment, ...], AS_DOCUMENT] = Field(
-        default=(), description="segments that are not what the model says"
+        default=NONE, description="segments that are not what the model says"
     )
     total_mass: Annotated[TotalMassReport | None, AS_DOCUMENT] = Field(
         default=None, description="the total mass from all sides"
@@ -148,4 +149,4 @@ class Identification(Document):
     torque_delay: TorqueDelay | None = Field(default=None, description="null where it was not looked for")
     unmeasured: Names = Field(default=[], description="links that the sensors do not see")
     warnings: Texts = Field(description="what a careful reader should know, one sentence each")
-    findings: Findings = Field(default=(), description="the warnings with their figures")
+    findings: Findings = Field(default=NONE, description="the warnings with their figures")

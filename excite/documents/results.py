@@ -11,6 +11,7 @@ from excite.documents.document import (
     AS_DOCUMENT,
     MOST_CHANNELS,
     MOST_ENTRIES,
+    NONE,
     Block,
     Count,
     Document,
@@ -107,7 +108,7 @@ class Human(Document):
     trials: Annotated[list[MeasuredTrial], Field(max_length=MOST_CHANNELS)] = Field(
         default=[], description="in order"
     )
-    findings: Findings = Field(default=(), description="what was wrong with the recordings")
+    findings: Findings = Field(default=NONE, description="what was wrong with the recordings")
     table: Name = Field(description="table of the nominal masses")
     segments: Annotated[list[TableMass], Field(max_length=MOST_CHANNELS)] = Field(
         description="masses by the tables"

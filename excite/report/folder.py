@@ -11,36 +11,34 @@ from typing import Any
 
 import numpy as np
 
-from excite.documents.campaign import Campaign
-from excite.documents.diagnosis import Diagnosis
-from excite.documents.document import Document as Model
 from excite.documents.document import model_of, read_document
-from excite.documents.identification import Identification
-from excite.documents.plan import PlanDocument, RefusalsDocument
-from excite.documents.results import Doctor, Human, Signals
 from excite.errors import ExciteError, InputError
 from excite.formats.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.report.comparisons import DOCTOR_DATA, Record, ReportData, load_report_data, read_record
+from excite.results import Stated
 from excite.robot.catalogue import find_robot
 from excite.robot.load import load_robot
 from excite.robot.robot import Robot
-from excite.safety.verdict import CheckReport
 
 Document = dict[str, Any]
 
-_KINDS: dict[str, type[Model]] = {
-    "plan": model_of(PlanDocument),
-    "refusals": model_of(RefusalsDocument),
-    "check": model_of(CheckReport),
-    "identification": Identification,
-    "campaign": Campaign,
-    "signals": Signals,
-    "diagnosis": Diagnosis,
-    "human": Human,
-    "doctor": Doctor,
-}
+# Documents by the name of their file, each loaded when there is one.
+_KINDS: Registry[Any] = Registry(
+    "document",
+    {
+        "plan": "excite.documents.plan:PlanDocument",
+        "refusals": "excite.documents.plan:RefusalsDocument",
+        "check": "excite.safety.verdict:CheckReport",
+        "identification": "excite.documents.identification:Identification",
+        "campaign": "excite.documents.campaign:Campaign",
+        "signals": "excite.documents.results:Signals",
+        "diagnosis": "excite.documents.diagnosis:Diagnosis",
+        "human": "excite.documents.results:Human",
+        "doctor": "excite.documents.results:Doctor",
+    },
+)
 # Commands that write them, where these have another name.
 _COMMANDS = {
     "signals": "identify ROBOT LOG --explain-signals CHANNEL",
@@ -129,7 +127,7 @@ def read_folder(folder: Path) -> Findings:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("is no folder", source=folder, remedy=_HELP)
-    documents = {name: _folder_document(folder / f"{name}.json", kind) for name, kind in _KINDS.items()}
+    documents = {name: _folder_document(folder / f"{name}.json") for name in _KINDS}
     made = {
         name: _document_origin(folder / f"{name}.json", made)
         for name, made in documents.items()
@@ -177,10 +175,15 @@ def read_folder(folder: Path) -> Findings:
     )
 
 
-def _folder_document(path: Path, kind: type[Model]) -> Document | None:
+def _folder_document(path: Path) -> Document | None:
     """A document with every field, those that the file leaves out with their defaults; None where there is none."""
+    if not os.path.lexists(path):
+        return None
+    kind = _KINDS[path.stem]
+    model = model_of(kind) if issubclass(kind, Stated) else kind
     remedy = f"write it again with excite {_COMMANDS.get(path.stem, path.stem)} --out DIR, or take it out of the folder"
-    return read_document(path, kind, remedy=remedy).content() if os.path.lexists(path) else None
+    content: Document = read_document(path, model, remedy=remedy).content()
+    return content
 
 
 def _document_origin(path: Path, document: Document) -> Origin:
