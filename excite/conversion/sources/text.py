@@ -18,14 +18,13 @@ import pyarrow.csv
 import yaml
 
 from excite.arrow_columns import numpy_columns
-from excite.conversion.columns.clock import TICKS
-from excite.conversion.columns.units import UNITS, unit_named
 from excite.conversion.parts import NAMELESS
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.shapes import longest_streams, stream_of_arrays
 from excite.conversion.sources.records import collect_arrays
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged, is_stamp, seconds
 from excite.errors import LogError
+from excite.logs.units import TICKS, UNITS, unit_named
 from excite.reading.file import check_file, first_bytes
 
 _SUFFIXES = frozenset(".csv .tsv .tab .txt .dat .log .asc .data .lvm .prn".split())
