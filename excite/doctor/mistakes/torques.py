@@ -290,10 +290,10 @@ class ModelParts(NamedTuple):
             for joint, *shares in zip(self.joints, self.weight, self.inertia, strict=True)
             if np.isfinite(shares).any()
         ]
-        friction = span(f"{self.friction.min():.2g}", f"{self.friction.max():.2g}", " to ")
+        friction = span(f"{np.nanmin(self.friction):.2g}", f"{np.nanmax(self.friction):.2g}", " to ")
         return (
             f"shares of the nominal weight and inertial forces in them: {list_names(told, 3)}; "
-            f"friction: {friction} times what the nominal bodies need"
+            f"friction: {friction} times what the nominal bodies need there"
         )
 
     def figures(self) -> dict[str, float]:
@@ -327,7 +327,8 @@ def parts_in(samples: TorqueSamples, reading: Reading) -> ModelParts:
         shares[:2, j] = np.where(told, fitted, np.nan)
         rest = torque[:, j] - np.column_stack([full[:, j] - still[:, j], still[:, j]]) @ fitted
         friction = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
-        shares[2, j] = friction.std() / max(float(full[:, j].std()), 1e-300)
+        if told.any():
+            shares[2, j] = friction.std() / full[:, j].std()
     return ModelParts(samples.channels, *shares)
 
 
