@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
-from excite.conversion.columns.units import TO_SI, unit_named
 from excite.errors import LogError
 from excite.formats.documents import read_yaml
 from excite.logs.log import LogHeader
+from excite.logs.units import TO_SI, unit_named
 
 # ``map.yaml``, schema ``excite.map/1``: what a recording's columns mean, as far as a person has to say it.
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of
 from excite.conversion.columns.choice import choose_families, settle_unmeasured
-from excite.conversion.columns.clock import TICKS, clock_column, clock_pace, goes_evenly, rate_by_velocities
+from excite.conversion.columns.clock import clock_column, clock_pace, goes_evenly, rate_by_velocities
 from excite.conversion.columns.families import (
     TARGETS,
     Family,
@@ -23,7 +24,6 @@ from excite.conversion.columns.families import (
     without_base,
 )
 from excite.conversion.columns.scales import convert_units
-from excite.conversion.columns.unfilled import live_columns, without_unfilled
 from excite.conversion.columns.unnamed import Understood, understand_columns
 from excite.conversion.columns.vocabulary import FORCES, OF_WORD
 from excite.conversion.columns.words import Clue, is_of_joints
@@ -44,9 +44,10 @@ from excite.conversion.questions import (
     note_other_names,
     torques_of_no_joint,
 )
-from excite.conversion.recording import Machine, Recording, Stream, stated_rate
+from excite.conversion.recording import Machine, Recording, Stream, live_columns, stated_rate
 from excite.conversion.torques import note_controllers_constants
 from excite.finding import first_names
+from excite.logs.units import TICKS
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
@@ -54,8 +55,59 @@ _THERE, _FEWEST = 0.5, 20
 _ANY_RATE = 100.0
 
 
+@dataclass(eq=False)
+class Guessing:
+    """What is known of a recording's columns while rules go over it.
+
+    Attributes:
+        found: the guesses so far.
+        recording: what was read.
+        machine: the robot.
+        mapping: what a person said.
+        joints: of the robot, in the order in which columns are counted.
+        clues: what every column's name or format says.
+        clocks: streams by the column of their times.
+        left: clues of the columns that nothing is made of yet.
+        known: channels that are settled.
+        groups: families of the columns that are left.
+        chosen: the family of each channel.
+        nameless: those of them that physics alone told.
+        unplaced: columns of torques of which it is not known whose they are.
+    """
+
+    found: Guesses
+    recording: Recording
+    machine: Machine
+    mapping: Map
+    joints: Sequence[str]
+    clues: dict[str, Clue] = field(default_factory=dict)
+    clocks: dict[str, Stream] = field(default_factory=dict)
+    left: dict[str, Clue] = field(default_factory=dict)
+    known: set[str] = field(default_factory=set)
+    groups: list[Family] = field(default_factory=list)
+    chosen: dict[str, Family] = field(default_factory=dict)
+    nameless: dict[str, Family] = field(default_factory=dict)
+    unplaced: list[str] = field(default_factory=list)
+
+
+class Rule(NamedTuple):
+    """One step from columns to channels.
+
+    Attributes:
+        name: of the rule.
+        finds: what it finds, and what it changes, in words.
+        change: what changes the state; a rule that finds nothing leaves it as it is.
+        applies: whether there is anything to find.
+    """
+
+    name: str
+    finds: str
+    change: Callable[[Guessing], None]
+    applies: Callable[[Guessing], bool] = lambda _: True
+
+
 def guess_columns(recording: Recording, machine: Machine, mapping: Map, because: str = "") -> Guesses:
-    """Understand a recording's columns.
+    """Understand a recording's columns: the rules of :data:`RULES`, one after the other.
 
     Args:
         recording: what was read.
@@ -72,73 +124,185 @@ def guess_columns(recording: Recording, machine: Machine, mapping: Map, because:
     if wrong:
         found.ask(f"the robot has no joint {', '.join(wrong)}", f"joints: [{', '.join(machine.joints)}]")
         return found
-    recording = with_numbers_for_letters(recording)
-    ignored = [column for column in column_names(recording) if mapping.ignores(column)]
-    clues = clues_of(recording, joints, ignored)
-    add_stated(found, recording, mapping, joints)
-    clues = with_stated_labels(found, clues)
-    clocks = _find_clocks(found, recording, clues, mapping)
-    taken = {item.source for item in found.mapped} | set(clocks)
-    if machine.floating:
-        unknown = [name for name in clues if name not in taken]
-        add_base_signals(found, recording, unknown, feet_of(found, machine, mapping))
-        taken |= {item.source for item in found.mapped}
-    left = {name: said for name, said in clues.items() if name not in taken}
-    single = of_single_joints(found, clues, mapping, joints)
-    left |= single
-    known = {item.channel for item in found.mapped if item.source not in single}
-    groups = [family for family in find_families(recording, left, joints) if family.target not in known]
-    groups = [family for family in groups if not is_anonymous(family, joints)]
-    groups = without_stated(found, groups, clues)
-    groups = axes_as_positions(found, groups, left, known)
-    groups = without_contact_forces(found, without_unfilled(found, groups, recording), machine)
-    if machine.floating:
-        groups = without_base(found, groups, recording, joints)
-    chosen = choose_families(groups, found, recording, joints)
-    nameless: dict[str, Family] = {}
-    if "q" not in known | set(chosen):
-        named = {column for family in chosen.values() for column in family.columns}
-        named |= {
-            column
-            for column, said in left.items()
-            if said.commanded or said.quantity in ("volt", "time", "skip")
-        }
-        nameless = _without_names(found, recording, machine, joints, {c for c in left if c not in named})
-        if (
-            "q_cmd" in chosen
-            and "q" in nameless
-            and not is_followed(chosen["q_cmd"], nameless["q"], recording)
-        ):
-            nameless = {}
-        chosen |= {target: family for target, family in nameless.items() if target not in chosen}
-    unplaced = torques_of_no_joint(groups, chosen, recording)
-    settle_unmeasured(found, chosen, joints, unplaced)
-    settle_commands(found, chosen, recording, joints)
-    ask_for_surplus(found, chosen, joints)
-    ask_for_joints(found, chosen, groups)
-    note_other_names(found, {target: family for target, family in chosen.items() if target not in nameless})
-    note_order_of_legs(found, chosen, joints, mapping)
-    note_controllers_constants(found, chosen, groups, recording)
-    _add_channels(found, chosen, nameless)
-    _propose_rate(found, recording)
-    ask_for_nameless_torques(found, nameless, recording, mapping)
-    add_base(found, recording, left, machine, mapping)
+    state = Guessing(found, with_numbers_for_letters(recording), machine, mapping, joints)
+    for rule in RULES:
+        if rule.applies(state):
+            rule.change(state)
+    return found
+
+
+def _read_names(state: Guessing) -> None:
+    names = column_names(state.recording)
+    ignored = [column for column in names if state.mapping.ignores(column)]
+    state.clues = clues_of(state.recording, state.joints, ignored)
+
+
+def _take_stated(state: Guessing) -> None:
+    add_stated(state.found, state.recording, state.mapping, state.joints)
+    state.clues = with_stated_labels(state.found, state.clues)
+
+
+def _take_clocks(state: Guessing) -> None:
+    state.clocks = _find_clocks(state.found, state.recording, state.clues, state.mapping)
+
+
+def _take_base(state: Guessing) -> None:
+    taken = {item.source for item in state.found.mapped} | set(state.clocks)
+    unknown = [name for name in state.clues if name not in taken]
+    add_base_signals(
+        state.found, state.recording, unknown, feet_of(state.found, state.machine, state.mapping)
+    )
+
+
+def _group_by_quantity(state: Guessing) -> None:
+    taken = {item.source for item in state.found.mapped} | set(state.clocks)
+    state.left = {name: said for name, said in state.clues.items() if name not in taken}
+    single = of_single_joints(state.found, state.clues, state.mapping, state.joints)
+    state.left |= single
+    state.known = {item.channel for item in state.found.mapped if item.source not in single}
+    state.groups = [
+        family
+        for family in find_families(state.recording, state.left, state.joints)
+        if family.target not in state.known and not is_anonymous(family, state.joints)
+    ]
+
+
+def _leave_stated_joints(state: Guessing) -> None:
+    state.groups = without_stated(state.found, state.groups, state.clues)
+
+
+def _take_axes(state: Guessing) -> None:
+    state.groups = axes_as_positions(state.found, state.groups, state.left, state.known)
+
+
+def _leave_unfilled(state: Guessing) -> None:
+    state.groups = without_unfilled(state.found, state.groups, state.recording)
+
+
+def _leave_contacts(state: Guessing) -> None:
+    state.groups = without_contact_forces(state.found, state.groups, state.machine)
+
+
+def _leave_base(state: Guessing) -> None:
+    state.groups = without_base(state.found, state.groups, state.recording, state.joints)
+
+
+def _choose(state: Guessing) -> None:
+    state.chosen = choose_families(state.groups, state.found, state.recording, state.joints)
+
+
+def _tell_by_physics(state: Guessing) -> None:
+    chosen, left = state.chosen, state.left
+    named = {column for family in chosen.values() for column in family.columns}
+    named |= {
+        column for column, said in left.items() if said.commanded or said.quantity in ("volt", "time", "skip")
+    }
+    unknown = {column for column in left if column not in named}
+    nameless = _without_names(state.found, state.recording, state.machine, state.joints, unknown)
+    commanded, positions = chosen.get("q_cmd"), nameless.get("q")
+    if commanded and positions and not is_followed(commanded, positions, state.recording):
+        return
+    state.nameless = nameless
+    state.chosen |= {target: family for target, family in nameless.items() if target not in chosen}
+
+
+def _settle_torques(state: Guessing) -> None:
+    state.unplaced = torques_of_no_joint(state.groups, state.chosen, state.recording)
+    settle_unmeasured(state.found, state.chosen, state.joints, state.unplaced)
+
+
+def _note_choice(state: Guessing) -> None:
+    found, chosen = state.found, state.chosen
+    ask_for_surplus(found, chosen, state.joints)
+    ask_for_joints(found, chosen, state.groups)
+    by_name = {target: family for target, family in chosen.items() if target not in state.nameless}
+    note_other_names(found, by_name)
+    note_order_of_legs(found, chosen, state.joints, state.mapping)
+    note_controllers_constants(found, chosen, state.groups, state.recording)
+
+
+def _ask_for_what_lacks(state: Guessing) -> None:
+    found, recording, machine, mapping = state.found, state.recording, state.machine, state.mapping
     _ask_for_doubts(found, recording, machine)
     ask_for_positions(found, recording, machine)
-    ask_for_stated_positions(found, clues, joints)
-    ask_for_torques(found, groups, recording, mapping)
-    ask_for_torques_of_no_joint(found, unplaced, left, joints, recording, mapping)
+    ask_for_stated_positions(found, state.clues, state.joints)
+    ask_for_torques(found, state.groups, recording, mapping)
+    ask_for_torques_of_no_joint(found, state.unplaced, state.left, state.joints, recording, mapping)
     ask_for_base(found, recording, machine, mapping)
-    if found.of("q") and not found.questions:
-        found.mapped = convert_units(found, recording, machine, mapping)
-    note_joints_without_position(found, joints)
-    used = {item.source for item in found.mapped} | set(clocks)
-    found.unused = [name for name in column_names(recording) if name not in used]
-    live = live_columns(recording)
+
+
+def _convert(state: Guessing) -> None:
+    state.found.mapped = convert_units(state.found, state.recording, state.machine, state.mapping)
+
+
+def _name_unused(state: Guessing) -> None:
+    found, live = state.found, live_columns(state.recording)
+    note_joints_without_position(found, state.joints)
+    used = {item.source for item in found.mapped} | set(state.clocks)
+    found.unused = [name for name in column_names(state.recording) if name not in used]
     found.lost = [
-        name for name in found.unused if name in live and name in clues and is_of_joints(clues[name])
+        name
+        for name in found.unused
+        if name in live and name in state.clues and is_of_joints(state.clues[name])
     ]
-    return found
+
+
+RULES = (
+    Rule("names", "what every column's name or format says: clues", _read_names),
+    Rule("map", "columns that a map states: channels, and joints of the labels they share", _take_stated),
+    Rule("clock", "the times of every stream and their unit; a rate is asked for", _take_clocks),
+    Rule(
+        "base", "pose, wrenches and contacts of what moves freely", _take_base, lambda s: s.machine.floating
+    ),
+    Rule("families", "columns of one quantity of all joints", _group_by_quantity),
+    Rule("stated joints", "joints of which the map states another column", _leave_stated_joints),
+    Rule("axes", "axes that are called by the letter of accelerations: positions", _take_axes),
+    Rule("unfilled", "fields that nobody filled: left out", _leave_unfilled),
+    Rule("contacts", "forces of feet, tools and load cells: left out", _leave_contacts),
+    Rule(
+        "own base",
+        "angles of the base among the joints': left out",
+        _leave_base,
+        lambda s: s.machine.floating,
+    ),
+    Rule("choice", "the family of each channel", _choose),
+    Rule(
+        "physics",
+        "positions, velocities and torques among columns whose names say nothing",
+        _tell_by_physics,
+        lambda s: "q" not in s.known | set(s.chosen),
+    ),
+    Rule("torques", "which torques were measured, and of which joints", _settle_torques),
+    Rule(
+        "commands",
+        "of what the commands are that state no quantity: positions or torques",
+        lambda s: settle_commands(s.found, s.chosen, s.recording, s.joints),
+    ),
+    Rule("doubtful choice", "surplus columns and joints that are not told: questions", _note_choice),
+    Rule(
+        "channels", "channels of the chosen families", lambda s: _add_channels(s.found, s.chosen, s.nameless)
+    ),
+    Rule("rate", "the rate that velocities tell", lambda s: _propose_rate(s.found, s.recording)),
+    Rule(
+        "nameless torques",
+        "torques that nothing but physics tells: a question",
+        lambda s: ask_for_nameless_torques(s.found, s.nameless, s.recording, s.mapping),
+    ),
+    Rule(
+        "base by words",
+        "what is left of the base: its channels",
+        lambda s: add_base(s.found, s.recording, s.left, s.machine, s.mapping),
+    ),
+    Rule("lacking", "what no column holds: questions", _ask_for_what_lacks),
+    Rule(
+        "units",
+        "factors to SI units, zeros and signs",
+        _convert,
+        lambda s: bool(s.found.of("q")) and not s.found.questions,
+    ),
+    Rule("unused", "columns that nothing was made of", _name_unused),
+)
+"""What :func:`guess_columns` does, in its order."""
 
 
 def _find_clocks(
@@ -407,6 +571,27 @@ def _correlation(a: Array, b: Array) -> float | None:
     if whole.sum() <= 2 or np.ptp(a[whole]) == 0.0 or np.ptp(b[whole]) == 0.0:
         return None
     return float(np.corrcoef(a[whole], b[whole])[0, 1])
+
+
+# Quantities that change while a robot moves: positions may stand still, and commands too.
+_MOVING = ("v", "a", "tau", "i", "volt")
+
+
+def without_unfilled(found: Guesses, groups: Sequence[Family], recording: Recording) -> list[Family]:
+    """The families without those of velocities, torques, currents or voltages that never change at any joint.
+
+    Drivers without torque sensors leave the efforts of a joint state at zero, and servos that do not measure a load
+    report a constant. One dead channel among live ones stays: it is a fault, which the doctor names.
+    """
+    varying, live = live_columns(recording), []
+    for family in groups:
+        if family.quantity in _MOVING and varying.isdisjoint(family.columns):
+            why = "the same number in every row at every joint: the field was not filled, and nothing is made of it"
+            name = family.columns[0] if len(family.columns) == 1 else f"{family.columns[0]} …"
+            found.facts.append(("nothing", name, why))
+        else:
+            live.append(family)
+    return live
 
 
 # Forces that were measured at feet, tools or load cells: joints that turn are driven by torques, not by

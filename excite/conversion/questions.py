@@ -10,12 +10,11 @@ from scipy.optimize import linear_sum_assignment
 
 from excite.conversion.columns.families import Family
 from excite.conversion.columns.joints import BY_NAME, Doubt
-from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.vocabulary import FORCES, SHARES
 from excite.conversion.columns.words import Clue
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import Guesses
-from excite.conversion.recording import Machine, Recording
+from excite.conversion.recording import Machine, Recording, live_columns
 from excite.finding import first_names
 from excite.formats.tables import MISFIT
 

@@ -301,3 +301,13 @@ def _standing_robot(path: Path, model: pin.Model) -> Robot | None:
     except RobotError:
         return None
     return robot if robot.floating and robot.mechanism is None else None
+
+
+def live_columns(recording: Recording) -> frozenset[str]:
+    """Names of the columns whose numbers are not the same in every row."""
+    return frozenset(
+        column.name
+        for stream in recording.streams
+        for column in stream.columns
+        if len(np.unique(column.values[np.isfinite(column.values)])) > 1
+    )

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.conversion.columns.clock import Table, is_clock
-from excite.conversion.columns.units import BEYOND, TO_SI
+from excite.conversion.columns.units import BEYOND
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Machine, Recording
 from excite.errors import LogError
 from excite.logs.signals.resample import resample_smooth
 from excite.logs.signals.seams import without_seams
+from excite.logs.units import TO_SI
 
 # Rows in which something was not measured: filled between neighbours where that is sound, else left out.
 

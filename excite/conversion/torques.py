@@ -12,7 +12,6 @@ from pydantic import ValidationError
 from excite.arrays import Array
 from excite.conversion.columns.clock import FASTEST_HZ, SLOWEST_HZ, Table
 from excite.conversion.columns.families import Family
-from excite.conversion.columns.units import TO_SI
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import RATE_LINE, Guesses, Question, UnclearError
 from excite.conversion.recording import Machine, Recording
@@ -29,6 +28,7 @@ from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
+from excite.logs.units import TO_SI
 from excite.robot.robot import Robot
 from excite.temporary_folder import TemporaryFolder
 

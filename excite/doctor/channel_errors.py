@@ -31,6 +31,7 @@ from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake, Sample
 from excite.doctor.mistakes.torques import TorqueLate, TorqueScale, TorqueSign, Weight
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
+from excite.logs.units import size_of
 
 # Which mistakes a log's channels betray beside the nominal model, and the reading without them.
 #
@@ -155,8 +156,8 @@ def explained(before: Array, after: Array, changed: NDArray[np.bool_]) -> bool:
 
 _COMPONENTS = "xyz"
 # Units of force in newtons, and of moments per force in metres, that loggers write.
-_FORCES = {"N": 1.0, "kgf": 9.80665, "kN": 1e3, "lbf": 4.4482216}
-_LEVERS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
+_FORCES = {unit: size_of(unit) for unit in ("N", "kgf", "kN", "lbf")}
+_LEVERS = {unit: size_of(unit) for unit in ("m", "mm", "cm")}
 # A robot weighs what its model says within this factor, loads and all; a unit is near by its logarithm.
 _SCALE_OFF, _NEAR = 1.6, 0.3
 

@@ -16,6 +16,7 @@ from excite.errors import ExciteError, InputError
 from excite.formats.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
+from excite.registry import Registry
 from excite.report.comparisons import DOCTOR_DATA, Record, ReportData, load_report_data, read_record
 from excite.results import Stated
 from excite.robot.catalogue import find_robot

@@ -10,10 +10,10 @@ import pytest
 from pydantic import ValidationError
 
 import excite
-from excite.conversion.columns.units import QUANTITY_OF_UNIT, TO_SI, parse_unit, unit_named
 from excite.conversion.columns.words import read_clue
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
+from excite.logs.units import QUANTITY_OF_UNIT, TO_SI, parse_unit, unit_named
 from tests.conversion import written
 
 DEG, POUND, G = math.pi / 180.0, 4.4482216152605, 9.80665

@@ -15,11 +15,10 @@ from excite.conversion.columns.families import (
     says_quantity,
     with_others,
 )
-from excite.conversion.columns.unfilled import live_columns
 from excite.conversion.columns.vocabulary import ASIDE, MEASURED
 from excite.conversion.columns.words import read_clue
 from excite.conversion.guesses import Guesses
-from excite.conversion.recording import Recording, Stream
+from excite.conversion.recording import Recording, Stream, live_columns
 
 # Rivals that differ by less than this share of what they vary by are one signal, logged twice: positions of an arm at
 # 100 Hz whose two topics are stamped 5 ms apart differ by 1.4 % at the most, a motor's and a link's torques by 10 %.

@@ -14,10 +14,10 @@ from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.recording import Recording, Stream
 from excite.errors import LogError
+from excite.logs.units import TICKS
 
 # Which column is the time, and in which unit.
 
-TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
 # Days that spreadsheets and MATLAB count (from 1900 and from the year 0): dates of 1954 to 2119 are numbers from here
 # to there. Steps of rows in days are those of no other unit.
 _SERIAL_DATES = ((20_000.0, 80_000.0), (714_000.0, 774_000.0))

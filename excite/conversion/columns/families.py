@@ -18,11 +18,11 @@ from excite.conversion.columns.joints import (
     place_columns,
     with_words_of_joints,
 )
-from excite.conversion.columns.units import QUANTITY_OF_UNIT, unit_named
 from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, read_clue, with_joints_numbers
 from excite.conversion.guesses import Guesses, Mapped
-from excite.conversion.recording import Column, Recording
+from excite.conversion.recording import Column, Recording, live_columns
+from excite.logs.units import QUANTITY_OF_UNIT, unit_named
 
 # Columns of one recording as families: a quantity of all joints, measured or commanded.
 
@@ -147,7 +147,7 @@ def find_families(recording: Recording, clues: dict[str, Clue], joints: Sequence
             # Labels of joints differ within a family; the stem is what is left of the quantity's own words.
             stem = _family_stem(said)
             groups.setdefault((stream.name, said.quantity, said.commanded, stem), []).append(column)
-    first = first_number(list(clues.values()))
+    first, live = first_number(list(clues.values())), live_columns(recording)
     found = []
     for (_, quantity, commanded, stem), columns in _one_machine_each(groups, clues, joints, first):
         names = [column.name for column in columns]
@@ -156,7 +156,7 @@ def find_families(recording: Recording, clues: dict[str, Clue], joints: Sequence
             Family(
                 target=TARGETS.get((quantity, commanded), ""),
                 quantity=quantity,
-                placed=place_columns(names, clues, joints, first, _silent_names(columns)),
+                placed=place_columns(names, clues, joints, first, frozenset(names) - live),
                 columns=tuple(names),
                 unit=units[0] if len(set(units)) == 1 else "",
                 stated=all(column.channel for column in columns),
@@ -208,11 +208,6 @@ def with_others(family: Family, more: Family) -> Family:
         columns=family.columns + more.columns,
         unit=family.unit if family.unit == more.unit else "",
     )
-
-
-def _silent_names(columns: Iterable[Column]) -> frozenset[str]:
-    """Names of the columns that never change."""
-    return frozenset(c.name for c in columns if len(c.values) and bool(np.all(c.values == c.values[0])))
 
 
 def _one_machine_each(

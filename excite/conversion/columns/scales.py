@@ -15,35 +15,25 @@ from excite.conversion.columns.units import (
     COUNT_RATES,
     COUNTS,
     NEAR,
-    OF_SLIDING,
-    OF_TURNING,
-    QUANTITY_OF_UNIT,
-    TO_SI,
     WIDE,
     PositionUnit,
     derivative_of,
     position_unit,
     ratio_unit,
-    unit_named,
     zero_of,
 )
 from excite.conversion.columns.words import read_clue
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.recording import Column, Machine, Recording
+from excite.logs.units import OF_SLIDING, OF_TURNING, QUANTITY_OF_UNIT, TO_SI, unit_named
 
 # Factors from a recording's numbers to SI, channel by channel.
 
-_VELOCITIES = {
-    "rad/s": 1.0,
-    "deg/s": TO_SI["deg/s"],
-    "rpm": TO_SI["rpm"],
-    "rev/s": 2.0 * np.pi,
-    "mrad/s": 1e-3,
-    "in/s": 0.0254,
-}
-_SLIDING = {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 0.01, "in/s": 0.0254}
-_FACTORS = {"m/s2": 1.0, "mm/s2": 1e-3} | TO_SI | _VELOCITIES | _SLIDING | COUNT_RATES
+# Units that velocities are told to be in by the positions' derivative.
+_VELOCITIES = {unit: TO_SI[unit] for unit in ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s", "in/s")}
+_SLIDING = {unit: TO_SI[unit] for unit in ("m/s", "mm/s", "cm/s", "in/s")}
+_FACTORS = TO_SI | COUNT_RATES
 # Torques beyond a joint's limit by this are in another unit: gears and servos are not exceeded by an order.
 _BEYOND_LIMIT = 30.0
 # Gravity may keep the torques of one or two joints on one side; not those of three.

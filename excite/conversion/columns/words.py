@@ -8,15 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from excite.conversion.columns.units import (
-    QUANTITY_OF_UNIT,
-    UNITS,
-    of_both,
-    trailing_unit,
-    unit_named,
-    without_brackets,
-    without_compound,
-)
+from excite.conversion.columns.units import of_both, trailing_unit, without_brackets, without_compound
 from excite.conversion.columns.vocabulary import (
     COMMANDED,
     KNOWN,
@@ -27,6 +19,7 @@ from excite.conversion.columns.vocabulary import (
     SHARES,
     SURELY_COMMANDED,
 )
+from excite.logs.units import QUANTITY_OF_UNIT, UNITS, unit_named
 
 # Where a name changes its case: JointPos, PosFR, FRHip; a single capital letter at an end (tauJ, qD) is no word.
 _CASE = re.compile(r"(?<=[a-z])(?=[A-Z][a-z]|[A-Z]{2})|(?<=[A-Z]{2})(?=[A-Z][a-z])")

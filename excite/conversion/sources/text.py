@@ -11,8 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 import yaml
 
-from excite.conversion.columns.clock import TICKS
-from excite.conversion.columns.units import UNITS, unit_named
 from excite.conversion.parts import NAMELESS
 from excite.conversion.recording import Column, Recording, Stream
 from excite.conversion.shapes import longest_streams, stream_of_arrays
@@ -21,6 +19,7 @@ from excite.conversion.sources.source import Source
 from excite.errors import LogError
 from excite.formats.file import first_bytes
 from excite.formats.tables import COMMENTS, read_table, seconds
+from excite.logs.units import TICKS, UNITS, unit_named
 
 _SUFFIXES = frozenset(".csv .tsv .tab .txt .dat .log .asc .data .lvm .prn".split())
 # A table lies on its side where it has more columns than this many times its rows: few trials have less samples.

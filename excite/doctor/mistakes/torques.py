@@ -17,7 +17,7 @@ from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import FLOOR, half_log
 from excite.doctor.limit_shares import share_of_limits
 from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake, Samples
-from excite.doctor.model_comparison import beside_drives
+from excite.doctor.model_comparison import beside_drives, drive_fit
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import list_names
 from excite.regressor.kernels import joint_torque_regressor
@@ -171,6 +171,13 @@ class Load(NamedTuple):
         size = f"a body of {self.mass:.3g} kg" if self.mass > 0.0 else "a body"
         return f"{size} beyond {self.joint} that the model does not have leaves {percent(100.0 * self.left)} of them"
 
+    def shares(self, samples: TorqueSamples, reading: Reading) -> dict[str, float]:
+        """RMS of its torque per that of what the nominal bodies need, by joint."""
+        felt = joint_torque_regressor(samples.under(reading.gravity), *samples.motion(reading))
+        own = (felt[:, samples.places[samples.measured]] @ self.parameters).std(axis=0)
+        needed = np.maximum(samples.predicted(reading).torque.std(axis=0), 1e-300)
+        return {f"payload.{joint}": float(x) for joint, x in zip(samples.channels, own / needed, strict=True)}
+
 
 def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:
     """The load that explains torques better than any scales of them do; None where none does.
@@ -257,11 +264,13 @@ class ModelParts(NamedTuple):
         joints: those that have a torque.
         weight: ``(n_torques,)`` of the bodies' weight.
         inertia: likewise, of what their inertia asks for.
+        friction: RMS of viscous and dry friction per that of what the nominal bodies need, likewise.
     """
 
     joints: tuple[str, ...]
     weight: Array
     inertia: Array
+    friction: Array
 
     @property
     def told(self) -> NDArray[np.bool_]:
@@ -281,13 +290,17 @@ class ModelParts(NamedTuple):
             for joint, *shares in zip(self.joints, self.weight, self.inertia, strict=True)
             if np.isfinite(shares).any()
         ]
-        return f"shares of the nominal weight and inertial forces in them: {list_names(told, 3)}"
+        friction = span(f"{np.nanmin(self.friction):.2g}", f"{np.nanmax(self.friction):.2g}", " to ")
+        return (
+            f"shares of the nominal weight and inertial forces in them: {list_names(told, 3)}; "
+            f"friction: {friction} times what the nominal bodies need there"
+        )
 
     def figures(self) -> dict[str, float]:
         """The same as numbers by name."""
         return {
             f"{part}.{joint}": float(share)
-            for part, shares in (("weight", self.weight), ("inertia", self.inertia))
+            for part, shares in zip(self._fields[1:], self[1:], strict=True)
             for joint, share in zip(self.joints, shares, strict=True)
             if np.isfinite(share)
         }
@@ -303,7 +316,7 @@ def parts_in(samples: TorqueSamples, reading: Reading) -> ModelParts:
     full, drive = samples.predicted(reading)
     still = samples.predicted(replace(reading, gravity=np.zeros(3))).torque
     torque = samples.measured_torque(reading)
-    shares = np.full((2, torque.shape[1]), np.nan)
+    shares = np.full((3, torque.shape[1]), np.nan)
     pairs = [beside_drives(torque, part, drive) for part in (full - still, still)]
     for j, ((own, weight), (_, inertia)) in enumerate(zip(*pairs, strict=True)):
         columns = np.column_stack([weight, inertia])
@@ -311,7 +324,11 @@ def parts_in(samples: TorqueSamples, reading: Reading) -> ModelParts:
         # A part tells its share where all of it would be larger than what nothing explains: that is other physics,
         # alike over whole motions, and no noise.
         told = np.linalg.norm(columns, axis=0) > np.linalg.norm(own - columns @ fitted)
-        shares[:, j] = np.where(told, fitted, np.nan)
+        shares[:2, j] = np.where(told, fitted, np.nan)
+        rest = torque[:, j] - np.column_stack([full[:, j] - still[:, j], still[:, j]]) @ fitted
+        friction = drive_fit(rest, np.zeros_like(rest), drive.v[:, j], drive.a[:, j])[1]
+        if told.any():
+            shares[2, j] = friction.std() / full[:, j].std()
     return ModelParts(samples.channels, *shares)
 
 
@@ -535,13 +552,19 @@ class Weight(Mistake[TorqueSamples]):
         # Every joint that tells is nearer to none of it than to all.
         if not len(weights) or (np.abs(weights) > 0.5).any():
             return
-        text = f"a driver has taken the weight off the torques ({parts.said()})"
+        bare = replace(reading, weightless=True)
+        text, load = (
+            f"a driver has taken the weight off the torques ({parts.said()})",
+            carried_load(samples, bare),
+        )
+        if load is not None:
+            text += f"; of a payload, it has not: {load.sentence()}"
         yield Correction(
             self.name,
-            replace(reading, weightless=True),
+            bare,
             text,
             ("gravity",),
-            parts.figures(),
+            parts.figures() | ({} if load is None else load.shares(samples, reading)),
             mends="gravity is taken as [0, 0, 0], and what the rest tells is identified; "
             "`excite doctor LOG --repair DIR` adds the nominal weight instead",
         )
