@@ -28,6 +28,8 @@ class GradientDesign(CandidateSearch):
     """Splines added to safe random motions, each for the log-determinant given those before (arms)."""
 
     name = "gradient"
+    # A second of processor time each, and three minutes of motion to choose from.
+    usual_count = 24
 
     def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
         """See :class:`~excite.campaign.optimised_series.CandidateSearch`; one candidate a safe random motion.
