@@ -149,6 +149,13 @@ class Forecast(Block):
     )
 
 
+class OutOfReach(Block):
+    """A parameter that the minutes do not bring to the target."""
+
+    parameter: Text = Field(description="name of its own column")
+    minutes: MaybePositive = Field(description="of motion like this that would; null where none does")
+
+
 class Plan(Document):
     """Motions that were found safe and chosen because they excite the parameters."""
 
@@ -170,6 +177,13 @@ class Plan(Document):
     )
     forecast: Forecast | None = Field(
         default=None, description="what that makes of the target; null where the sensors' noise is not stated"
+    )
+    minutes: MaybePositive = Field(
+        default=None, description="minutes at the robot that motions were chosen within; null where nobody said"
+    )
+    reaches: Names = Field(default=[], description="parameters asked for that are expected to reach the target")
+    out_of_reach: Annotated[list[OutOfReach], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="the others that were asked for"
     )
     as_far_as: AsFarAs = Field(default=[])
     assumed: Assumptions = Field(default=[])
