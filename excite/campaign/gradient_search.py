@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.campaign.optimised_series import Asked, CandidateSearch, SeriesSettings, usual_limits
+from excite.campaign.optimised_series import Asked, CandidateSearch, usual_limits
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.gradient_design import ArmRows, Design, design_motion, first_information
 from excite.excitation.optimisation.limits import JointLimits

@@ -334,7 +334,9 @@ def plan(
         selection, budget_s = TARGETS, 60.0 * minutes
         generator = generator or _designer(robot)
     if parameters and selection != TARGETS:
-        raise InputError("parameters to reach without minutes", field="targets", remedy="say how many: --minutes")
+        raise InputError(
+            "parameters to reach without minutes", field="targets", remedy="say how many: --minutes"
+        )
     asked_parameters(parameters, structural_base_parameters(robot).labels)
     usual = SEARCHES.make(generator).usual_count if generator in SEARCHES else None
     count = (usual or N_CANDIDATES) if n_candidates is None else n_candidates
@@ -609,8 +611,10 @@ class Plan(Tabled):
             ],
         }
 
-    def minutes_in_words(self) -> str:
-        """What the minutes reach, what a minute more would add, and what is out of reach."""
+    def minutes_in_words(self) -> list[str]:
+        """What the minutes reach, what a minute more would add, and what is out of reach; empty where nobody asked."""
+        if self.minutes is None or not self.needed_min:
+            return []
         reached, have = self.reaches, self.duration_s / 60.0
         left = {name: minutes for name, minutes in self.needed_min.items() if name not in reached}
         line = f"{self.minutes:g} min reach {len(reached)} of {count(len(self.needed_min), 'parameter')} asked for"
@@ -619,7 +623,7 @@ class Plan(Tabled):
         line += f"; a minute more adds {added}" if left else ""
         if left and not reached:
             line += f"; the first takes {min(left.values()):.2g} min"
-        return line + (f"; out of reach: {', '.join(far)}" if far else "")
+        return [line + (f"; out of reach: {', '.join(far)}" if far else "")]
 
     @property
     def duration_s(self) -> float:
@@ -694,8 +698,7 @@ class Plan(Tabled):
             lines.append(self.refusals.summary())
         if self.outlook is not None:
             lines.append(self.outlook.summary())
-        if self.minutes is not None and self.needed_min:
-            lines.append(self.minutes_in_words())
+        lines += self.minutes_in_words()
         if self.forecast is not None and self.forecast.needed_s:
             lines.append(self.forecast.summary())
         if self.selection.unserved:

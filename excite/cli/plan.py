@@ -60,8 +60,8 @@ def command(
         str,
         typer.Option(
             "--select",
-            help="How motions are chosen: best_three of every DoF or, within --budget, by log_det, by predicted rsd or targets, "
-            "or segments, the condition numbers of all of them.",
+            help="How motions are chosen: best_three of every DoF or, within --budget, by log_det, predicted rsd "
+            "or targets, or segments, the condition numbers of all of them.",
         ),
     ] = "best_three",
     budget: Annotated[

@@ -179,9 +179,12 @@ class Plan(Document):
         default=None, description="what that makes of the target; null where the sensors' noise is not stated"
     )
     minutes: MaybePositive = Field(
-        default=None, description="minutes at the robot that motions were chosen within; null where nobody said"
+        default=None,
+        description="minutes at the robot that motions were chosen within; null where nobody said",
     )
-    reaches: Names = Field(default=[], description="parameters asked for that are expected to reach the target")
+    reaches: Names = Field(
+        default=[], description="parameters asked for that are expected to reach the target"
+    )
     out_of_reach: Annotated[list[OutOfReach], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="the others that were asked for"
     )

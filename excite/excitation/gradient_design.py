@@ -94,9 +94,7 @@ class ArmRows:
         weights = np.zeros((n, n_joints, size))
         weights[:, :, self._inertial] = whole[:, :, : len(self._inertial)]
         joints, first = np.arange(n_joints), len(self._inertial)
-        viscous, coulomb, _, armature = (
-            whole[:, joints, first + k * n_joints + joints] for k in range(4)
-        )
+        viscous, coulomb, _, armature = (whole[:, joints, first + k * n_joints + joints] for k in range(4))
         return weights, viscous + coulomb * sign_slope, armature
 
     def information(self, q: Array, v: Array, a: Array) -> Array:
@@ -136,7 +134,8 @@ class DesignProgram:
     """
 
     def __init__(self, rows: ArmRows, source: Motion, prior: Array, limits: JointLimits) -> None:
-        self._rows, self._prior, self._limits = rows, prior, limits
+        # A copy that was sent to another process lies otherwise in memory, and sums of it would round otherwise.
+        self._rows, self._prior, self._limits = rows, np.ascontiguousarray(prior), limits
         self.source = source
         robot, n_joints = rows.robot, rows.robot.n_joints
         n = max(4, round(source.duration / _KNOT))
@@ -144,7 +143,15 @@ class DesignProgram:
             np.zeros(_DEGREE), np.linspace(0.0, source.duration, n + 1), np.full(_DEGREE, source.duration)
         ]
         time = np.linspace(0.0, source.duration, max(8, round(source.duration / _SAMPLE)) + 1)
-        self._bases, self._nominal = self._basis(time), interpolate_motion(source, robot, source.time[0] + time)
+        self._bases, self._nominal = (
+            self._basis(time),
+            interpolate_motion(source, robot, source.time[0] + time),
+        )
+        # Jerks jump at knots of the source: they are looked at between the samples too.
+        fine = np.linspace(0.0, source.duration, 8 * len(time))
+        rates = np.diff(interpolate_motion(source, robot, source.time[0] + fine).a, axis=0) / fine[1]
+        self._jerk, self._jerk_basis = rates, self._basis(fine[:-1] + 0.5 * fine[1])[3]
+        self._most_jerk = robot.limits.jerk
         self.size = self._bases[0].shape[1] * n_joints
         self._tree = read_tree(robot.model)
         drives, nothing = robot.description.drives, np.zeros(n_joints)
@@ -155,7 +162,9 @@ class DesignProgram:
         self._geometry, self._kept = watched_model(robot)
         spheres = [_bounding_sphere(item) for item in self._geometry.geometryObjects]
         self._centres, self._radii = np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
-        self._pairs = np.array([(p.first, p.second) for p in self._geometry.collisionPairs], int).reshape(-1, 2)
+        self._pairs = np.array([(p.first, p.second) for p in self._geometry.collisionPairs], int).reshape(
+            -1, 2
+        )
         self._carriers = np.array([int(item.parentJoint) for item in self._geometry.geometryObjects])
         self._above = np.array(
             [[j in robot.model.supports[k] for j in range(1, n_joints + 1)] for k in range(n_joints + 1)]
@@ -163,16 +172,18 @@ class DesignProgram:
         self._near: _Witnesses | None = None
 
     def _basis(self, time: Array) -> tuple[Array, ...]:
-        """The splines and their first two derivatives, ``(n, k)`` each; those left out would move the ends."""
+        """The splines and their first three derivatives, ``(n, k)`` each; those left out would move the ends."""
         count = len(self._knots) - _DEGREE - 1
         spline = BSpline(self._knots, np.eye(count), _DEGREE)
         inside = np.clip(time, 0.0, self._knots[-1] * (1.0 - 1e-12))
-        return tuple((spline.derivative(d) if d else spline)(inside)[:, 3:-3] for d in range(3))
+        values = ((spline.derivative(d) if d else spline)(inside)[:, 3:-3] for d in range(4))
+        return tuple(np.ascontiguousarray(basis) for basis in values)
 
     def states(self, x: Array) -> tuple[Array, ...]:
         """q, v, a ``(n, n_joints)`` of coefficients ``(size,)``."""
         table, own = _KNOT * x.reshape(-1, self._rows.robot.n_joints), self._nominal
-        return tuple(s + b @ table for s, b in zip((own.q, own.v, own.a), self._bases, strict=True))
+        whole = (s + b @ table for s, b in zip((own.q, own.v, own.a), self._bases, strict=False))
+        return tuple(np.ascontiguousarray(values) for values in whole)
 
     def information(self, x: Array) -> Array:
         """Information of the motion alone."""
@@ -185,7 +196,7 @@ class DesignProgram:
         time = np.linspace(0.0, self.source.duration, n + 1)
         own = interpolate_motion(self.source, self._rows.robot, self.source.time[0] + time)
         table = _KNOT * x.reshape(-1, self._rows.robot.n_joints)
-        q, v, a = (s + b @ table for s, b in zip((own.q, own.v, own.a), self._basis(time), strict=True))
+        q, v, a = (s + b @ table for s, b in zip((own.q, own.v, own.a), self._basis(time), strict=False))
         return hermite_curve(time, q, v, a)
 
     def evaluate(self, x: Array, weight: float) -> tuple[float, Array]:
@@ -205,11 +216,13 @@ class DesignProgram:
         torque = full @ self._tree.phi + self._viscous * v + self._armature * a
         middle = self._limits.lower + self._half
         penalty, parts = 0.0, []
+        jerk = self._jerk + self._jerk_basis @ (_KNOT * x.reshape(-1, q.shape[1]))
         for values, limit in (
             (q - middle, self._half),
             (v, self._limits.velocity),
             (a, self._limits.acceleration),
             (torque, self._room),
+            (jerk, 0.9 * self._most_jerk),
         ):
             over = 10.0 * np.maximum(np.abs(values) / limit - 0.99, 0.0)
             penalty += float((over**2).sum())
@@ -221,7 +234,8 @@ class DesignProgram:
         penalty += self._push_apart(q, weight, by_q)
         gradient: RegressorGradient = regressor_gradient(self._tree, q, v, a, weights)
         pulls = (gradient.q + by_q, gradient.v + by_v, gradient.a + by_a)
-        found = sum(basis.T @ pull for basis, pull in zip(self._bases, pulls, strict=True))
+        found = sum(basis.T @ pull for basis, pull in zip(self._bases, pulls, strict=False))
+        found = found + self._jerk_basis.T @ parts[4]
         return value + weight * penalty, _KNOT * np.asarray(found).ravel()
 
     def watch(self, x: Array) -> None:
@@ -334,6 +348,7 @@ def _is_safe(robot: Robot, program: DesignProgram, x: Array) -> bool:
     return check_motion(robot, sample_design(robot, program.curve(x), program.source)).safe
 
 
+@one_blas_thread
 def first_information(rows: ArmRows, sources: Sequence[Motion]) -> Array:
     """A hundredth of what all sources say, which makes every determinant finite, ``(n_base, n_base)``."""
     total = np.zeros((len(rows.independent), len(rows.independent)))

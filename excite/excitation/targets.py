@@ -37,7 +37,9 @@ def asked_parameters(targets: Sequence[str], names: Sequence[str]) -> tuple[str,
     for target in targets:
         owner, colon, kind = target.rpartition(":")
         if not colon:
-            raise InputError(f"{target!r} has no colon", field="targets", remedy="write joint:friction or link:mass")
+            raise InputError(
+                f"{target!r} has no colon", field="targets", remedy="write joint:friction or link:mass"
+            )
         if kind not in KINDS:
             raise UnknownNameError("kind of target", kind, list(KINDS))
         own = [name for name in names if name in {f"{term}({owner})" for term in KINDS[kind]}]
