@@ -338,7 +338,7 @@ def plan(
             "parameters to reach without minutes", field="targets", remedy="say how many: --minutes"
         )
     asked_parameters(parameters, structural_base_parameters(robot).labels)
-    usual = SEARCHES.make(generator).usual_count if generator in SEARCHES else None
+    usual = None if generator is None or generator not in SEARCHES else SEARCHES.make(generator).usual_count
     count = (usual or N_CANDIDATES) if n_candidates is None else n_candidates
     check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     root = check_seed(seed)
