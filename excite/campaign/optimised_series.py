@@ -104,9 +104,11 @@ class CandidateSearch(ABC):
 
     Attributes:
         name: what users type after ``--generator``, beside the names of generators.
+        usual_count: how many candidates it tries where nobody says; as many as of generators, if None.
     """
 
     name: ClassVar[str]
+    usual_count: ClassVar[int | None] = None
 
     @abstractmethod
     def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
@@ -184,6 +186,23 @@ def _optimise_candidates(asked: Asked, seed: int) -> list[Candidate]:
 
 
 def _excitation_task(robot: Robot, aim: str | None, settings: SeriesSettings) -> ExcitationTask:
+    limits = usual_limits(robot)
+    period = settings.period_s
+    if period is None:
+        span = (limits.upper - limits.lower) / limits.velocity
+        period = float(np.clip(np.pi * span[free_upper_body(robot)].max(), *_PERIODS))
+    if aim is not None:
+        rest = np.clip(rest_joints(robot), limits.lower, limits.upper)
+        share = np.full(robot.n_joints, _OTHERS)
+        share[robot.joint_index(aim)] = 1.0
+        limits = replace(
+            limits, lower=rest + share * (limits.lower - rest), upper=rest + share * (limits.upper - rest)
+        )
+    return ExcitationTask(robot, FourierFamily(period, HARMONICS), settings.criterion, limits)
+
+
+def usual_limits(robot: Robot) -> JointLimits:
+    """The middle of the joints' ranges, and the shares of their other limits that repairs leave alone."""
     lower, upper = central_range(robot)
     own, shares = robot.limits, Shares()
     if robot.feet:
@@ -192,24 +211,13 @@ def _excitation_task(robot: Robot, aim: str | None, settings: SeriesSettings) ->
         rest = rest_joints(robot)
         lower = np.minimum(lower, np.maximum(own.position_lower, rest - away))
         upper = np.maximum(upper, np.minimum(own.position_upper, rest + away))
-    velocity = shares.velocity * own.velocity
-    moved = free_upper_body(robot)
-    period = settings.period_s
-    if period is None:
-        period = float(np.clip(np.pi * ((upper - lower) / velocity)[moved].max(), *_PERIODS))
-    if aim is not None:
-        rest = np.clip(rest_joints(robot), lower, upper)
-        share = np.full(robot.n_joints, _OTHERS)
-        share[robot.joint_index(aim)] = 1.0
-        lower, upper = rest + share * (lower - rest), rest + share * (upper - rest)
-    limits = JointLimits(
+    return JointLimits(
         lower=lower,
         upper=upper,
-        velocity=velocity,
+        velocity=shares.velocity * own.velocity,
         acceleration=shares.acceleration * own.acceleration,
         torque=shares.torque * own.torque,
     )
-    return ExcitationTask(robot, FourierFamily(period, HARMONICS), settings.criterion, limits)
 
 
 def _build_candidate(robot: Robot, item: OptimisedMotion, aim: str | None, seed: int) -> Candidate:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -30,13 +30,22 @@ from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments, write_va
 from excite.campaign.searches import SEARCHES
 from excite.display import Row, Tabled, count
 from excite.documents.document import read_document
-from excite.documents.plan import CandidateCounts, PlanDocument, SelectedMotion, Stage
+from excite.documents.plan import CandidateCounts, OutOfReach, PlanDocument, SelectedMotion, Stage
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
 from excite.excitation.precision import row_noise
-from excite.excitation.selection import BEST_THREE, Candidates, Selection, check_selection, select_motions
+from excite.excitation.selection import (
+    BEST_THREE,
+    TARGETS,
+    Candidates,
+    Selection,
+    check_selection,
+    select_motions,
+)
+from excite.excitation.targets import asked_parameters
 from excite.formats.number import check_count, check_number, check_seed
 from excite.identification.judgement.forecast import Forecast
+from excite.identification.judgement.judgement import PATIENCE
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
@@ -49,6 +58,7 @@ from excite.robot.legs import too_soft_to_stand
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.stand_ins import shape_conditions
+from excite.rows.settings import ProblemSettings
 from excite.safety.checks.robustness import judge_robustness
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter_report import FilterReport
@@ -73,11 +83,16 @@ class Rule:
         name: in ``SELECTIONS``.
         budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
         limits: by segment, the condition number that is good enough, for the choice by ``segments``.
+        asked: parameters to reach, for the choice by ``targets``: see
+            :func:`~excite.excitation.targets.asked_parameters`.
+        target_rsd: relative standard deviation to reach with them [percent].
     """
 
     name: str
     budget_s: float | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
+    asked: tuple[str, ...] = ()
+    target_rsd: float = TARGET_RSD
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,9 +209,16 @@ def _apply_rule(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> S
         raise NoSolutionError(
             f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
             best=left.motions,
-            remedy="ask for more candidates",
+            remedy=_remedy_for_no_choice(left, rule),
         )
     return selection
+
+
+def _remedy_for_no_choice(left: Pool, rule: Rule) -> str:
+    shortest = float(left.durations.min()) if left.entries else 0.0
+    if rule.budget_s is not None and rule.budget_s < shortest:
+        return f"the shortest of them takes {shortest / 60.0:.2f} min: give at least that"
+    return "ask for more candidates"
 
 
 def selection_candidates(
@@ -213,6 +235,7 @@ def selection_candidates(
                 write_value(motion_factor(robot, motions[index], row_std=noise), path)
         return OnDisk(files, pool.folder)
 
+    rule = rule or Rule(BEST_THREE)
     return Candidates(
         robot=robot,
         ranking=pool.ranking,
@@ -220,8 +243,11 @@ def selection_candidates(
         durations=pool.durations,
         base=base,
         weighted=weighted,
-        budget_s=None if rule is None else rule.budget_s,
-        limits={} if rule is None else rule.limits,
+        budget_s=rule.budget_s,
+        limits=rule.limits,
+        asked=rule.asked,
+        target_rsd=rule.target_rsd,
+        rows_hz=ProblemSettings().filters(floating=robot.measures_contacts).rate_hz,
     )
 
 
@@ -247,6 +273,8 @@ def plan(
     selection: str = BEST_THREE,
     budget_s: float | None = None,
     target_rsd: float = TARGET_RSD,
+    minutes: float | None = None,
+    parameters: Sequence[str] = (),
     before: Sequence[Motion] = (),
     robust: bool = False,
     seed: int | np.random.SeedSequence = 0,
@@ -275,6 +303,12 @@ def plan(
         budget_s: duration that the chosen motions stay within together [s], except for ``best_three``; as long as
             the best three take, if None.
         target_rsd: relative standard deviation that the plan says how much motion it would take to reach [percent].
+        minutes: at the robot: motions are chosen within them for what is asked, of an arm among those designed by
+            gradients. The plan says which parameters they reach.
+        parameters: asked for, such as ``elbow_joint:friction`` or ``forearm_link:mass``; all, if empty.
+        minutes: at the robot: motions are chosen within them for what is asked for, of an arm among those designed by
+            gradients. The plan says which parameters they reach.
+        parameters: asked for, such as ``elbow_joint:friction`` or ``forearm_link:mass``; all, if empty.
         before: motions that were run already; what is to be expected counts them too.
         robust: plan for all robots of the set that the description states under ``uncertainty`` (or of its default):
             torque, zero-moment point and friction keep their limits whichever of them is there.
@@ -294,16 +328,27 @@ def plan(
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """
     robot = as_robot(robot)
-    count = N_CANDIDATES if n_candidates is None else n_candidates
-    check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     check_target(target_rsd)
     _check_settings(generator, series, selection, budget_s)
+    if minutes is not None:
+        check_number(60.0 * minutes, "minutes", *_BUDGETS_S, "s")
+        selection, budget_s = TARGETS, 60.0 * minutes
+        generator = generator or _designer(robot)
+    if parameters and selection != TARGETS:
+        raise InputError(
+            "parameters to reach without minutes", field="targets", remedy="say how many: --minutes"
+        )
+    asked_parameters(parameters, structural_base_parameters(robot).labels)
+    usual = None if generator is None or generator not in SEARCHES else SEARCHES.make(generator).usual_count
+    count = (usual or N_CANDIDATES) if n_candidates is None else n_candidates
+    check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     root = check_seed(seed)
     asked = Asked(robot, count, targets, series, jobs, progress, robust)
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     seconds_of = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
-    report, base, choice = _judge_and_choose(judged, Rule(selection, budget_s), folder, seconds_of)
+    rule = Rule(selection, budget_s, asked=tuple(parameters), target_rsd=target_rsd)
+    report, base, choice = _judge_and_choose(judged, rule, folder, seconds_of)
     refusals = judged.refusals(report, choice.fallen)
     started = time.perf_counter()
     pool = choice.pool
@@ -330,7 +375,15 @@ def plan(
         target_rsd=target_rsd,
         before=tuple(before),
         robust=robust_margins,
+        minutes=minutes,
+        parameters=tuple(parameters),
     )
+
+
+def _designer(robot: Robot) -> str | None:
+    """The search that designs motions of a robot; None where there is none."""
+    able = not robot.floating and not robot.feet and robot.mechanism is None
+    return "gradient" if able and is_predictable(robot) else None
 
 
 def _robustness(asked: Asked, motions: Sequence[Motion]) -> tuple[Robustness, ...]:
@@ -440,6 +493,8 @@ class Plan(Tabled):
         before: motions that were run already, which what is to be expected counts too.
         interrupted: whether the user broke off: chosen from what was accepted by then, and not rehearsed.
         robust: least margins of each chosen motion over the robots that it may be; none where the user broke off.
+        minutes: at the robot, within which motions were chosen for what is asked for; None where nobody said.
+        parameters: that were asked for; all, if empty.
     """
 
     robot: Robot
@@ -457,6 +512,8 @@ class Plan(Tabled):
     before: tuple[Motion, ...] = ()
     interrupted: bool = False
     robust: tuple[Robustness, ...] = ()
+    minutes: float | None = None
+    parameters: tuple[str, ...] = ()
 
     tables = ("motions", "segments", "base_parameters", "rejected")
 
@@ -514,6 +571,50 @@ class Plan(Tabled):
         seconds = self.duration_s + sum(motion.duration for motion in self.before)
         return Forecast.of(self.outlook.essential_rsd, self.target_rsd, seconds)
 
+    @cached_property
+    def needed_min(self) -> dict[str, float]:
+        """Minutes of motion like this with which each parameter asked for reaches the target, fewest first.
+
+        Of all of them those that identification is expected to keep; infinite where the motions say nothing.
+        """
+        if self.outlook is None:
+            return {}
+        asked = set(asked_parameters(self.parameters, [p.name for p in self.outlook.parameters]))
+        rsd = {
+            p.name: np.inf if p.rsd_percent is None else p.rsd_percent
+            for p in self.outlook.parameters
+            if p.name in asked and (p.essential or self.parameters)
+        }
+        seconds = self.duration_s + sum(motion.duration for motion in self.before)
+        needed = Forecast.of(rsd, self.target_rsd, seconds).needed_s
+        return dict(sorted(((name, s / 60.0) for name, s in needed.items()), key=lambda item: item[1]))
+
+    @property
+    def reaches(self) -> tuple[str, ...]:
+        """Parameters asked for that the chosen motions are expected to bring to the target."""
+        have = (self.duration_s + sum(motion.duration for motion in self.before)) / 60.0
+        return tuple(name for name, minutes in self.needed_min.items() if minutes <= have)
+
+    def _out_of_reach(self) -> Iterator[OutOfReach]:
+        reached = self.reaches
+        for name, minutes in self.needed_min.items():
+            if name not in reached:
+                yield OutOfReach(name, minutes)
+
+    def minutes_in_words(self) -> list[str]:
+        """What the minutes reach, what a minute more would add, and what is out of reach; empty where nobody asked."""
+        if self.minutes is None or not self.needed_min:
+            return []
+        reached, have = self.reaches, self.duration_s / 60.0
+        left = {name: minutes for name, minutes in self.needed_min.items() if name not in reached}
+        line = f"{self.minutes:g} min reach {len(reached)} of {count(len(self.needed_min), 'parameter')} asked for"
+        added = sum(minutes <= have + 1.0 for minutes in left.values())
+        far = [name for name, minutes in left.items() if minutes > PATIENCE * have]
+        line += f"; a minute more adds {added}" if left else ""
+        if left and not reached:
+            line += f"; the first takes {min(left.values()):.2g} min"
+        return [line + (f"; out of reach: {', '.join(far)}" if far else "")]
+
     @property
     def duration_s(self) -> float:
         """Duration of the chosen motions together [s]."""
@@ -547,6 +648,9 @@ class Plan(Tabled):
             validation=tuple(_motion_file(names[i]) for i in self.validation),
             base_parameters=() if self.outlook is None else self.outlook.parameters,
             forecast=self.forecast,
+            minutes=self.minutes,
+            reaches=() if self.minutes is None else self.reaches,
+            out_of_reach=() if self.minutes is None else tuple(self._out_of_reach()),
             as_far_as=shape_conditions(self.robot),
             assumed=tuple(self.robot.description.assumed),
             **place,
@@ -583,6 +687,7 @@ class Plan(Tabled):
             lines.append(self.refusals.summary())
         if self.outlook is not None:
             lines.append(self.outlook.summary())
+        lines += self.minutes_in_words()
         if self.forecast is not None and self.forecast.needed_s:
             lines.append(self.forecast.summary())
         if self.selection.unserved:

@@ -14,5 +14,6 @@ SEARCHES: Registry[CandidateSearch] = Registry(
     "generator",
     {
         "optimised_fourier": "excite.campaign.optimised_series:OptimisedSeries",
+        "gradient": "excite.campaign.gradient_search:GradientDesign",
     },
 )

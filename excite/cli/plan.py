@@ -22,6 +22,7 @@ from excite.cli.session.options import (
 )
 from excite.cli.session.outcome import refusals_shown
 from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.errors import NoSolutionError
 from excite.folder_lock import claim_folder
 from excite.motion.generators.registry import GENERATORS
 
@@ -50,7 +51,8 @@ def command(
         typer.Option(
             "--generator",
             help=f"Use this generator alone: {', '.join([*GENERATORS, *SEARCHES])}. "
-            "Of optimised_fourier, --candidates is the number of starts, of seconds each.",
+            "Of optimised_fourier, --candidates is the number of starts, of seconds each; of gradient, that of "
+            "motions to design, a second each.",
             autocompletion=one_of([*GENERATORS, *SEARCHES]),
         ),
     ] = None,
@@ -58,8 +60,8 @@ def command(
         str,
         typer.Option(
             "--select",
-            help="How motions are chosen: best_three of every DoF or, within --budget, by log_det, by predicted rsd, "
-            "or segments, the condition numbers of all of them.",
+            help="How motions are chosen: best_three of every DoF or, within --budget, by log_det, predicted rsd "
+            "or targets, or segments, the condition numbers of all of them.",
         ),
     ] = "best_three",
     budget: Annotated[
@@ -76,6 +78,22 @@ def command(
             help="Relative standard deviation [percent] that the plan says how much motion it takes to reach.",
         ),
     ] = 15.0,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            "--minutes",
+            help="Minutes at the robot: motions are chosen within them for --targets, of an arm among those designed "
+            "by gradients, and the plan says what they reach.",
+        ),
+    ] = None,
+    parameters: Annotated[
+        str,
+        typer.Option(
+            "--targets",
+            help="What --minutes are for, such as elbow_joint:friction,forearm_link:mass (friction, mass, com, "
+            "inertia); all parameters, if left out.",
+        ),
+    ] = "",
     criterion: Annotated[
         str | None,
         typer.Option(
@@ -120,6 +138,8 @@ def command(
                 selection=select,
                 budget_s=budget,
                 target_rsd=target_rsd,
+                minutes=minutes,
+                parameters=tuple(filter(None, parameters.split(","))),
                 robust=robust,
                 seed=seed,
                 jobs=crew,
@@ -137,6 +157,9 @@ def command(
     if plan.interrupted:
         say_interrupted(f"the best so far is in {folder}")
         raise typer.Exit(exit_code_of_interruption())
+    if minutes is not None and plan.needed_min and not plan.reaches:
+        # Written all the same, and it says what it would take.
+        raise typer.Exit(NoSolutionError.exit_code)
 
 
 def _series_settings(criterion: str | None, period: float | None) -> SeriesSettings | None:

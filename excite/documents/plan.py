@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from excite.excitation.conditioning import ConditionNumbers
 from excite.finding import Finding
 from excite.identification.judgement.forecast import Forecast, ParameterOutlook
-from excite.results import LEFT_OUT, Assumed, FilePath, InnerPath, Name, Seconds, Stated
+from excite.results import LEFT_OUT, Assumed, FilePath, InnerPath, Name, Seconds, Stated, UnboundedPositive
 from excite.safety.refusals import Refused, Remedy
 from excite.safety.verdict import Robustness
 
@@ -57,6 +57,19 @@ class Stage(Stated):
 
 
 @dataclass(frozen=True)
+class OutOfReach(Stated):
+    """A parameter that the minutes do not bring to the target.
+
+    Attributes:
+        parameter: name of its own column.
+        minutes: of motion like this that would; null where none does [min].
+    """
+
+    parameter: Name
+    minutes: UnboundedPositive
+
+
+@dataclass(frozen=True)
 class PlanDocument(Stated):
     """Motions that were found safe and chosen because they excite the parameters.
 
@@ -75,6 +88,9 @@ class PlanDocument(Stated):
         validation: motion files that judge the result, relative to the document's folder.
         base_parameters: what the motions promise; empty where the sensors' noise is not stated.
         forecast: what that makes of the target; null where the sensors' noise is not stated.
+        minutes: minutes at the robot that motions were chosen within; null where nobody said [min].
+        reaches: parameters asked for that are expected to reach the target.
+        out_of_reach: the others that were asked for.
         as_far_as: what has to hold of shapes that are not known, for what is safe to be so.
         assumed: what no file said of the robot.
         findings: what spoils the robot's description itself, worst first.
@@ -96,6 +112,9 @@ class PlanDocument(Stated):
     validation: tuple[InnerPath, ...] = ()
     base_parameters: tuple[ParameterOutlook, ...] = ()
     forecast: Forecast | None = None
+    minutes: float | None = None
+    reaches: tuple[Name, ...] = ()
+    out_of_reach: tuple[OutOfReach, ...] = ()
     as_far_as: tuple[str, ...] = ()
     assumed: tuple[Assumed, ...] = ()
     findings: tuple[Finding, ...] = ()

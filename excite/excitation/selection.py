@@ -21,6 +21,7 @@ from excite.excitation.conditioning import (
     stack_factors,
 )
 from excite.excitation.precision import nominal_values
+from excite.excitation.targets import ReachedTargets, asked_parameters
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.robot import Robot
 from excite.threads import one_blas_thread
@@ -368,7 +369,7 @@ class _Search:
 
 # A base parameter smaller than this counts as negligible (Xu et al. 2020) [SI]: its RSD is not to decide.
 NEGLIGIBLE = 0.01
-BEST_THREE = "best_three"
+BEST_THREE, TARGETS = "best_three", "targets"
 
 
 @dataclass(frozen=True)
@@ -452,6 +453,9 @@ class Candidates:
         weighted: the same factors with rows divided by their noise; made on demand, as few rules need them.
         budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
         limits: by segment, the condition number that is good enough.
+        asked: targets such as ``joint:friction``; all parameters, if empty.
+        target_rsd: relative standard deviation that they are to reach [percent].
+        rows_hz: independent rows a second that identification makes of a log.
     """
 
     robot: Robot
@@ -462,6 +466,9 @@ class Candidates:
     weighted: Callable[[], Sequence[MotionFactor]]
     budget_s: float | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
+    asked: tuple[str, ...] = ()
+    target_rsd: float = 15.0
+    rows_hz: float = 10.0
 
 
 def by_best_three(candidates: Candidates) -> Selection:
@@ -487,6 +494,20 @@ def by_rsd(candidates: Candidates) -> Selection:
     return _select_greedily(candidates, known, TotalDeviation(known.back, scale))
 
 
+def by_targets(candidates: Candidates) -> Selection:
+    """Greedy by what is asked for, within the budget; values below 0.01 are no target unless named."""
+    base = candidates.base
+    known = candidate_information(candidates.weighted(), base)
+    values = np.abs(nominal_values(candidates.robot, base))
+    # A factor's rows are taken more often than rows are independent.
+    share = np.sqrt(candidates.factors[0].rate_hz / candidates.rows_hz)
+    names = asked_parameters(candidates.asked, base.labels) if candidates.asked else base.labels
+    wanted = np.array([name in names for name in base.labels])
+    wanted &= (values > NEGLIGIBLE) | bool(candidates.asked)
+    goal = 0.01 * candidates.target_rsd * np.maximum(values, NEGLIGIBLE) / share
+    return _select_greedily(candidates, known, ReachedTargets(known.back[wanted], goal[wanted]))
+
+
 def by_segments(candidates: Candidates) -> Selection:
     """Few motions that together give every segment a low condition number, within the budget."""
     columns = segment_columns(candidates.robot, candidates.factors[0].columns, candidates.base)
@@ -499,6 +520,7 @@ SELECTIONS: dict[str, Callable[[Candidates], Selection]] = {
     BEST_THREE: by_best_three,
     "log_det": by_log_det,
     "rsd": by_rsd,
+    TARGETS: by_targets,
     "segments": by_segments,
 }
 

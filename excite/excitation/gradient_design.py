@@ -1,0 +1,363 @@
+"""Motions designed by gradients: splines added to a safe motion, for the information that those before lack.
+
+Swevers et al. 1997 make motions rich by optimising their coefficients; Wilson and Murphey 2014 follow gradients of the
+Fisher information; Ayusawa et al. 2017 take them analytically for several motions one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.optimize import minimize
+
+from excite.arrays import Array
+from excite.errors import InputError
+from excite.excitation.optimisation.limits import JointLimits
+from excite.excitation.precision import row_noise
+from excite.motion.generators.curves import PolynomialCurve, hermite_curve
+from excite.motion.motion import Motion, interpolate_motion
+from excite.regressor.adjoint import RegressorGradient, regressor_gradient
+from excite.regressor.base_parameters import structural_base_parameters
+from excite.regressor.columns import DRIVE_TERMS, measured_columns
+from excite.regressor.kernels import forward_kinematics, joint_torque_regressor
+from excite.regressor.tree import PRISMATIC, read_tree
+from excite.robot.joint_values import per_joint
+from excite.robot.robot import Robot
+from excite.robot.shapes.collision import geometry_data, watched_model
+from excite.safety.check import check_motion
+from excite.threads import one_blas_thread
+
+_DEGREE = 4
+# Distance of knots and samples of the search [s]: an arm's joints turn about within half a second.
+_KNOT, _SAMPLE = 0.25, 1.0 / 16.0
+# Weight of squared violations and iterations, stage by stage; witness points are found anew before each.
+_STAGES = ((1.0, 50), (5.0, 40), (30.0, 30), (150.0, 30), (600.0, 30))
+# Parts of the step that are tried until the motion is safe.
+_STEPS = (1.0, 0.99, 0.98, 0.97, 0.95, 0.9, 0.8, 0.6, 0.4)
+# Pairs nearer than this beyond their margin are watched, and kept apart by more for what happens between samples [m].
+_NEAR, _EXTRA = 0.06, 0.007
+
+
+@dataclass(frozen=True, eq=False)
+class ArmRows:
+    """The weighted regressor of an arm's base parameters, and the way back from its derivatives to the motion's.
+
+    Attributes:
+        robot: an arm whose joints all have motors.
+    """
+
+    robot: Robot
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a robot without gradients."""
+        if self.robot.floating or self.robot.mechanism is not None:
+            raise InputError(
+                "motions are designed by gradients for arms with a motor in every joint",
+                source=self.robot.name,
+                remedy="use another generator",
+            )
+
+    @cached_property
+    def independent(self) -> NDArray[np.int64]:
+        """Columns that stand for the base parameters, drives included, ``(n_base,)``."""
+        return structural_base_parameters(self.robot, DRIVE_TERMS).independent
+
+    @cached_property
+    def _weights(self) -> Array:
+        return 1.0 / row_noise(self.robot)
+
+    @cached_property
+    def _inertial(self) -> NDArray[np.int64]:
+        return measured_columns(self.robot, DRIVE_TERMS).inertial
+
+    def weighted(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
+        """Base columns over the noise, ``(n, n_joints, n_base)``, of a joint torque regressor ``full``."""
+        n, n_joints = v.shape
+        rows = np.zeros((n, n_joints, len(self._inertial) + 4 * n_joints))
+        rows[:, :, : len(self._inertial)] = full[:, :, self._inertial]
+        joints, first = np.arange(n_joints), len(self._inertial)
+        for k, values in enumerate((v, sign, np.ones_like(v), a)):
+            rows[:, joints, first + k * n_joints + joints] = values
+        return rows[:, :, self.independent] * self._weights[:, None]
+
+    def pulled(self, slope: Array, sign_slope: Array, size: int) -> tuple[Array, Array, Array]:
+        """Weights of the regressor's entries ``(n, n_joints, size)``, and what drives pull at v and a."""
+        n, n_joints, _ = slope.shape
+        whole = np.zeros((n, n_joints, len(self._inertial) + 4 * n_joints))
+        whole[:, :, self.independent] = slope * self._weights[:, None]
+        weights = np.zeros((n, n_joints, size))
+        weights[:, :, self._inertial] = whole[:, :, : len(self._inertial)]
+        joints, first = np.arange(n_joints), len(self._inertial)
+        viscous, coulomb, _, armature = (whole[:, joints, first + k * n_joints + joints] for k in range(4))
+        return weights, viscous + coulomb * sign_slope, armature
+
+    def information(self, q: Array, v: Array, a: Array) -> Array:
+        """Information of samples ``(n, n_joints)`` each, ``(n_base, n_base)``."""
+        full = joint_torque_regressor(self.robot.model, q, v, a)
+        rows = self.weighted(full, v, a, np.sign(v)).reshape(-1, len(self.independent))
+        return np.asarray(rows.T @ rows)
+
+
+@dataclass(frozen=True, eq=False)
+class _Witnesses:
+    """Points of pairs of bodies that come near each other, fixed to the bodies.
+
+    Attributes:
+        sample: ``(m,)``.
+        joints: ``(m, 2)`` that carry them.
+        points: ``(m, 2, 3)`` in the joints' frames [m].
+        normal: ``(m, 3)`` from the first to the second, in the world.
+        required: ``(m,)`` [m].
+    """
+
+    sample: NDArray[np.int64]
+    joints: NDArray[np.int64]
+    points: Array
+    normal: Array
+    required: Array
+
+
+class DesignProgram:
+    """``log det(prior + information)`` less what violates the limits, in a spline's coefficients.
+
+    Args:
+        rows: of the arm.
+        source: the safe motion that the spline is added to.
+        prior: information so far, ``(n_base, n_base)``, of samples at the search's rate.
+        limits: that the motion keeps.
+    """
+
+    def __init__(self, rows: ArmRows, source: Motion, prior: Array, limits: JointLimits) -> None:
+        # A copy that was sent to another process lies otherwise in memory, and sums of it would round otherwise.
+        self._rows, self._prior, self._limits = rows, np.ascontiguousarray(prior), limits
+        self.source = source
+        robot, n_joints = rows.robot, rows.robot.n_joints
+        n = max(4, round(source.duration / _KNOT))
+        self._knots = np.r_[
+            np.zeros(_DEGREE), np.linspace(0.0, source.duration, n + 1), np.full(_DEGREE, source.duration)
+        ]
+        time = np.linspace(0.0, source.duration, max(8, round(source.duration / _SAMPLE)) + 1)
+        self._bases, self._nominal = (
+            self._basis(time),
+            interpolate_motion(source, robot, source.time[0] + time),
+        )
+        # Jerks jump at knots of the source: they are looked at between the samples too.
+        fine = np.linspace(0.0, source.duration, 8 * len(time))
+        rates = np.diff(interpolate_motion(source, robot, source.time[0] + fine).a, axis=0) / fine[1]
+        self._jerk, self._jerk_basis = rates, self._basis(fine[:-1] + 0.5 * fine[1])[3]
+        self._most_jerk = robot.limits.jerk
+        self.size = self._bases[0].shape[1] * n_joints
+        self._tree = read_tree(robot.model)
+        drives, nothing = robot.description.drives, np.zeros(n_joints)
+        blocks = (drives.viscous, drives.coulomb, drives.armature)
+        self._viscous, coulomb, self._armature = (per_joint(b, robot.joint_names, nothing) for b in blocks)
+        self._room = np.maximum(limits.torque - coulomb, 1e-6)
+        self._half = 0.5 * (limits.upper - limits.lower)
+        self._geometry, self._kept = watched_model(robot)
+        spheres = [_bounding_sphere(item) for item in self._geometry.geometryObjects]
+        self._centres, self._radii = np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
+        self._pairs = np.array([(p.first, p.second) for p in self._geometry.collisionPairs], int).reshape(
+            -1, 2
+        )
+        self._carriers = np.array([int(item.parentJoint) for item in self._geometry.geometryObjects])
+        self._above = np.array(
+            [[j in robot.model.supports[k] for j in range(1, n_joints + 1)] for k in range(n_joints + 1)]
+        )
+        self._near: _Witnesses | None = None
+
+    def _basis(self, time: Array) -> tuple[Array, ...]:
+        """The splines and their first three derivatives, ``(n, k)`` each; those left out would move the ends."""
+        count = len(self._knots) - _DEGREE - 1
+        spline = BSpline(self._knots, np.eye(count), _DEGREE)
+        inside = np.clip(time, 0.0, self._knots[-1] * (1.0 - 1e-12))
+        values = ((spline.derivative(d) if d else spline)(inside)[:, 3:-3] for d in range(4))
+        return tuple(np.ascontiguousarray(basis) for basis in values)
+
+    def states(self, x: Array) -> tuple[Array, ...]:
+        """q, v, a ``(n, n_joints)`` of coefficients ``(size,)``."""
+        table, own = _KNOT * x.reshape(-1, self._rows.robot.n_joints), self._nominal
+        whole = (s + b @ table for s, b in zip((own.q, own.v, own.a), self._bases, strict=False))
+        return tuple(np.ascontiguousarray(values) for values in whole)
+
+    def information(self, x: Array) -> Array:
+        """Information of the motion alone."""
+        return self._rows.information(*self.states(x))
+
+    def curve(self, x: Array) -> PolynomialCurve:
+        """The motion as quintics through its samples."""
+        rate = self._rows.robot.description.sensors.rate_hz
+        n = max(2, round(self.source.duration * min(rate, 50.0)))
+        time = np.linspace(0.0, self.source.duration, n + 1)
+        own = interpolate_motion(self.source, self._rows.robot, self.source.time[0] + time)
+        table = _KNOT * x.reshape(-1, self._rows.robot.n_joints)
+        q, v, a = (s + b @ table for s, b in zip((own.q, own.v, own.a), self._basis(time), strict=False))
+        return hermite_curve(time, q, v, a)
+
+    def evaluate(self, x: Array, weight: float) -> tuple[float, Array]:
+        """What is minimised, and its gradient ``(size,)``; ``weight`` is that of squared violations."""
+        q, v, a = self.states(x)
+        width = 0.02 * self._limits.velocity
+        sign = np.tanh(v / width)
+        full = joint_torque_regressor(self._tree, q, v, a)
+        rows = self._rows.weighted(full, v, a, sign)
+        flat = rows.reshape(-1, rows.shape[2])
+        factor = np.linalg.cholesky(self._prior + flat.T @ flat)
+        inverse = np.linalg.inv(factor)
+        value = -2.0 * float(np.log(np.diag(factor)).sum())
+        slope = -2.0 * (flat @ (inverse.T @ inverse)).reshape(rows.shape)
+        weights, by_v, by_a = self._rows.pulled(slope, (1.0 - sign**2) / width, full.shape[2])
+        by_q = np.zeros_like(q)
+        torque = full @ self._tree.phi + self._viscous * v + self._armature * a
+        middle = self._limits.lower + self._half
+        penalty, parts = 0.0, []
+        jerk = self._jerk + self._jerk_basis @ (_KNOT * x.reshape(-1, q.shape[1]))
+        for values, limit in (
+            (q - middle, self._half),
+            (v, self._limits.velocity),
+            (a, self._limits.acceleration),
+            (torque, self._room),
+            (jerk, 0.9 * self._most_jerk),
+        ):
+            over = 10.0 * np.maximum(np.abs(values) / limit - 0.99, 0.0)
+            penalty += float((over**2).sum())
+            parts.append(20.0 * weight * over * np.sign(values) / limit)
+        by_q += parts[0]
+        by_v += parts[1] + parts[3] * self._viscous
+        by_a += parts[2] + parts[3] * self._armature
+        weights += parts[3][:, :, None] * self._tree.phi
+        penalty += self._push_apart(q, weight, by_q)
+        gradient: RegressorGradient = regressor_gradient(self._tree, q, v, a, weights)
+        pulls = (gradient.q + by_q, gradient.v + by_v, gradient.a + by_a)
+        found = sum(basis.T @ pull for basis, pull in zip(self._bases, pulls, strict=False))
+        found = found + self._jerk_basis.T @ parts[4]
+        return value + weight * penalty, _KNOT * np.asarray(found).ravel()
+
+    def watch(self, x: Array) -> None:
+        """Find the nearest points of bodies that are near each other."""
+        q, _, _ = self.states(x)
+        poses = forward_kinematics(self._tree, q)
+        rotation, origin = poses.rotation[:, self._carriers], poses.translation[:, self._carriers]
+        centres = np.einsum("nbij,bj->nbi", rotation, self._centres) + origin
+        first, second = self._pairs.T
+        gap = np.linalg.norm(centres[:, first] - centres[:, second], axis=2)
+        gap -= self._radii[first] + self._radii[second]
+        model, state = self._rows.robot.model, geometry_data(self._geometry)
+        data, at = model.createData(), -1
+        found: list[tuple[int, int, Array, Array, Array]] = []
+        for i, k in zip(*np.nonzero(gap < self._kept + _NEAR), strict=True):
+            if i != at:
+                pin.updateGeometryPlacements(model, data, self._geometry, state, q[i])
+                at = i
+            near = pin.computeDistance(self._geometry, state, int(k))
+            if near.min_distance < self._kept[k] + _NEAR:
+                points = (np.array(near.getNearestPoint1()), np.array(near.getNearestPoint2()))
+                found.append((int(i), int(k), *points, np.array(near.normal)))
+        if not found:
+            self._near = None
+            return
+        sample, pair = (np.array([item[c] for item in found]) for c in (0, 1))
+        joints = self._carriers[self._pairs[pair]]
+        world = np.array([item[2:4] for item in found])
+        turned = poses.rotation[sample[:, None], joints]
+        local = np.einsum("mkji,mkj->mki", turned, world - poses.translation[sample[:, None], joints])
+        normal = np.array([item[4] for item in found])
+        self._near = _Witnesses(sample, joints, local, normal, self._kept[pair] + _EXTRA)
+
+    def _push_apart(self, q: Array, weight: float, by_q: Array) -> float:
+        """Squared lack of distance in centimetres; its gradient is added to ``by_q``."""
+        if self._near is None:
+            return 0.0
+        near, poses = self._near, forward_kinematics(self._tree, q)
+        at = near.sample[:, None]
+        origin = poses.translation[at, near.joints]
+        points = np.einsum("mkij,mkj->mki", poses.rotation[at, near.joints], near.points) + origin
+        apart = ((points[:, 1] - points[:, 0]) * near.normal).sum(axis=1)
+        lack = np.maximum(near.required - apart, 0.0) / 0.01
+        axes = np.einsum("mdij,dj->mdi", poses.rotation[near.sample, 1:], self._tree.axes[1:])
+        slides = self._tree.kinds[1:] == PRISMATIC
+        slope = np.zeros((len(lack), q.shape[1]))
+        for body, side in ((0, -1.0), (1, 1.0)):
+            moved = np.cross(axes, points[:, body, None] - poses.translation[near.sample, 1:])
+            moved[:, slides] = axes[:, slides]
+            slope += side * self._above[near.joints[:, body]] * (moved * near.normal[:, None]).sum(axis=2)
+        np.add.at(by_q, near.sample, (-2.0 * weight * lack / 0.01)[:, None] * slope)
+        return float((lack**2).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A designed motion.
+
+    Attributes:
+        curve: of all joints, in time.
+        information: ``(n_base, n_base)`` of its samples at the search's rate.
+        duration_s: [s]
+        gain: of log det per second over the prior.
+    """
+
+    curve: PolynomialCurve
+    information: Array
+    duration_s: float
+    gain: float
+
+
+@one_blas_thread
+def design_motion(rows: ArmRows, source: Motion, prior: Array, limits: JointLimits) -> Design:
+    """The motion near a safe one that adds most to ``log det`` of the information so far.
+
+    Coefficients are those of B-splines of degree four that leave both ends at rest. Squared violations of the limits
+    and of distances at coal's witness points are penalties of growing weight; L-BFGS-B minimises. The step is then
+    shortened until the independent check finds the motion safe; with none left it is the source itself.
+
+    Args:
+        rows: of the arm.
+        source: a safe motion.
+        prior: ``(n_base, n_base)`` information so far, positive definite.
+        limits: that the motion keeps.
+    """
+    program = DesignProgram(rows, source, prior, limits)
+    x = np.zeros(program.size)
+    for weight, iterations in _STAGES:
+        program.watch(x)
+        found = minimize(
+            program.evaluate, x, args=(weight,), jac=True, method="L-BFGS-B",
+            bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": iterations, "maxcor": 15},
+        )  # fmt: skip
+        x = np.asarray(found.x)
+    step = next((s for s in _STEPS if _is_safe(rows.robot, program, s * x)), 0.0)
+    information = program.information(step * x)
+    gain = np.linalg.slogdet(prior + information)[1] - np.linalg.slogdet(prior)[1]
+    return Design(program.curve(step * x), information, source.duration, float(gain) / source.duration)
+
+
+def sample_design(robot: Robot, curve: PolynomialCurve, source: Motion) -> Motion:
+    """A design as a motion at the robot's rate."""
+    n = max(2, round(curve.length * robot.description.sensors.rate_hz))
+    time = np.linspace(0.0, curve.length, n + 1)
+    q, v, a = (curve.evaluate(time, order) for order in range(3))
+    return replace(source, time=time, q=q, v=v, a=a)
+
+
+def _is_safe(robot: Robot, program: DesignProgram, x: Array) -> bool:
+    return check_motion(robot, sample_design(robot, program.curve(x), program.source)).safe
+
+
+@one_blas_thread
+def first_information(rows: ArmRows, sources: Sequence[Motion]) -> Array:
+    """A hundredth of what all sources say, which makes every determinant finite, ``(n_base, n_base)``."""
+    total = np.zeros((len(rows.independent), len(rows.independent)))
+    for motion in sources:
+        sampled = motion.resampled(rows.robot, 1.0 / _SAMPLE)
+        total += rows.information(sampled.q, sampled.v, sampled.a)
+    return 0.01 * total / len(sources) + 1e-9 * np.diag(np.diag(total))
+
+
+def _bounding_sphere(item: pin.GeometryObject) -> tuple[Array, float]:
+    item.geometry.computeLocalAABB()
+    return item.placement.act(item.geometry.aabb_center), float(item.geometry.aabb_radius)

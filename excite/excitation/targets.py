@@ -1,0 +1,82 @@
+"""What is asked of minutes at the robot: parameters by joint or link, and how far motions reach them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from excite.arrays import Array
+from excite.errors import InputError, UnknownNameError
+
+# Names of columns by what people call them, as in ``coulomb(joint)`` and ``Ixx(link)``.
+KINDS = {
+    "friction": ("viscous", "coulomb", "offset"),
+    "mass": ("m",),
+    "com": ("mx", "my", "mz"),
+    "inertia": ("Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"),
+}
+
+
+def asked_parameters(targets: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """Names of base parameters that targets such as ``elbow_joint:friction`` or ``forearm_link:mass`` mean.
+
+    Args:
+        targets: joint or link, a colon, and one of ``KINDS``; all parameters, if empty.
+        names: of the base parameters' own columns.
+
+    Raises:
+        InputError: no colon, or no base parameter of that joint or link and kind.
+        UnknownNameError: an unknown kind.
+    """
+    if not targets:
+        return tuple(names)
+    found: list[str] = []
+    for target in targets:
+        owner, colon, kind = target.rpartition(":")
+        if not colon:
+            raise InputError(
+                f"{target!r} has no colon", field="targets", remedy="write joint:friction or link:mass"
+            )
+        if kind not in KINDS:
+            raise UnknownNameError("kind of target", kind, list(KINDS))
+        own = [name for name in names if name in {f"{term}({owner})" for term in KINDS[kind]}]
+        if not own:
+            raise InputError(
+                f"no base parameter for {target!r}",
+                field="targets",
+                remedy="the robot shows " + ", ".join(sorted({n.partition("(")[2][:-1] for n in names})),
+            )
+        found += own
+    return tuple(dict.fromkeys(found))
+
+
+@dataclass(frozen=True, eq=False)
+class ReachedTargets:
+    """Minus how far standard deviations are above their goals: ``−Σ log(1 + (σ/goal)²)/2``.
+
+    A parameter far from its goal counts as in the log-determinant, one that has met it hardly at all.
+
+    Attributes:
+        back: ``(n, k)`` from the coordinates of the information to the parameters that are asked for.
+        goal: ``(n,)`` standard deviations to reach [SI].
+    """
+
+    back: Array
+    goal: Array
+
+    def value(self, information: Array) -> float:
+        """Of an information matrix ``(k, k)``."""
+        return -float(0.5 * np.log1p(self._excess(information)[0]).sum())
+
+    def gradient(self, information: Array) -> Array:
+        """``½ M⁻¹ Tᵀ diag(1/(goal² + σ²)) T M⁻¹``."""
+        excess, solved = self._excess(information)
+        return np.asarray((solved * (0.5 / (self.goal**2 * (1.0 + excess)))) @ solved.T)
+
+    def _excess(self, information: Array) -> tuple[Array, Array]:
+        """``(σ/goal)²``, ``(n,)``, and ``M⁻¹ Tᵀ``."""
+        solved = cho_solve(cho_factor(information), self.back.T)
+        return np.einsum("bk,kb->b", self.back, solved) / self.goal**2, solved

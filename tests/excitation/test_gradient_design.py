@@ -1,0 +1,117 @@
+"""Motions designed by gradients: derivatives against differences, safety, gain, and targets by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.arrays import Array
+from excite.campaign.optimised_series import usual_limits
+from excite.errors import InputError, UnknownNameError
+from excite.excitation.gradient_design import (
+    ArmRows,
+    DesignProgram,
+    design_motion,
+    first_information,
+    sample_design,
+)
+from excite.excitation.targets import ReachedTargets, asked_parameters
+from excite.motion.collection import load_motions
+from excite.motion.motion import Motion
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from excite.safety.check import check_motion
+
+
+@pytest.fixture(scope="module")
+def ur10() -> Robot:
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="module")
+def source(ur10: Robot) -> Motion:
+    return load_motions("ur10")[0]
+
+
+@pytest.mark.parametrize("weight", [0.0, 5.0])
+def test_gradient_against_differences(weight: float, ur10: Robot, source: Motion) -> None:
+    rows = ArmRows(ur10)
+    program = DesignProgram(rows, source, first_information(rows, [source]), usual_limits(ur10))
+    x, way = 0.5 * np.random.default_rng(0).normal(size=(2, program.size))
+    program.watch(x)
+
+    def value(step: float) -> float:
+        return program.evaluate(x + step * way, weight)[0]
+
+    slope = program.evaluate(x, weight)[1] @ way
+    assert slope == pytest.approx((value(1e-6) - value(-1e-6)) / 2e-6, rel=1e-5)
+
+
+def test_designed_motions_are_safe_and_each_adds_more_than_its_source(ur10: Robot, source: Motion) -> None:
+    rows = ArmRows(ur10)
+    known = first_information(rows, [source])
+    values = [np.linalg.slogdet(known)[1]]
+    sampled = source.resampled(ur10, 16.0)
+    own = known + rows.information(sampled.q, sampled.v, sampled.a)
+    for _ in range(2):
+        design = design_motion(rows, source, known, usual_limits(ur10))
+        motion = sample_design(ur10, design.curve, source)
+        assert check_motion(ur10, motion).safe
+        ends = np.array([0.0, design.duration_s])
+        assert np.allclose(design.curve.evaluate(ends, 1), 0.0, atol=1e-9)
+        assert np.allclose(design.curve.evaluate(ends), source.q[[0, -1]], atol=1e-9)
+        known = known + design.information
+        values.append(np.linalg.slogdet(known)[1])
+        assert design.gain == pytest.approx((values[-1] - values[-2]) / design.duration_s)
+    assert values[1] > np.linalg.slogdet(own)[1]
+    assert np.all(np.diff(values) > 0.0)
+
+
+def test_a_standing_robot_is_refused(g1: Robot) -> None:
+    with pytest.raises(InputError, match="arms with a motor"):
+        ArmRows(g1)
+
+
+def _random_information(rng: np.random.Generator) -> Array:
+    rows = rng.normal(size=(20, 6))
+    return np.asarray(rows.T @ rows)
+
+
+def test_targets_pull_by_their_gradient_and_not_once_they_are_met() -> None:
+    rng = np.random.default_rng(1)
+    criterion = ReachedTargets(rng.normal(size=(4, 6)), np.array([0.1, 0.2, 0.3, 50.0]))
+    known, more = _random_information(rng), _random_information(rng)
+    slope = (criterion.value(known + 1e-6 * more) - criterion.value(known - 1e-6 * more)) / 2e-6
+    assert np.trace(criterion.gradient(known) @ more) == pytest.approx(slope, rel=1e-6)
+    met = ReachedTargets(criterion.back[3:], criterion.goal[3:])
+    assert criterion.value(known) < 1e3 * met.value(known) < 0.0
+
+
+def test_targets_by_name() -> None:
+    names = ("Ixx(arm)", "m(arm)", "viscous(elbow)", "coulomb(elbow)", "my(arm)")
+    assert asked_parameters((), names) == names
+    assert asked_parameters(("elbow:friction", "arm:mass"), names) == (
+        "viscous(elbow)",
+        "coulomb(elbow)",
+        "m(arm)",
+    )
+    with pytest.raises(InputError, match="no colon"):
+        asked_parameters(("elbow",), names)
+    with pytest.raises(InputError, match="no base parameter for 'elbow:mass'"):
+        asked_parameters(("elbow:mass",), names)
+    with pytest.raises(UnknownNameError, match="taste"):
+        asked_parameters(("elbow:taste",), names)
+
+
+def test_robots_with_loops_and_arms_without_noise_are_told(iiwa_without_noise: Robot) -> None:
+    with pytest.raises(InputError, match="noise"):
+        first_information(ArmRows(iiwa_without_noise), [load_motions("iiwa14")[0]])
+
+
+@pytest.fixture
+def iiwa_without_noise() -> Robot:
+    from dataclasses import replace
+
+    robot = load_robot("iiwa14")
+    sensors = robot.description.sensors.model_copy(update={"noise_torque": None})
+    return replace(robot, description=robot.description.model_copy(update={"sensors": sensors}))
