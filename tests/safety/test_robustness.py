@@ -337,9 +337,13 @@ def test_the_verdict_says_so_and_decides_only_where_asked(humanoid: Robot, squat
         assert entry[name] == robust.worst[name].value
     assert entry["zmp_m"] < verdict.margins.zmp_m
     unsure = uncertain(humanoid, mass=0.5, com=0.1)
-    (loose,) = excite.check(unsure, [squatting]).verdicts
-    assert loose.safe, "what is uncertain does not make it unsafe by itself"
+    loose = check_motion(unsure, squatting, parameters=stated_parameters(unsure))
+    assert loose.safe, "margins over a set decide only where somebody asks for it"
     assert not loose.robust.holds
+    # The members that lean furthest are rehearsed where the set is stated.
+    (fallen,) = excite.check(unsure, [squatting]).verdicts
+    assert fallen.violations[0].kind == "fell_in_rehearsal" and fallen.rehearsal.robots[0] == "model"
+    assert len(fallen.rehearsal.robots) > 1 and fallen.robust == loose.robust
     (strict,) = excite.check(unsure, [squatting], robust=True).verdicts
     assert not strict.safe
     assert strict.violations[0].kind == "robust_zmp"
