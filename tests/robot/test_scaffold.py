@@ -678,10 +678,6 @@ def test_a_file_of_another_kind_is_no_unknown_name(tmp_path: Path) -> None:
     path.write_text("BLENDER")
     with pytest.raises(RobotError, match="is neither a robot"):
         excite.load_robot(path)
-    path = tmp_path / "robot.sdf"
-    path.write_text('<sdf version="1.7"/>')
-    with pytest.raises(RobotError, match=r"an SDF model.*make a URDF of it \(pip install pybullet"):
-        excite.load_robot(path)
 
 
 def test_slides_that_close_a_loop_need_no_limits(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from excite.robot.urdf.limits import (
     tighten,
 )
 from excite.robot.urdf.reading import MAX_NESTING, find_mesh
+from excite.robot.urdf.sdf import convert_sdf
 from excite.robot.urdf.tree import MOVING, free_root, planar_root
 from excite.temporary_folder import TemporaryFolder
 
@@ -100,7 +101,7 @@ def write_scaffold(
             file, None if absolute else folder, seed=seed, said=said, absolute=absolute
         )
         return ScaffoldFiles(write_text(target, text), file, _read_assumed(text), ())
-    urdf = folder / f"{file.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
+    urdf = folder / f"{file.name.removesuffix('.xacro').removesuffix('.sdf').removesuffix('.urdf')}.urdf"
     if urdf.resolve() == file.resolve():
         urdf = urdf.with_name(f"{urdf.stem}_expanded.urdf")
     _check_absent(urdf, overwrite)
@@ -132,7 +133,9 @@ class _Made:
 def _expand_model(file: Path, source: Source) -> _Made:
     """The URDF that is made of a xacro file, or of one that leaves masses out."""
     plain = not is_xacro(file) and not source.package_path
-    root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain else None
+    root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain or file.suffix == ".sdf" else None
+    if root is not None and root.tag == "sdf":
+        return _Made(convert_sdf(root, file), None)
     if root is not None and (states_mass(root) or root.tag != "robot"):
         return _Made(None, _stated_floating(root), _wheeled_assumption(root))
     text = expand_xacro(file, source.arguments, source.package_path)

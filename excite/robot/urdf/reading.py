@@ -28,12 +28,6 @@ from excite.robot.urdf.tree import MOVING, check_tree, declare_world, drop_free_
 MAX_NESTING = 32
 
 _FRAGMENT, _SDF = "a part of a MuJoCo model", "an SDF model"
-# pybullet's wheel reads SDF; of the other converters looked at none ran from its wheels alone.
-SDF_REMEDY = (
-    'make a URDF of it (pip install pybullet): python -c "import pybullet as p; from pybullet_utils.urdfEditor import '
-    "UrdfEditor; c = p.connect(p.DIRECT); e = UrdfEditor(); e.initializeFromBulletBody(p.loadSDF('MODEL.sdf')[0], c); "
-    "e.saveUrdf('MODEL.urdf')\""
-)
 # What a file of another outermost element is, and what to do with it.
 _KINDS = {
     "mujoco": "a MuJoCo model",
@@ -44,9 +38,8 @@ _KINDS = {
     ),
 }
 _REMEDIES = {
-    "a MuJoCo model": "give it to excite init-robot, which makes a URDF of it",
+    **dict.fromkeys(("a MuJoCo model", _SDF), "give it to excite init-robot, which makes a URDF of it"),
     _FRAGMENT: "give the file that includes it, whose outermost element is <mujoco>",
-    _SDF: SDF_REMEDY,
 }
 
 
