@@ -438,11 +438,6 @@ def _taps(command: Array, lags: NDArray[np.intp], rows: NDArray[np.intp]) -> Arr
 # The trivial neighbours of a diagnosis' held-out figures: of positions that follow commands, and of torques.
 
 
-class _Predictor(Protocol):
-    def predicted(self, trial: EvenTrial) -> Array:
-        """Positions ``(n, n_joints)``."""
-
-
 def of_positions(
     robot: Robot,
     log: Log,

@@ -149,5 +149,3 @@ def test_a_column_that_the_record_does_not_show_has_a_deviation_all_the_same():
     # Of the one in the middle nothing is known but what was known before.
     assert told[1] == widths[1]
     assert solver.std_between_trials(fit)[1] == np.inf
-    # Neither of two columns that are the same is sure, both together are.
-    assert solver.times_std(fit) > 20.0

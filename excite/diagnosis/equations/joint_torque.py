@@ -226,14 +226,6 @@ class Solver:
         prior = np.full(len(std), np.inf) if widths is None else widths
         return np.where(fit.columns.any(axis=(0, 1)), std, prior)
 
-    def times_std(self, fit: Fit) -> float:
-        """How many standard deviations, by which trials disagree, all of a fit's extra columns together are large."""
-        if fit.columns is None or not fit.columns.any():
-            return 0.0
-        if len(np.unique(self.equations.trial[self.equations.use])) < TRIALS:
-            return float(np.max(np.abs(fit.extra) / np.maximum(fit.extra_std, 1e-300)))
-        return 1.0 / max(float(self._between(fit, (fit.columns @ fit.extra)[:, :, None])[0]), 1e-300)
-
     def _between(self, fit: Fit, columns: Array, widths: Array | None = None) -> Array:
         """The sandwich for columns ``(n_joints, n_rows, n)`` beside all that the fit has."""
         e, n = self.equations, self.equations.shared.shape[2]
