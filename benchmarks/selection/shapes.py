@@ -1,0 +1,295 @@
+"""Non-linear parameters of effects in the joint fit: their tangents, Gauss and Newton's steps, other forms of a law."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from benchmarks.selection.gram import Gram, whitened
+from benchmarks.selection.prior import Atom, atom_of
+from excite.arrays import Array
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
+from excite.diagnosis.effects.effect import Effect, Theta
+
+# Relative step of a shape's finite difference; of a wave's count, a fraction of a period over the whole range.
+_STEP, _COUNT_STEP = 2e-2, 5e-4
+# Largest change of a shape's logarithm in one step, and shorter ones tried where it gains nothing.
+_LONGEST, _SHORTER = 0.7, (1.0, 0.4, 0.12)
+# Steps at most, and nats below which the next one is not taken.
+_STEPS, _ENOUGH = 4, 0.5
+# A priori precision of a step of a shape's logarithm.
+_DAMPING = 2.0
+# Starts of another form; nats of a term from which its other forms are tried, and by which one may be behind.
+_STARTS, _WORTH, _BEHIND = 9, 8.0, 3.0
+
+Change = Mapping[int, Array]
+
+
+def shape_changes(maker: TermMaker, term: Term, x: Array) -> Iterator[tuple[int, Change]]:
+    """By shape parameter, the change of a term's contribution of sizes ``(size,)`` with its logarithm, by joint."""
+    for i, parameter in enumerate(term.effect.searched):
+        step = _COUNT_STEP if parameter.name == "periods_per_rev" else _STEP
+        step = step if term.theta[i] * np.exp(step) < parameter.high else -step
+        theta = (*term.theta[:i], term.theta[i] * float(np.exp(step)), *term.theta[i + 1 :])
+        other = _made(maker, term, theta)
+        if other is None:
+            continue
+        if term.known:
+            here = there = np.ones(1)
+        else:
+            beta = term.beta(x)
+            here, there = beta[list(term.kept)] / term.scale, beta[list(other.kept)] / other.scale
+        rows = len(next(iter(term.columns.values())))
+        nothing = np.zeros(rows)
+        change = {}
+        for j in term.columns.keys() | other.columns.keys():
+            new = other.columns[j] @ there if j in other.columns else nothing
+            old = term.columns[j] @ here if j in term.columns else nothing
+            change[j] = (new - old) / step
+        yield i, change
+
+
+def _made(maker: TermMaker, term: Term, theta: Theta) -> Term | None:
+    """A term at another shape."""
+    whole = term.known or len(term.kept) == len(term.effect.linear)
+    return maker.make(term.effect, term.location, theta, None if whole else term.kept)
+
+
+def moved(maker: TermMaker, term: Term, steps: Mapping[int, float], factor: float) -> Term | None:
+    """A term whose shape's logarithms have moved by a multiple of steps; None where it cannot be."""
+    theta = list(term.theta)
+    for i, step in steps.items():
+        p = term.effect.searched[i]
+        change = factor * float(np.clip(step, -_LONGEST, _LONGEST))
+        theta[i] = float(np.clip(theta[i] * np.exp(change), p.low, p.high))
+    made = _made(maker, term, tuple(theta))
+    return made if made is not None and made.size == term.size else None
+
+
+def is_searched(term: Term) -> bool:
+    """Whether a term has a shape that is searched here."""
+    return bool(term.theta) and not term.started and not (term.effect.stands_in and term.effect.timing)
+
+
+@dataclass(frozen=True, eq=False)
+class Company:
+    """Some terms with what every model has, solved: what a further term is judged beside.
+
+    Attributes:
+        gram: of the record; its whitening and its columns that every model has.
+        terms: the terms.
+        white: by joint, whitened columns; ``index`` where they stand.
+        index: by joint.
+        factor: of the scaled normal matrix.
+        scale: ``(n,)``.
+        right: ``(n,)``.
+        x: ``(n,)`` sizes.
+        begin: first column of each term.
+        loss: half the weighted sum of squares that is left, priors in it.
+        gap: ``(n_joints,)`` of slabs.
+    """
+
+    gram: Gram
+    terms: tuple[Term, ...]
+    white: list[Array]
+    index: list[NDArray[np.intp]]
+    factor: tuple[Array, bool]
+    scale: Array
+    right: Array
+    x: Array
+    begin: Array
+    loss: float
+    gap: Array
+
+    @classmethod
+    def of(cls, gram: Gram, terms: Sequence[Term], gap: Array) -> Company:
+        """Terms solved together."""
+        atoms = [_loose(gram, term, gap) for term in terms]
+        begin = gram.always + np.cumsum([0, *(term.size for term in terms)])
+        n, always = int(begin[-1]), gram.always
+        precision = np.concatenate([gram.prior, *(atom.precision for atom in atoms)])
+        mean = np.concatenate([np.zeros(always), *(atom.mean for atom in atoms)])
+        normal, right = np.zeros((n, n)), np.zeros(n)
+        normal[:always, :always] = gram.whole[:always, :always]
+        right[:always] = gram.right[:always]
+        white, index = [], []
+        for j, (rows, where) in enumerate(zip(gram.white, gram.index, strict=True)):
+            count = int(np.searchsorted(where, always))
+            base, y, parts = rows[:, :count], rows[:, -1], []
+            at = [where[:count]]
+            for term, first in zip(terms, begin, strict=False):
+                if j in term.columns:
+                    parts.append(_white(gram, j, term.columns[j]))
+                    at.append(np.arange(first, first + term.size))
+            if parts:
+                own, here = np.column_stack(parts), np.concatenate(at[1:])
+                cross = base.T @ own
+                normal[np.ix_(at[0], here)] += cross
+                normal[np.ix_(here, at[0])] += cross.T
+                normal[np.ix_(here, here)] += own.T @ own
+                right[here] += own.T @ y
+                base = np.column_stack([base, own])
+            white.append(base)
+            index.append(np.concatenate(at))
+        normal += np.diag(precision)
+        right = right + precision * mean
+        scale = np.sqrt(np.diag(normal))
+        factor = cho_factor(normal / np.outer(scale, scale) + 1e-9 * np.eye(n))
+        x = cho_solve(factor, right / scale) / scale
+        loss = 0.5 * float(gram.square - right @ x + (precision * mean) @ mean)
+        return cls(gram, tuple(terms), white, index, factor, scale, right, x, begin, loss, gap)
+
+    def sizes(self, i: int) -> Array:
+        """Sizes of the i-th term."""
+        return self.x[self.begin[i] : self.begin[i + 1]]
+
+    def gain(self, columns: Mapping[int, Array], precision: Array, mean: Array) -> tuple[float, Array]:
+        """Nats that further columns gain beside all others, and their sizes.
+
+        Args:
+            columns: by joint, ``(n_rows, w)``.
+            precision: ``(w,)`` prior.
+            mean: ``(w,)`` prior.
+        """
+        cross, own = np.zeros((len(self.scale), len(precision))), np.diag(precision)
+        right = precision * mean
+        for j, block in columns.items():
+            made = _white(self.gram, j, block)
+            cross[self.index[j]] += self.white[j].T @ made
+            own = own + made.T @ made
+            right = right + made.T @ self.gram.white[j][:, -1]
+        solved = cho_solve(self.factor, cross / self.scale[:, None]) / self.scale[:, None]
+        own, right = own - cross.T @ solved, right - solved.T @ self.right
+        scale = np.sqrt(np.maximum(np.diag(own), 1e-30))
+        x = np.linalg.solve(own / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), right / scale) / scale
+        return 0.5 * float(right @ x) - 0.5 * float((precision * mean) @ mean), x
+
+    def gain_of(self, term: Term) -> tuple[float, Array]:
+        """The same of a term."""
+        atom = _loose(self.gram, term, self.gap)
+        return self.gain(term.columns, atom.precision, atom.mean)
+
+
+def _white(gram: Gram, j: int, columns: Array) -> Array:
+    lag, deviation = gram.filters[j]
+    return np.asarray(whitened(gram.rows, lag, columns) / deviation)
+
+
+def _loose(gram: Gram, term: Term, gap: Array) -> Atom:
+    """A term's prior while shapes are searched: of a body, whatever the record asks for."""
+    atom = atom_of(term, powers(gram, term), gap)
+    if atom.turned is None:
+        return atom
+    n = term.size
+    free = np.full(n, np.inf)
+    return Atom(term, term.columns, n, np.zeros(n), np.full(n, 1e-6) + term.precision, -free, free)
+
+
+def powers(gram: Gram, term: Term) -> dict[int, Array]:
+    """Mean squares of a term's columns in the fitted rows, by joint."""
+    use = gram.rows.block >= 0
+    return {j: (block[use] ** 2).mean(axis=0) for j, block in term.columns.items()}
+
+
+def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Term, float]:
+    """A term's shape by Gauss and Newton's steps beside others that are held, and its nats."""
+    gain, x = company.gain_of(term)
+    for _ in range(_STEPS):
+        changes = list(shape_changes(maker, term, x))
+        if not changes:
+            break
+        atom = _loose(company.gram, term, company.gap)
+        rows, n = len(company.gram.rows.trial), term.size
+        columns = {
+            j: np.column_stack(
+                [
+                    term.columns.get(j, np.zeros((rows, n))),
+                    *(c.get(j, np.zeros(rows)) for _, c in changes),
+                ]
+            )
+            for j in set(term.columns).union(*(c for _, c in changes))
+        }
+        k = len(changes)
+        precision, mean = np.append(atom.precision, np.full(k, _DAMPING)), np.append(atom.mean, np.zeros(k))
+        _, both = company.gain(columns, precision, mean)
+        steps = {i: float(s) for (i, _), s in zip(changes, both[n:], strict=True)}
+        for factor in _SHORTER:
+            made = moved(maker, term, steps, factor)
+            more, size = (-np.inf, x) if made is None else company.gain_of(made)
+            if made is not None and more > gain + 0.02:
+                ended = more < gain + _ENOUGH
+                term, gain, x = made, more, size
+                break
+        else:
+            ended = True
+        if ended:
+            break
+    return term, gain
+
+
+def searched_together(gram: Gram, terms: Sequence[Term], gap: Array) -> tuple[list[Term], Company]:
+    """The shapes of all terms by Gauss and Newton's steps together, what is linear projected out (Kaufman 1975)."""
+    found, company = list(terms), Company.of(gram, terms, gap)
+    movable = [i for i, term in enumerate(found) if is_searched(term)]
+    for _ in range(_STEPS if movable else 0):
+        makers = {i: TermMaker(found[i].context, found[i].context.baseline.strict) for i in movable}
+        changes = [
+            (i, p, c) for i in movable for p, c in shape_changes(makers[i], found[i], company.sizes(i))
+        ]
+        if not changes:
+            break
+        rows = len(gram.rows.trial)
+        columns = {
+            j: np.column_stack([c.get(j, np.zeros(rows)) for _, _, c in changes])
+            for j in range(gram.rows.n_joints)
+        }
+        _, both = company.gain(columns, np.full(len(changes), _DAMPING), np.zeros(len(changes)))
+        ended = True
+        for factor in _SHORTER:
+            new = list(found)
+            for i in movable:
+                steps = {p: float(s) for (k, p, _), s in zip(changes, both, strict=True) if k == i}
+                made = moved(makers[i], found[i], steps, factor)
+                new[i] = found[i] if made is None else made
+            other = Company.of(gram, new, gap)
+            if other.loss < company.loss - 0.02:
+                ended = company.loss - other.loss < _ENOUGH
+                found, company = new, other
+                break
+        if ended:
+            break
+    return found, company
+
+
+def other_forms(
+    gram: Gram, terms: Sequence[Term], gap: Array, makers: Sequence[TermMaker]
+) -> list[tuple[Term, TermMaker]]:
+    """Other forms of each term's law, from several starts each, those that are near it at their best."""
+    found = []
+    for i, term in enumerate(terms):
+        forms: tuple[Effect, ...] = (*term.effect.richer, *term.effect.forms)
+        if term.started or term.effect.is_body or not forms or not (is_searched(term) or not term.theta):
+            continue
+        company = Company.of(gram, [other for k, other in enumerate(terms) if k != i], gap)
+        own = company.gain_of(term)[0]
+        if own < _WORTH:
+            continue
+        for form in forms:
+            starts = form.starts(term.theta) if len(term.theta) == len(term.effect.searched) else []
+            begun = [_begun(makers[i], form, term, theta) for theta in starts[:_STARTS]]
+            tried = [(company.gain_of(t)[0], k, t) for k, t in enumerate(begun) if t is not None]
+            # The two best of the starts, each to its own end.
+            for _, _, start in sorted(tried, reverse=True, key=lambda item: item[0])[:2]:
+                best, gain = searched_beside(company, makers[i], start)
+                if gain > own - _BEHIND:
+                    found.append((best, makers[i]))
+    return found
+
+
+def _begun(maker: TermMaker, form: Effect, term: Term, theta: Theta) -> Term | None:
+    """A form at one of its starts; None where it has no such one."""
+    return maker.make(form, term.location, theta) if len(theta) == len(form.searched) else None
