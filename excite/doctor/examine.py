@@ -15,7 +15,14 @@ from excite.doctor.check import Check, Outcome
 from excite.doctor.checks.channels import Channels
 from excite.doctor.checks.clock import CountedRows, HeldRows, Stamps, StatedRate, Velocities
 from excite.doctor.checks.motion import Amount, Commands, Degrees, Jumps, Limits, Standing, Unison, WholeTurns
-from excite.doctor.checks.torques import TorqueRange, TorqueSide, WeakTorques, at_rails, kind_of_torque
+from excite.doctor.checks.torques import (
+    LoadOrScale,
+    TorqueRange,
+    TorqueSide,
+    WeakTorques,
+    at_rails,
+    kind_of_torque,
+)
 from excite.doctor.doubt import Doubt
 from excite.doctor.torque_samples import torque_samples
 from excite.errors import IllLogError
@@ -392,6 +399,7 @@ CHECKS: tuple[Check, ...] = (
     Channels(),
     WeakTorques(),
     TorqueSide(),
+    LoadOrScale(),
     TorqueRange(),
     Limits(),
     Commands(),
