@@ -606,7 +606,7 @@ class Plan(Tabled):
             yield f"not designed, for no design of them was safe: {count(self.undesigned, 'motion')}"
 
     @property
-    def curve(self) -> tuple[CurvePoint, ...]:
+    def reached_by_minutes(self) -> tuple[CurvePoint, ...]:
         """How many parameters asked for minutes of motion like this reach, wherever one more does."""
         finite = (minutes for minutes in self.needed_min.values() if 0.0 < minutes < np.inf)
         return tuple(CurvePoint(minutes, reached) for reached, minutes in enumerate(finite, start=1))
@@ -661,7 +661,7 @@ class Plan(Tabled):
             minutes=self.minutes,
             reaches=() if self.minutes is None else self.reaches,
             out_of_reach=() if self.minutes is None else tuple(self._out_of_reach()),
-            curve=() if self.minutes is None else self.curve,
+            curve=() if self.minutes is None else self.reached_by_minutes,
             undesigned=self.undesigned,
             as_far_as=shape_conditions(self.robot),
             assumed=tuple(self.robot.description.assumed),
