@@ -63,9 +63,11 @@ class GradientDesign(CandidateSearch):
             tasks = [_Task(motion, information) for motion in kept[start : start + _AT_ONCE]]
             for design in in_order(_design, tasks, jobs=at_once(asked.jobs), shared=shared, stage="design"):
                 information = information + design.information
-                targets = kept[len(made)].metadata.targets
-                name = f"{self.name}_{len(made):03d}"
-                made.append(Candidate(name, self.name, targets, seed, design.curve, speed=1.0))
+                source = kept[len(made)].metadata
+                # What no step made safe is its source still, and is called so.
+                maker = self.name if design.step else source.generator
+                name = f"{maker}_{len(made):03d}"
+                made.append(Candidate(name, maker, source.targets, seed, design.curve, speed=1.0))
             asked.progress("design", len(made), len(kept))
         return made
 

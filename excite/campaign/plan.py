@@ -30,7 +30,7 @@ from excite.campaign.pool import Keeper, OnDisk, Pool, ranked_segments, write_va
 from excite.campaign.searches import SEARCHES
 from excite.display import Row, Tabled, count
 from excite.documents.document import read_document
-from excite.documents.plan import CandidateCounts, OutOfReach, PlanDocument, SelectedMotion, Stage
+from excite.documents.plan import CandidateCounts, CurvePoint, OutOfReach, PlanDocument, SelectedMotion, Stage
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
 from excite.excitation.precision import row_noise
@@ -306,9 +306,6 @@ def plan(
         minutes: at the robot: motions are chosen within them for what is asked, of an arm among those designed by
             gradients. The plan says which parameters they reach.
         parameters: asked for, such as ``elbow_joint:friction`` or ``forearm_link:mass``; all, if empty.
-        minutes: at the robot: motions are chosen within them for what is asked for, of an arm among those designed by
-            gradients. The plan says which parameters they reach.
-        parameters: asked for, such as ``elbow_joint:friction`` or ``forearm_link:mass``; all, if empty.
         before: motions that were run already; what is to be expected counts them too.
         robust: plan for all robots of the set that the description states under ``uncertainty`` (or of its default):
             torque, zero-moment point and friction keep their limits whichever of them is there.
@@ -377,6 +374,7 @@ def plan(
         robust=robust_margins,
         minutes=minutes,
         parameters=tuple(parameters),
+        undesigned=sum(one.generator != generator for one in pool.entries) if generator in SEARCHES else 0,
     )
 
 
@@ -495,6 +493,7 @@ class Plan(Tabled):
         robust: least margins of each chosen motion over the robots that it may be; none where the user broke off.
         minutes: at the robot, within which motions were chosen for what is asked for; None where nobody said.
         parameters: that were asked for; all, if empty.
+        undesigned: accepted motions that a search left as their own generator drew them, for want of a safe design.
     """
 
     robot: Robot
@@ -514,6 +513,7 @@ class Plan(Tabled):
     robust: tuple[Robustness, ...] = ()
     minutes: float | None = None
     parameters: tuple[str, ...] = ()
+    undesigned: int = 0
 
     tables = ("motions", "segments", "base_parameters", "rejected")
 
@@ -601,6 +601,16 @@ class Plan(Tabled):
             if name not in reached:
                 yield OutOfReach(name, minutes)
 
+    def _undesigned_in_words(self) -> Iterator[str]:
+        if self.undesigned:
+            yield f"not designed, for no design of them was safe: {count(self.undesigned, 'motion')}"
+
+    @property
+    def reached_by_minutes(self) -> tuple[CurvePoint, ...]:
+        """How many parameters asked for minutes of motion like this reach, wherever one more does."""
+        finite = (minutes for minutes in self.needed_min.values() if 0.0 < minutes < np.inf)
+        return tuple(CurvePoint(minutes, reached) for reached, minutes in enumerate(finite, start=1))
+
     def minutes_in_words(self) -> list[str]:
         """What the minutes reach, what a minute more would add, and what is out of reach; empty where nobody asked."""
         if self.minutes is None or not self.needed_min:
@@ -612,7 +622,7 @@ class Plan(Tabled):
         far = [name for name, minutes in left.items() if minutes > PATIENCE * have]
         line += f"; a minute more adds {added}" if left else ""
         if left and not reached:
-            line += f"; the first takes {min(left.values()):.2g} min"
+            line += f"; the least that reach any are {min(left.values()):.3g} min"
         return [line + (f"; out of reach: {', '.join(far)}" if far else "")]
 
     @property
@@ -651,6 +661,8 @@ class Plan(Tabled):
             minutes=self.minutes,
             reaches=() if self.minutes is None else self.reaches,
             out_of_reach=() if self.minutes is None else tuple(self._out_of_reach()),
+            curve=() if self.minutes is None else self.reached_by_minutes,
+            undesigned=self.undesigned,
             as_far_as=shape_conditions(self.robot),
             assumed=tuple(self.robot.description.assumed),
             **place,
@@ -687,7 +699,7 @@ class Plan(Tabled):
             lines.append(self.refusals.summary())
         if self.outlook is not None:
             lines.append(self.outlook.summary())
-        lines += self.minutes_in_words()
+        lines += [*self._undesigned_in_words(), *self.minutes_in_words()]
         if self.forecast is not None and self.forecast.needed_s:
             lines.append(self.forecast.summary())
         if self.selection.unserved:

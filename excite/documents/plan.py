@@ -8,7 +8,17 @@ from dataclasses import dataclass, field
 from excite.excitation.conditioning import ConditionNumbers
 from excite.finding import Finding
 from excite.identification.judgement.forecast import Forecast, ParameterOutlook
-from excite.results import LEFT_OUT, Assumed, FilePath, InnerPath, Name, Seconds, Stated, UnboundedPositive
+from excite.results import (
+    LEFT_OUT,
+    Assumed,
+    FilePath,
+    InnerPath,
+    Name,
+    Positive,
+    Seconds,
+    Stated,
+    UnboundedPositive,
+)
 from excite.safety.refusals import Refused, Remedy
 from excite.safety.verdict import Robustness
 
@@ -70,6 +80,19 @@ class OutOfReach(Stated):
 
 
 @dataclass(frozen=True)
+class CurvePoint(Stated):
+    """How far minutes reach.
+
+    Attributes:
+        minutes: of motion like the chosen [min].
+        reached: number of parameters asked for that they bring to the target.
+    """
+
+    minutes: Positive
+    reached: int
+
+
+@dataclass(frozen=True)
 class PlanDocument(Stated):
     """Motions that were found safe and chosen because they excite the parameters.
 
@@ -91,6 +114,9 @@ class PlanDocument(Stated):
         minutes: minutes at the robot that motions were chosen within; null where nobody said [min].
         reaches: parameters asked for that are expected to reach the target.
         out_of_reach: the others that were asked for.
+        undesigned: accepted motions that no design made richer safely: they are as their own generator drew them.
+        curve: minutes at which one more parameter reaches the target, fewest first; the first entry is the least
+            that reaches anything. Approaches between motions come on top.
         as_far_as: what has to hold of shapes that are not known, for what is safe to be so.
         assumed: what no file said of the robot.
         findings: what spoils the robot's description itself, worst first.
@@ -115,6 +141,8 @@ class PlanDocument(Stated):
     minutes: float | None = None
     reaches: tuple[Name, ...] = ()
     out_of_reach: tuple[OutOfReach, ...] = ()
+    curve: tuple[CurvePoint, ...] = ()
+    undesigned: int = 0
     as_far_as: tuple[str, ...] = ()
     assumed: tuple[Assumed, ...] = ()
     findings: tuple[Finding, ...] = ()

@@ -299,12 +299,14 @@ class Design:
         information: ``(n_base, n_base)`` of its samples at the search's rate.
         duration_s: [s]
         gain: of log det per second over the prior.
+        step: part of the way to the optimum that the check finds safe; 0 where the motion is its source still.
     """
 
     curve: PolynomialCurve
     information: Array
     duration_s: float
     gain: float
+    step: float
 
 
 @one_blas_thread
@@ -333,7 +335,7 @@ def design_motion(rows: ArmRows, source: Motion, prior: Array, limits: JointLimi
     step = next((s for s in _STEPS if _is_safe(rows.robot, program, s * x)), 0.0)
     information = program.information(step * x)
     gain = np.linalg.slogdet(prior + information)[1] - np.linalg.slogdet(prior)[1]
-    return Design(program.curve(step * x), information, source.duration, float(gain) / source.duration)
+    return Design(program.curve(step * x), information, source.duration, float(gain) / source.duration, step)
 
 
 def sample_design(robot: Robot, curve: PolynomialCurve, source: Motion) -> Motion:

@@ -25,6 +25,11 @@ def test_minutes_hold_and_say_what_they_reach(ur10: Robot) -> None:
     for entry in document["out_of_reach"]:
         expected = made.duration_s / 60.0 * (rsd[entry["parameter"]] / 15.0) ** 2
         assert entry["minutes"] == pytest.approx(expected)
+    curve = document["curve"]
+    assert [point["reached"] for point in curve] == list(range(1, len(curve) + 1))
+    have = made.duration_s / 60.0
+    assert sum(point["minutes"] <= have for point in curve) == len(document["reaches"])
+    assert document["undesigned"] == 0
     again = plan(ur10, n_candidates=4, minutes=0.4, seed=0, jobs=2)
     assert [m.q.tobytes() for m in again.motions] == [m.q.tobytes() for m in made.motions]
 
@@ -46,6 +51,8 @@ def test_minutes_that_reach_nothing_asked_for_end_in_3(tmp_path: Path) -> None:
     assert told.exit_code == 3
     document = json.loads(told.stdout)
     assert document["reaches"] == []
+    least = min(entry["minutes"] for entry in document["out_of_reach"] if entry["minutes"] is not None)
+    assert document["curve"][0] == {"minutes": least, "reached": 1}
     assert all(entry["minutes"] is None or entry["minutes"] > 0.4 for entry in document["out_of_reach"])
     assert {entry["parameter"].partition("(")[2] for entry in document["out_of_reach"]} == {"wrist_3_link)"}
     assert (tmp_path / "plan.json").is_file()

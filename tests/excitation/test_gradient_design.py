@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from excite.arrays import Array
-from excite.campaign.optimised_series import usual_limits
+from excite.campaign.gradient_search import GradientDesign
+from excite.campaign.optimised_series import Asked, usual_limits
 from excite.errors import InputError, UnknownNameError
 from excite.excitation.gradient_design import (
     ArmRows,
@@ -115,3 +116,11 @@ def iiwa_without_noise() -> Robot:
     robot = load_robot("iiwa14")
     sensors = robot.description.sensors.model_copy(update={"noise_torque": None})
     return replace(robot, description=robot.description.model_copy(update={"sensors": sensors}))
+
+
+def test_a_motion_that_no_step_makes_richer_safely_keeps_its_generators_name(
+    ur10: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("excite.excitation.gradient_design._is_safe", lambda *_: False)
+    made = GradientDesign().candidates(Asked(ur10, 1), seed=0)
+    assert [(one.name, one.generator) for one in made] == [("random_joint_000", "random_joint")]
