@@ -197,9 +197,7 @@ MACHINES = (
         partial(_file, "ur10e.urdf"),
         tuple(f"{name}_joint" for name in _UR),
         100.0,
-        partial(
-            _table, _UR_RUNS, "q{}_rad", "i{}_A", range(1, 7), 100.0, scale=_UR_GAINS, time="t_s"
-        ),
+        partial(_table, _UR_RUNS, "q{}_rad", "i{}_A", range(1, 7), 100.0, scale=_UR_GAINS, time="t_s"),
     ),
     Machine(
         "lwr",

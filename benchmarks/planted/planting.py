@@ -27,7 +27,14 @@ TERM = {
     "payload": None,
 }
 TERMS = ("viscous_friction", "coulomb_friction", "armature", "torque_bias")
-_OF_JOINT = ("torque_gain", "torque_bias", "coulomb_friction", "viscous_friction", "encoder_offset", "joint_spring")
+_OF_JOINT = (
+    "torque_gain",
+    "torque_bias",
+    "coulomb_friction",
+    "viscous_friction",
+    "encoder_offset",
+    "joint_spring",
+)
 # Delay, zero of an encoder and gain are those of faults that were met; the rest is drawn.
 _DELAY, _ZERO, _GAIN = 0.012, 0.03, 0.15
 
