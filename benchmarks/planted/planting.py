@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import lsq_linear
 from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.planted.machines import Array, Machine, Recording
@@ -59,8 +60,8 @@ class Effect:
 class Bench:
     """A machine whose recordings are moved onto its nominal bodies.
 
-    What the nominal bodies and the friction terms cannot explain, noise and unmodelled effects, stays as recorded: only the
-    difference between the bodies fitted on the teaching rows and the nominal ones is taken out of the torques.
+    What the nominal bodies and the friction terms cannot explain, noise and unmodelled effects, stays as recorded:
+    only the difference between the bodies fitted on the teaching rows and the nominal ones is taken out of the torques.
     """
 
     def __init__(self, machine: Machine):
@@ -94,8 +95,9 @@ class Bench:
         return np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)])
 
     def _fit_bodies(self, runs: Sequence[Recording]) -> list[Array]:
-        """Torques of fitted less nominal bodies, by run."""
+        """Torques of fitted less nominal bodies, by run; every row weighs by its joint's spread."""
         blocks, teach, left = [], [], []
+        spread = self.filtered(runs[0].tau).std(axis=0)
         for run in runs:
             q, v, a = self.states(run.q)
             rows = np.array(
@@ -108,15 +110,21 @@ class Bench:
             terms = self.terms(v, a, TERMS)
             y = self.filtered(run.tau) - self._moved(run, q, v, a)
             keep = self.teaching(len(q))
-            full = np.concatenate([rows, terms], axis=2)[keep]
+            full = np.concatenate([rows, terms], axis=2)[keep] / spread[:, None]
             teach.append(full.reshape(-1, full.shape[2]))
-            left.append(y[keep].reshape(-1))
+            left.append((y[keep] / spread).reshape(-1))
         columns, y = np.concatenate(teach), np.concatenate(left)
         scale = np.linalg.norm(columns, axis=0) + 1e-12
-        # Directions that the motion hardly shows stay nominal.
-        delta = np.linalg.lstsq(columns / scale, y, rcond=1e-3)[0] / scale
-        bodies = delta[: blocks[0].shape[2]]
-        return [rows @ bodies for rows in blocks]
+        # Directions that the motion hardly shows stay nominal; frictions and rotors stay what can exist.
+        n_bodies, n_free = blocks[0].shape[2], self.model.nv
+        low = np.full(columns.shape[1], -np.inf)
+        low[n_bodies:-n_free] = 0.0
+        stay = 1e-2 * np.diag(np.arange(len(scale)) < n_bodies)
+        made = lsq_linear(
+            np.concatenate([columns / scale, stay]), np.r_[y, np.zeros(len(scale))], (low, np.inf)
+        )
+        delta = made.x / scale
+        return [rows @ delta[:n_bodies] for rows in blocks]
 
     def teaching(self, n: int) -> Array:
         """Every tenth of a cut-off's period of the first two thirds, without the filter's ends."""

@@ -213,7 +213,8 @@ def is_met(value: float, bar: str) -> bool:
 def table(rows: Sequence[Row]) -> str:
     """All rows and, by half of the machines and together, the figures; ✗ where a bar is missed."""
     lines = [
-        "| machine | planted | visible | named, placed | size said | in | share by hand, said | in | besides | firm wrong | s |"
+        "| machine | planted | visible | named, placed | size said | in "
+        "| share by hand, said | in | besides | firm wrong | s |"
     ]
     lines.append("|" + " --- |" * 11)
     mark = {True: "✓", False: "✗", None: "–"}
