@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from excite.robot.catalogue import example_robot_data
+
 Array = npt.NDArray[np.float64]
 DATA = Path(os.environ.get("EXCITE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 
@@ -44,7 +46,7 @@ class Machine:
         name: of the machine.
         half: A or B; what is set by looking at one half is reported on the other.
         folder: of the recordings, in the data.
-        urdf: text of the robot's file.
+        model: file of the robot in the folder, or of example-robot-data; none: the one axis.
         joints: in the order of the columns.
         rate_hz: of the recordings.
         read: the recordings, from the folder; the last third of each judges.
@@ -56,7 +58,7 @@ class Machine:
     name: str
     half: str
     folder: str
-    urdf: Callable[[Path], str]
+    model: str
     joints: tuple[str, ...]
     rate_hz: float
     read: Callable[[Path], list[Recording]]
@@ -69,15 +71,12 @@ class Machine:
         """Folder of the recordings."""
         return DATA / self.folder
 
-
-def _file(name: str, folder: Path) -> str:
-    return (folder / name).read_text()
-
-
-def _example(name: str, _: Path) -> str:
-    from excite.robot.catalogue import example_robot_data  # lazy: example-robot-data
-
-    return (example_robot_data() / name).read_text()
+    def urdf(self, folder: Path) -> str:
+        """Text of the robot's file, which stands in a folder of recordings or in a package."""
+        if not self.model:
+            return _EMPS
+        kind, _, name = self.model.rpartition(":")
+        return ((example_robot_data() if kind else folder) / name).read_text()
 
 
 def _columns(path: Path) -> dict[str, Array]:
@@ -150,7 +149,9 @@ def _numbered(pattern: str, n: int, first: int = 1) -> tuple[str, ...]:
     return tuple(pattern.format(k) for k in range(first, first + n))
 
 
-_UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_UR = tuple(
+    f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+)
 _UR_GAINS = (14.87, 13.26, 11.13, 10.62, 11.03, 11.47)
 _UR_RUNS = ("identification/ur-20_02_12-40sec_12harm.csv", "identification/ur-20_02_12-50sec_12harm.csv")
 _AIR_RUNS = ("vali_ga_N12T25.csv", "vali_opt.csv", "vali_ptrnSrch_N7T25QR-5.csv")
@@ -161,107 +162,48 @@ def _in_rad(files: tuple[str, ...], n: int, rate_hz: float) -> Callable[[Path], 
     return partial(_table, files, "q{}_rad", "tau{}_Nm", range(1, n + 1), rate_hz, time="t_s")
 
 
+_EMPS_FORCE = partial(
+    _table, ("emps_train_t0_16s.csv",), "qm_meas_m", "vir_V", range(1), 1000.0, scale=_NEWTON_PER_VOLT
+)
+_UR_CURRENT = partial(_table, _UR_RUNS, "q{}_rad", "i{}_A", range(1, 7), 100.0, scale=_UR_GAINS, time="t_s")
+_AR5_RUN = partial(_table, ("dynamics_identification_data_real.csv",), "q{}", "tau{}", range(7), 50.0)
+# Torques are reactions.
+_LBR_RUN = partial(_table, ("measurements.csv",), "q_{}", "tau_{}", range(7), 100.0, scale=-1.0)
+_PANDA = "example:panda_description/urdf/panda.urdf"
+_TIAGO = "example:tiago_description/robots/tiago.urdf"
+_AR5_JOINTS = _numbered("AR5-5_07R-W4C4A2_joint_{}", 7)
+_PANDA_RUN = _in_rad(("panda_exciting_traj1_t0_14s.csv",), 7, 1000.0)
+_AIR_RUN = _in_rad(_AIR_RUNS, 6, 200.0)
+
 MACHINES = (
-    Machine(
-        "emps",
-        "A",
-        "emps_ballscrew_axis",
-        lambda _: _EMPS,
-        ("axis",),
-        1000.0,
-        partial(
-            _table,
-            ("emps_train_t0_16s.csv",),
-            "qm_meas_m",
-            "vir_V",
-            range(1),
-            1000.0,
-            scale=_NEWTON_PER_VOLT,
-        ),
-        cutoff_hz=20.0,
-    ),
+    Machine("emps", "A", "emps_ballscrew_axis", "", ("axis",), 1000.0, _EMPS_FORCE, 20.0),
     Machine(
         "panda",
         "B",
         "franka_panda_gaz2019",
-        partial(_example, "panda_description/urdf/panda.urdf"),
+        _PANDA,
         _numbered("panda_joint{}", 7),
         1000.0,
-        _in_rad(("panda_exciting_traj1_t0_14s.csv",), 7, 1000.0),
+        _PANDA_RUN,
         torque="link_side",
     ),
+    Machine("ur10e", "A", "ur10e_dynamic_calibration", "ur10e.urdf", _UR, 100.0, _UR_CURRENT),
     Machine(
-        "ur10e",
-        "A",
-        "ur10e_dynamic_calibration",
-        partial(_file, "ur10e.urdf"),
-        tuple(f"{name}_joint" for name in _UR),
-        100.0,
-        partial(_table, _UR_RUNS, "q{}_rad", "i{}_A", range(1, 7), 100.0, scale=_UR_GAINS, time="t_s"),
+        "lwr", "B", "kuka_lwr4_flobaroid", "kuka_lwr4.urdf", _numbered("lwr_{}_joint", 7, 0), 200.0, _lwr
     ),
-    Machine(
-        "lwr",
-        "B",
-        "kuka_lwr4_flobaroid",
-        partial(_file, "kuka_lwr4.urdf"),
-        _numbered("lwr_{}_joint", 7, 0),
-        200.0,
-        _lwr,
-    ),
-    Machine(
-        "tiago",
-        "A",
-        "tiago_arm_figaroh",
-        partial(_example, "tiago_description/robots/tiago.urdf"),
-        _numbered("arm_{}_joint", 4),
-        100.0,
-        _tiago,
-    ),
-    Machine(
-        "airbot",
-        "B",
-        "airbot_play_multi_traj",
-        partial(_file, "play.urdf"),
-        _numbered("joint{}", 6),
-        200.0,
-        _in_rad(_AIR_RUNS, 6, 200.0),
-    ),
-    Machine(
-        "xmate",
-        "A",
-        "rokae_xmate3pro",
-        partial(_file, "rokae_xmate3pro.urdf"),
-        _numbered("joint{}", 7),
-        998.0,
-        _rokae,
-    ),
-    Machine(
-        "ar5",
-        "B",
-        "rokae_ar5",
-        partial(_file, "ar5.urdf"),
-        _numbered("AR5-5_07R-W4C4A2_joint_{}", 7),
-        50.0,
-        partial(_table, ("dynamics_identification_data_real.csv",), "q{}", "tau{}", range(7), 50.0),
-        gravity=(9.81, 0.0, 0.0),
-    ),
-    Machine(
-        "lbr_med",
-        "A",
-        "kuka_lbr_med",
-        partial(_file, "lbr_med.urdf"),
-        _numbered("A{}", 7),
-        100.0,
-        partial(_table, ("measurements.csv",), "q_{}", "tau_{}", range(7), 100.0, scale=-1.0),
-    ),
+    Machine("tiago", "A", "tiago_arm_figaroh", _TIAGO, _numbered("arm_{}_joint", 4), 100.0, _tiago),
+    Machine("airbot", "B", "airbot_play_multi_traj", "play.urdf", _numbered("joint{}", 6), 200.0, _AIR_RUN),
+    Machine("xmate", "A", "rokae_xmate3pro", "rokae_xmate3pro.urdf", _numbered("joint{}", 7), 998.0, _rokae),
+    Machine("ar5", "B", "rokae_ar5", "ar5.urdf", _AR5_JOINTS, 50.0, _AR5_RUN, gravity=(9.81, 0.0, 0.0)),
+    Machine("lbr_med", "A", "kuka_lbr_med", "lbr_med.urdf", _numbered("A{}", 7), 100.0, _LBR_RUN),
     Machine(
         "tx40",
         "B",
         "staubli_tx40_figaroh",
-        partial(_file, "tx40_mdh_modified.urdf"),
+        "tx40_mdh_modified.urdf",
         _numbered("joint_{}", 6),
         500.0,
         _tx40,
-        cutoff_hz=20.0,
+        20.0,
     ),
 )
