@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 from scipy.optimize import lsq_linear
 from scipy.signal import butter, sosfiltfilt
@@ -126,13 +127,13 @@ class Bench:
         delta = made.x / scale
         return [rows @ delta[:n_bodies] for rows in blocks]
 
-    def teaching(self, n: int) -> Array:
+    def teaching(self, n: int) -> npt.NDArray[np.intp]:
         """Every tenth of a cut-off's period of the first two thirds, without the filter's ends."""
         step = max(1, int(self.machine.rate_hz / (10.0 * self.machine.cutoff_hz)))
         edge = int(self.machine.rate_hz / self.machine.cutoff_hz)
         return np.arange(edge, 2 * n // 3 - edge, step)
 
-    def judging(self, n: int) -> Array:
+    def judging(self, n: int) -> npt.NDArray[np.intp]:
         """The same of the last third."""
         step = max(1, int(self.machine.rate_hz / (10.0 * self.machine.cutoff_hz)))
         edge = int(self.machine.rate_hz / self.machine.cutoff_hz)
@@ -322,4 +323,5 @@ def _at(rival: Effect, effect: Effect) -> Effect:
 def _normal(gravity: Sequence[float]) -> Array:
     """Some unit vector across gravity."""
     down = np.array(gravity)
-    return np.cross(down, np.roll(down, 1)) / np.linalg.norm(np.cross(down, np.roll(down, 1)))
+    across = np.cross(down, np.roll(down, 1))
+    return np.asarray(across / np.linalg.norm(across), dtype=float)

@@ -203,7 +203,7 @@ def figures(rows: Sequence[Row]) -> dict[str, tuple[float, int, str]]:
 
 def is_met(value: float, bar: str) -> bool:
     """Whether a figure meets a bar as :func:`figures` writes it."""
-    kind, *_ = bar
+    kind = bar[0]
     numbers = [float(text) for text in bar.strip("≥≤ ").split("–")]
     if kind == "≥":
         return value >= numbers[0]
