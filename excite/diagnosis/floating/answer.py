@@ -247,15 +247,6 @@ def _in_samples(problem: Problem, fitted: Fitted) -> Array:
 # Fits that do not see the validation trials.
 
 
-def refit(problem: Problem, fitted: Fitted) -> tuple[Fitted, Fitted]:
-    """The baseline and a hypothesis fitted to the identification trials alone."""
-    restricted = problem.identification_only
-    baseline = nominal_fit(restricted)
-    if not fitted.placed:
-        return baseline, baseline
-    return baseline, refine(restricted, fitted.placed, fitted.theta, fitted)
-
-
 def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float:
     """What a further effect takes away from the validation trials' sum of squares, fitted to the others.
 

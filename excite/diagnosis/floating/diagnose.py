@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.diagnosis.answer.answer import Diagnosis, NextExperiment, Verdict
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import Gap
-from excite.diagnosis.floating.answer import gap_of, locate, refit, trial_curves
+from excite.diagnosis.floating.answer import gap_of, locate, trial_curves
 from excite.diagnosis.floating.effects.effect import links, segment_of
 from excite.diagnosis.floating.effects.registry import NAMELESS
 from excite.diagnosis.floating.equations.noise_level import noise_floor
@@ -309,27 +309,31 @@ class Analysis:
     """A record with its verdict and what is fitted to the identification trials alone.
 
     Attributes:
-        problem: the problem.
-        found: the verdict on all trials.
-        before: the baseline's fit to the identification trials.
+        problem: all trials, in which the gap is measured.
+        learnt: the identification trials, which alone the verdict, names and sizes come from.
+        found: the verdict.
+        before: the baseline's fit.
         after: that of the accepted effects; the baseline's where there are none.
     """
 
     problem: Problem
+    learnt: Problem
     found: Attribution
     before: Fitted
     after: Fitted
 
 
 def analyse(log: Log, robot: Robot | None = None) -> Analysis:
-    """Prepare a log, find what explains it, and fit that again without the validation trials.
+    """Prepare a log and find what explains it, without the validation trials.
 
     Args and errors as of :func:`diagnose_floating`.
     """
-    problem = build_problem(prepare_record(log, robot))
-    found = attribute(problem)
+    record = prepare_record(log, robot)
+    learnt = build_problem(record.learnt())
+    problem = learnt if learnt.record is record else build_problem(record)
+    found = attribute(learnt)
     accepted = found.accepted if found.verdict in {"effect", "ambiguous"} else found.baseline
-    return Analysis(problem, found, *refit(problem, accepted))
+    return Analysis(problem, learnt, found, found.baseline, accepted)
 
 
 def diagnose_floating(
@@ -356,23 +360,24 @@ def diagnosis_of(
     analysis: Analysis, rng: np.random.Generator | None = None, out: Path | None = None
 ) -> Diagnosis:
     """What an analysis says, with the gap's interval from a bootstrap, and roll-outs; arguments as above."""
-    problem, found, rng = analysis.problem, analysis.found, rng or np.random.default_rng(0)
+    problem, learnt, found = analysis.problem, analysis.learnt, analysis.found
+    rng = rng or np.random.default_rng(0)
     accepted = found.accepted if found.verdict in {"effect", "ambiguous"} else found.baseline
     gap = gap_of(problem, analysis.before, analysis.after, rng)
     first = found.steps[0] if found.steps and accepted.placed else ()
     tied = found.tied[0] if first else ()
     if found.verdict == "unknown":
-        tied = unknown_places(problem, found.baseline)
+        tied = unknown_places(learnt, found.baseline)
     return Diagnosis(
         robot=problem.record.robot.name,
         verdict=found.verdict,
         effect=_name(first[0]) if first else None,
         location=first[0].last.location if first else (tied[0] if tied else None),
         tied_locations=tied,
-        candidates=_candidates(problem, found, gap),
-        effects=_effects(problem, found, gap) if accepted.placed else (),
+        candidates=_candidates(learnt, found, gap),
+        effects=_effects(learnt, found, gap) if accepted.placed else (),
         gap=gap,
-        where=locate(problem, found.baseline),
+        where=locate(learnt, found.baseline),
         simulation=simulated(problem, analysis.before, analysis.after, rng, out),
         n_tied=len(found.rivals) if found.verdict == "ambiguous" else 0,
         next_experiment=_next(found),

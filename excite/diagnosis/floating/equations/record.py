@@ -46,7 +46,7 @@ class FloatingRecord:
         repeats: pairs of indices of trials that ran the same command.
         unmeasured: segments beyond the sensors.
         sensor_noise: ``(6, 6)`` covariance of the measured base wrench's white noise, a sample of the full
-            rate, learnt above the motion's band.
+            rate, learnt above the motion's band, from the trials that do not judge.
         full_rate_hz: that rate [Hz].
         inertials_free: whether ``modelled`` asks for the rigid body's parameters to be identified.
         modelled: words of ``modelled``: effects that are not to be tried.
@@ -100,6 +100,33 @@ class FloatingRecord:
             spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(ends)),
         )
 
+    def learnt(self) -> FloatingRecord:
+        """The trials that are learnt from, of which the last that stands for itself checks each name.
+
+        Names and sizes come from this record alone, so that nothing depends on the trials that judge. A trial that
+        repeats another, or is repeated, tells the noise instead. Itself where there are no trials of both roles.
+        """
+        if all(self.validation) or not any(self.validation):
+            return self
+        kept = [i for i, judges in enumerate(self.validation) if not judges]
+        samples = np.concatenate([np.arange(self.spans[i].start, self.spans[i].stop) for i in kept])
+        ends = np.cumsum([0, *(self.spans[i].stop - self.spans[i].start for i in kept)])
+        repeats = tuple((kept.index(a), kept.index(b)) for a, b in self.repeats if {a, b} <= {*kept})
+        alone = [i for i in range(len(kept)) if not any(i in pair for pair in repeats)]
+        check = alone[-1] if len(alone) > 1 else None
+        return replace(
+            self,
+            q=self.q[samples],
+            v=self.v[samples],
+            a=self.a[samples],
+            readings={name: values[samples] for name, values in self.readings.items()},
+            readings_rate={name: values[samples] for name, values in self.readings_rate.items()},
+            spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(ends)),
+            trials=tuple(self.trials[i] for i in kept),
+            validation=tuple(i == check for i in range(len(kept))),
+            repeats=repeats,
+        )
+
     def validation_samples(self) -> NDArray[np.bool_]:
         """``(n,)`` which samples are of validation trials."""
         mask = np.zeros(self.n_samples, dtype=bool)
@@ -127,6 +154,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
     parts = [_prepare_trial(robot, log, trial, settings, filters) for trial in log.trials]
     lengths = np.cumsum([0, *(len(part.q) for part in parts)])
     names = [trial.name for trial in log.trials]
+    heard = [i for i, t in enumerate(log.trials) if t.role != "validation"] or range(len(parts))
     return FloatingRecord(
         robot=robot,
         tree=read_tree(robot.model),
@@ -143,7 +171,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
             (names.index(trial.repeats), i) for i, trial in enumerate(log.trials) if trial.repeats in names
         ),
         unmeasured=tuple(sorted({segment for s in robot.sensors for segment in s.excludes})),
-        sensor_noise=robust_covariance(np.concatenate([part.above_band for part in parts])),
+        sensor_noise=robust_covariance(np.concatenate([parts[i].above_band for i in heard])),
         full_rate_hz=header.rate_hz,
         inertials_free="rigid_body" in header.modelled,
         modelled=tuple(header.modelled),
