@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import ClassVar
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
-from defusedxml.ElementTree import fromstring
 
 from excite.arrays import Array
-from excite.errors import InputError
 from excite.export.models.xml_text import number_text
 from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered, Subject
-from excite.export.simulators.tree import Body, Joint, LoadedTree, ReadBody, ReadJoint, Tree, described_tree
-from excite.robot.robot import Robot
+from excite.export.simulators.tree import Body, Joint, Tree, described_tree
+from excite.export.simulators.urdf import LoadedUrdf
+from excite.formats.documents import elements_of
 from excite.robot.shapes.shape import Shape
+from excite.robot.urdf.sdf import convert_sdf
 from excite.simulation.true_parameters import PrincipalInertia
 
 # SDF: the robot as a model of Gazebo, made anew.
@@ -27,6 +28,7 @@ VERSION = "1.10"
 
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+_SERVOS = {"torque_limit": "effort", "velocity_limit": "velocity"}
 _NO_SERVO = "SDF describes no servo; set it in the controller's plug-in"
 
 
@@ -70,8 +72,9 @@ class SdfFormat(ModelFormat):
         return Rendered({f"{subject.stem}.sdf": text, **dict(_mesh_files(tree))}, tree.notes)
 
     def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
-        """Read by the XML's own words."""
-        return read_sdf(subject.robot, rendered.files[rendered.main])
+        """Read as an SDF of somebody else is, as the URDF that it says, by pinocchio."""
+        text = convert_sdf(elements_of(rendered.files[rendered.main]), Path(rendered.main))
+        return LoadedUrdf(subject.robot, text.encode(), _SERVOS)
 
 
 def _write_link(model: Element, body: Body, carrier: Joint | None) -> None:
@@ -157,77 +160,3 @@ def _write_pose(element: Element, pose: pin.SE3) -> None:
 def _format_pose(pose: pin.SE3) -> str:
     """Place and roll, pitch, yaw, as SDF has them (about fixed axes)."""
     return number_text(*pose.translation, *pin.rpy.matrixToRpy(pose.rotation))
-
-
-# SDF as a simulator reads it: links, joints and what they say, with the format's own defaults.
-
-# What SDF takes for a link that says nothing of its inertia.
-_MASS, _MOMENT = 1.0, 1.0
-
-
-def read_sdf(robot: Robot, text: bytes) -> LoadedTree:
-    """The one model of an SDF text; raises InputError where it is none that this reads."""
-    model = fromstring(text).find("model")
-    if model is None:
-        raise InputError("holds no model", source="written model")
-    bodies = {str(link.get("name")): _read_body(link) for link in model.findall("link")}
-    elements = {str(joint.get("name")): joint for joint in model.findall("joint")}
-    poses = {str(link.get("name")): link.find("pose") for link in model.findall("link")}
-    joints = [_read_joint(name, element, poses) for name, element in elements.items()]
-    own = [elements[name] for name in robot.joint_names]
-    return LoadedTree(
-        robot,
-        bodies,
-        joints,
-        {
-            "viscous": _read_joint_numbers(own, "axis/dynamics/damping"),
-            "coulomb": _read_joint_numbers(own, "axis/dynamics/friction"),
-        },
-        {
-            "torque_limit": _read_joint_numbers(own, "axis/limit/effort"),
-            "velocity_limit": _read_joint_numbers(own, "axis/limit/velocity"),
-        },
-    )
-
-
-def _read_body(link: Element) -> ReadBody:
-    inertial = link.find("inertial")
-    if inertial is None:
-        return ReadBody(_MASS, np.zeros(3), _MOMENT * np.eye(3))
-    at = _read_pose(inertial.find("pose"))
-    xx, xy, xz, yy, yz, zz = (
-        float(inertial.findtext(f"inertia/{name}", "1" if name[1] == name[2] else "0"))
-        for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
-    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    mass = float(inertial.findtext("mass", "1"))
-    return ReadBody(mass, at.translation, at.rotation @ moments @ at.rotation.T)
-
-
-def _read_joint(name: str, element: Element, poses: dict[str, Element | None]) -> ReadJoint:
-    parent, child = element.findtext("parent", ""), element.findtext("child", "")
-    pose, own = element.find("pose"), poses[child]
-    outer = "" if parent == "world" else parent
-    if pose is not None and pose.get("relative_to") == parent:
-        in_parent = _read_pose(pose)
-    elif pose is None and element.get("type") == "fixed":
-        in_parent = pin.SE3.Identity()
-    else:
-        raise InputError(f"joint {name!r} says nothing of where it is", source="written model")
-    in_child = pin.SE3.Identity()
-    if own is not None and own.get("relative_to") == name:
-        in_child = _read_pose(own).inverse()
-    xyz = element.findtext("axis/xyz")
-    axis = None if xyz is None else np.array([float(word) for word in xyz.split()])
-    return ReadJoint(name, str(element.get("type")), outer, child, in_parent, in_child, axis)
-
-
-def _read_pose(element: Element | None) -> pin.SE3:
-    if element is None or not element.text:
-        return pin.SE3.Identity()
-    x, y, z, roll, pitch, yaw = (float(word) for word in element.text.split())
-    return pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array([x, y, z]))
-
-
-def _read_joint_numbers(joints: list[Element], path: str) -> Array:
-    return np.array([float(joint.findtext(path, "nan")) for joint in joints])

@@ -57,16 +57,21 @@ class UrdfFormat(ModelFormat):
 
 
 class LoadedUrdf(LoadedModel):
-    """A URDF in pinocchio, with the friction that its joints state."""
+    """A URDF in pinocchio, with the friction that its joints state.
 
-    def __init__(self, robot: Robot, text: bytes) -> None:
+    Args:
+        robot: whose joints and order are asked for.
+        text: the URDF.
+        servos: terms of servos that are asked for, by the attribute of ``<limit>`` that holds each.
+    """
+
+    def __init__(self, robot: Robot, text: bytes, servos: Mapping[str, str] | None = None) -> None:
         self._robot, self._text = robot, text
         joints = {joint.get("name"): joint for joint in elements_of(text).findall("joint")}
+        own = [joints[name] for name in robot.joint_names]
         super().__init__(
-            {
-                term: np.array([_dynamics_attribute(joints[name], attribute) for name in robot.joint_names])
-                for term, attribute in _ATTRIBUTES.items()
-            }
+            {term: _joint_attributes(own, "dynamics", name, 0.0) for term, name in _ATTRIBUTES.items()},
+            {term: _joint_attributes(own, "limit", name, np.nan) for term, name in (servos or {}).items()},
         )
 
     def torques(self, states: States) -> Array:
@@ -75,6 +80,7 @@ class LoadedUrdf(LoadedModel):
         return with_friction(self._robot, bodies, states, self.drives)
 
 
-def _dynamics_attribute(joint: ElementTree.Element, attribute: str) -> float:
-    dynamics = joint.find("dynamics")
-    return 0.0 if dynamics is None else float(dynamics.get(attribute, "0"))
+def _joint_attributes(joints: list[ElementTree.Element], tag: str, name: str, default: float) -> Array:
+    """An attribute of an element of each joint, ``(n_joints,)``."""
+    found = (joint.find(tag) for joint in joints)
+    return np.array([default if one is None else float(one.get(name, default)) for one in found])
