@@ -305,7 +305,7 @@ def plan(
         target_rsd: relative standard deviation that the plan says how much motion it would take to reach [percent].
         minutes: at the robot: motions are chosen within them for what is asked, of an arm among those designed by
             gradients. The plan says which parameters they reach.
-        parameters: asked for, such as ``elbow_joint:friction`` or ``forearm_link:mass``; all, if empty.
+        parameters: asked for, such as ``elbow_joint:friction`` or ``forearm_link:com``; all, if empty.
         before: motions that were run already; what is to be expected counts them too.
         robust: plan for all robots of the set that the description states under ``uncertainty`` (or of its default):
             torque, zero-moment point and friction keep their limits whichever of them is there.

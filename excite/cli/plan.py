@@ -90,7 +90,7 @@ def command(
         str,
         typer.Option(
             "--targets",
-            help="What --minutes are for, such as elbow_joint:friction,forearm_link:mass (friction, mass, com, "
+            help="What --minutes are for, such as elbow_joint:friction,forearm_link:com (friction, mass, com, "
             "inertia); all parameters, if left out.",
         ),
     ] = "",

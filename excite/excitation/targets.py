@@ -21,7 +21,7 @@ KINDS = {
 
 
 def asked_parameters(targets: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
-    """Names of base parameters that targets such as ``elbow_joint:friction`` or ``forearm_link:mass`` mean.
+    """Names of base parameters that targets such as ``elbow_joint:friction`` or ``forearm_link:com`` mean.
 
     Args:
         targets: joint or link, a colon, and one of ``KINDS``; all parameters, if empty.
@@ -38,16 +38,22 @@ def asked_parameters(targets: Sequence[str], names: Sequence[str]) -> tuple[str,
         owner, colon, kind = target.rpartition(":")
         if not colon:
             raise InputError(
-                f"{target!r} has no colon", field="targets", remedy="write joint:friction or link:mass"
+                f"{target!r} has no colon", field="targets", remedy="write joint:friction or link:com"
             )
         if kind not in KINDS:
             raise UnknownNameError("kind of target", kind, list(KINDS))
         own = [name for name in names if name in {f"{term}({owner})" for term in KINDS[kind]}]
         if not own:
+            there = [
+                f"{owner}:{one}"
+                for one, terms in KINDS.items()
+                if any(f"{t}({owner})" in names for t in terms)
+            ]
+            owners = sorted({name.partition("(")[2][:-1] for name in names})
             raise InputError(
-                f"no base parameter for {target!r}",
+                f"no motion tells {target!r} by itself",
                 field="targets",
-                remedy="the robot shows " + ", ".join(sorted({n.partition("(")[2][:-1] for n in names})),
+                remedy=f"ask for {' or '.join(there)}" if there else f"the robot shows {', '.join(owners)}",
             )
         found += own
     return tuple(dict.fromkeys(found))

@@ -228,7 +228,7 @@ _URDF_TEXTS: dict[str, tuple[str | bytes, str]] = {
     "cut": (ARM[:700], r"is not valid XML"),
     "text": ("hello", r"is not valid XML"),
     "binary": (bytes(range(256)), r"is not valid XML"),
-    "SDF": ("<sdf/>", r"is an SDF model.*; make a URDF of it"),
+    "SDF": ("<sdf/>", r"holds 0 models.*; give a file with the robot's model alone"),
     "xacro": ("<html/>", r"is no URDF: its outermost element is <html>"),
     "entities": ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;"/>', r"declares XML entities.*; remove"),
     "outside entity": (

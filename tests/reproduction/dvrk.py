@@ -143,4 +143,4 @@ def typical_difference(data_dir: Path, place: Place) -> float:
 
 def _columns(data_dir: Path, name: str) -> dict[str, np.ndarray]:
     file = data_dir / "dvrk_psm_payload" / f"traj_one_{name}.csv"
-    return format_of(file).read(file)
+    return format_of(file).read(file).columns
