@@ -15,14 +15,7 @@ from excite.doctor.check import Check, Outcome
 from excite.doctor.checks.channels import Channels
 from excite.doctor.checks.clock import CountedRows, HeldRows, Stamps, StatedRate, Velocities
 from excite.doctor.checks.motion import Amount, Commands, Degrees, Jumps, Limits, Standing, Unison, WholeTurns
-from excite.doctor.checks.torques import (
-    LoadOrScale,
-    TorqueRange,
-    TorqueSide,
-    WeakTorques,
-    at_rails,
-    kind_of_torque,
-)
+from excite.doctor.checks.torques import TorqueRange, TorqueSide, WeakTorques, at_rails, kind_of_torque
 from excite.doctor.doubt import Doubt
 from excite.doctor.torque_samples import torque_samples
 from excite.errors import IllLogError
@@ -399,7 +392,6 @@ CHECKS: tuple[Check, ...] = (
     Channels(),
     WeakTorques(),
     TorqueSide(),
-    LoadOrScale(),
     TorqueRange(),
     Limits(),
     Commands(),

@@ -36,37 +36,10 @@ _RIDGE = 1e-12
 # Less than this share of a channel's power is no better explained: nominal inertias are off by some tenths.
 FLOOR = 1e-3
 
-# Odds at which one of several explanations that are as likely beforehand is strongly supported [nat]: twenty to one
-# (Kass and Raftery 1995, section 3.2).
-STRONG_ODDS = float(np.log(20.0))
-
 
 def half_log(shares: Array) -> Array:
     """Half the logarithm of shares of power that are left, and of :data:`FLOOR` where less is."""
     return np.asarray(0.5 * np.log(np.maximum(shares, FLOOR)))
-
-
-def count_effective_samples(residual: Array, trial: NDArray[np.int64]) -> Array:
-    """Samples that are as good as independent, ``(m,)``: n / (1 + 2 Σ ρ_k), at least one.
-
-    The autocorrelations ρ_k are added in pairs of neighbouring lags while these are positive (initial positive
-    sequence, Geyer 1992, section 3.3): what is left beside rigid bodies is mostly other physics, alike over much of a
-    motion.
-
-    Args:
-        residual: ``(n, m)`` what is left of each channel.
-        trial: ``(n,)`` a number for each trial: no lag goes beyond one.
-    """
-    totals = np.zeros((len(residual), residual.shape[1]))
-    for one in np.unique(trial):
-        part = residual[trial == one]
-        power = np.abs(np.fft.rfft(part - part.mean(axis=0), 2 * len(part), axis=0)) ** 2
-        totals[: len(part)] += np.fft.irfft(power, 2 * len(part), axis=0)[: len(part)]
-    rho = totals / np.maximum(totals[0], 1e-300)
-    even = len(rho) // 2 * 2
-    pairs = rho[0:even:2] + rho[1:even:2]
-    positive = np.cumprod(pairs > 0.0, axis=0)
-    return np.asarray(len(residual) / np.maximum(2.0 * (pairs * positive).sum(axis=0) - 1.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.display import percent, span
+from excite.display import span
 from excite.doctor.channel_errors import misreadings
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.check import Check, Outcome
 from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.torques import ModelParts, TorqueScale, load_and_gain, parts_in
+from excite.doctor.mistakes.torques import ModelParts, TorqueScale, parts_in
 from excite.doctor.model_comparison import drive_fit
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.errors import LogError
@@ -113,34 +113,6 @@ class TorqueSide(Check):
             severity="spoils",
             sure=0.8,
             remedy="write torque: motor_side, or friction and rotors go into the links",
-        )
-        return Outcome(log, (finding,))
-
-
-class LoadOrScale(Check):
-    """A load at the tool beside a gain of one torque, which masses that are off explain as well."""
-
-    kinds = ("load_or_scale",)
-
-    def examine(self, robot: Robot, log: Log) -> Outcome:
-        samples = _samples(robot, log)
-        found = None if samples is None else load_and_gain(samples, Reading.as_stated(log))
-        if found is None:
-            return Outcome(log)
-        text = (
-            f"a body of {found.mass:.3g} kg beyond {found.link} and a torque of {found.joint} that reads "
-            f"{found.gain:.3g} times what it is explain this record as well as other masses do (they leave "
-            f"{percent(100.0 * found.left)} of the torques' power): load and scale cannot be told apart in it"
-        )
-        finding = Finding(
-            "load_or_scale",
-            text,
-            {"mass_kg": found.mass, "gain": found.gain, "left": found.left},
-            (found.joint, found.link),
-            severity="limits",
-            sure=0.8,
-            remedy="record the same motions with another load, best a weight of known mass at the tool; what a load "
-            "adds to the torques tells each joint's scale",
         )
         return Outcome(log, (finding,))
 

@@ -14,7 +14,7 @@ from excite.arrays import Array
 from excite.display import percent, span
 from excite.doctor.channel_mapping import OWN_SHARE, Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.inertial_prior import FLOOR, STRONG_ODDS, count_effective_samples, half_log
+from excite.doctor.inertial_prior import FLOOR, half_log
 from excite.doctor.limit_shares import share_of_limits
 from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake, Samples
 from excite.doctor.model_comparison import beside_drives, drive_fit
@@ -213,81 +213,6 @@ def carried_load(samples: TorqueSamples, reading: Reading) -> Load | None:
     return best[1] if best is not None and best[0] < scaled - _BETTER else None
 
 
-class LoadAndGain(NamedTuple):
-    """A body at the last link and a gain of one torque that together explain torques as well as likely bodies do.
-
-    Attributes:
-        link: joint that moves the link which carries the body.
-        mass: of it [kg].
-        joint: whose torque has the gain.
-        gain: torque as logged per torque that is needed.
-        left: share of the torques' power that is left, geometric mean.
-    """
-
-    link: str
-    mass: float
-    joint: str
-    gain: float
-    left: float
-
-
-def load_and_gain(samples: TorqueSamples, reading: Reading) -> LoadAndGain | None:
-    """The load at the tool and the gain that explain torques together; None where one alone does, or likely bodies.
-
-    Each torque is ``g (nominal + body φ)`` beside its drive, with a gain ``g`` other than one at one joint, fitted by
-    Gauss-Newton steps. Where it leaves about as much as likely bodies do, masses that are off and a scale that is off
-    explain the record alike.
-
-    Args:
-        samples: torques beside the nominal model's.
-        reading: how the channels are read.
-    """
-    torque, (model, drive) = samples.measured_torque(reading), samples.predicted(reading)
-    felt = joint_torque_regressor(samples.under(reading.gravity), *samples.motion(reading))
-    body = felt[:, samples.places[samples.measured], -10:]
-    kept = [_Beside.of(torque[:, j], [x[:, j] for x in drive]) for j in range(torque.shape[1])]
-    nominal = [one.rest(model[:, j]) for j, one in enumerate(kept)]
-    parts = [one.rest(body[:, j]) for j, one in enumerate(kept)]
-    judged, power = samples.judged(reading), np.array([one.power for one in kept])
-
-    def odds(left: Array, other: Array) -> float:
-        return float(counts @ (half_log(other) - half_log(left)))
-
-    carried, loaded = _fitted(kept, nominal, parts)
-    fitted = zip(kept, nominal, parts, strict=True)
-    rests = np.column_stack([one.torque - x - part @ carried for one, x, part in fitted])
-    counts = count_effective_samples(rests, samples.first)
-    best: tuple[float, int, float, Array, Array] | None = None
-    for j in range(len(kept)):
-        gain, phi, left = 1.0, carried, loaded
-        for _ in range(_CARRIED_LOAD_PASSES):
-            scaled = [gain * x if i == j else x for i, x in enumerate(nominal)]
-            moved = [gain * x if i == j else x for i, x in enumerate(parts)]
-            along = nominal[j] + parts[j] @ phi
-            columns = [
-                np.column_stack([x, along if i == j else np.zeros(len(x))]) for i, x in enumerate(moved)
-            ]
-            found, left = _fitted(kept, scaled, columns)
-            phi, gain = found[:-1], gain + float(found[-1])
-        better = odds(left, loaded)
-        if best is None or better > best[0]:
-            best = (better, j, gain, phi, left)
-    if best is None:
-        return None
-    better, j, gain, phi, left = best
-    gains = (
-        np.array([float(((one.torque - x) ** 2).sum()) for one, x in zip(kept, nominal, strict=True)]) / power
-    )
-    gains[j] = kept[j].by_gain(nominal[j])
-    needs_both = min(better, odds(left, gains)) > STRONG_ODDS and phi[0] > 0.0 and gain > 0.0
-    if not needs_both or odds(left, np.exp(2.0 * judged[:-1])) < -STRONG_ODDS:
-        return None
-    tree = samples.under(reading.gravity)
-    return LoadAndGain(
-        tree.names[-1], float(phi[0]), samples.channels[j], gain, float(np.exp(np.log(left).mean()))
-    )
-
-
 class _Beside(NamedTuple):
     """A joint's torque without what its offset, friction and rotor explain, ``(n,)``, and what takes these out."""
 
@@ -312,10 +237,10 @@ class _Beside(NamedTuple):
 
 
 def _fitted(kept: list[_Beside], nominal: list[Array], parts: list[Array]) -> tuple[Array, Array]:
-    """Parameters ``(p,)`` of each joint's parts ``(n, p)`` and the share of its power left, weights by what that is."""
+    """Parameters of a body ``(10,)`` and the share of each joint's power that is left, weights by what that is."""
     missing = [one.torque - x for one, x in zip(kept, nominal, strict=True)]
     power = np.array([one.power for one in kept])
-    left, phi = np.ones(len(kept)), np.zeros(parts[0].shape[1])
+    left, phi = np.ones(len(kept)), np.zeros(10)
     for _ in range(_CARRIED_LOAD_PASSES):
         weights = 1.0 / np.sqrt(power * np.maximum(left, FLOOR))
         rows = np.concatenate([w * part for w, part in zip(weights, parts, strict=True)])
