@@ -204,9 +204,14 @@ class Judgement:
             "fit": {name: asdict(item) for name, item in self.fit.items()},
             "validation": {name: asdict(item) for name, item in self.validation.items()},
             "changed_segments": [
-                {**asdict(item), "tied_with": list(item.tied_with)} for item in self.changes.segments
+                {**asdict(item), "tied_with": list(item.tied_with), "tied_terms": list(item.tied_terms)}
+                for item in self.changes.segments
             ],
-            "changes": {"explained": self.changes.explained, "dispersion": self.changes.dispersion},
+            "changes": {
+                "explained": self.changes.explained,
+                "dispersion": self.changes.dispersion,
+                "beside": [asdict(item) for item in self.changes.beside],
+            },
             "total_mass": asdict(self.total_mass),
         }
 
