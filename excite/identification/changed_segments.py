@@ -107,7 +107,7 @@ class Changes:
     beside: tuple[BesideTerm, ...] = ()
 
 
-def find_changes(rows: Regression, noise: NoiseModel) -> Changes:
+def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = False) -> Changes:
     """Find the changed segments by growing sets of whole bodies (a beam of the best), exchange and removal.
 
     The whitened rows condense to as many independent numbers ``b`` as there are base parameters; a set of ``k``
@@ -124,8 +124,9 @@ def find_changes(rows: Regression, noise: NoiseModel) -> Changes:
     Args:
         rows: weighted rows.
         noise: noise of the residuals of the full model.
+        bodies_alone: whether factors and zeros of torques are left out: what bodies would have to be if they were all.
     """
-    search = _Search(rows, noise)
+    search = _Search(rows, noise, bodies_alone=bodies_alone)
     best: tuple[int, ...] = ()
     beam: list[tuple[int, ...]] = [()]
     # One more level is looked at after the first that brings nothing: two bodies can need each other.
@@ -142,11 +143,11 @@ def find_changes(rows: Regression, noise: NoiseModel) -> Changes:
 class _Search:
     """Sets of candidates: bodies by the index of their segment, then terms of torques, and what each set leaves."""
 
-    def __init__(self, rows: Regression, noise: NoiseModel):
+    def __init__(self, rows: Regression, noise: NoiseModel, *, bodies_alone: bool):
         problem = rows.problem
         self.rows, n = rows, problem.n_params
         self.n_segments = len(problem.robot.segments)
-        self.terms, columns = _torque_terms(rows)
+        self.terms, columns = _torque_terms(rows, none=bodies_alone)
         residual = problem.residual(problem.prior)
         stacked = np.column_stack([problem.Y, columns, residual])
         factor = whitened_factor(problem, rows.grids, stacked, noise)
@@ -286,14 +287,14 @@ class _Search:
         return inverse @ (q.T @ target), inverse @ inverse.T
 
 
-def _torque_terms(rows: Regression) -> tuple[tuple[str, ...], Array]:
+def _torque_terms(rows: Regression, *, none: bool) -> tuple[tuple[str, ...], Array]:
     """Names and columns ``(n_rows, m)`` of what imitates bodies in joints' torques; none of contact wrenches.
 
     A torque read too great by a share holds that share of itself. Its column is what least squares make of it, so that
     its noise explains nothing.
     """
     problem = rows.problem
-    if problem.channel_names[0] == "fx":
+    if none or problem.channel_names[0] == "fx":
         return (), np.zeros((problem.n_rows, 0))
     there = np.eye(len(problem.channel_names))[problem.channel]
     torque = problem.Y @ least_squares(rows.factor)

@@ -184,7 +184,11 @@ def identify_problem(
     changes = Changes((), 0.0, 1.0) if too_few else find_changes(weighted, weighted_statistics.noise)
     # Rows of contact wrenches hold what soft tissue and markers do, which the evidence takes for bodies.
     trusted = plain.channel_names[0] != "fx" or changes.explained >= _EXPLAINED
-    informed = _informed_settings(robot, settings, changes) if trusted else settings
+    # A guess for the estimate, which blocks and evidence judge: that bodies have taken all of the change.
+    guess = changes
+    if plain.channel_names[0] != "fx" and not too_few:
+        guess = find_changes(weighted, weighted_statistics.noise, bodies_alone=True)
+    informed = _informed_settings(robot, settings, guess) if trusted else settings
     adaptation = Adaptation((), 1.0, 1.0)
     if isinstance(settings, AdaptiveSettings) and plain.channel_names[0] != "fx":
         tried = [
