@@ -201,12 +201,13 @@ def identify_problem(
     left_out = [term for term in addable if term not in adaptation.terms]
     problem = without_terms(problem, left_out)
     validation = None if validation is None else without_terms(validation, left_out)
-    estimate, failure = attempt_estimate(
-        estimator, problem, settings, condense_problem(problem) if adaptation.terms else weighted
-    )
-    if too_few and isinstance(settings, AdaptiveSettings):
+    if too_few:
         kept = estimate_at(estimator.name, weighted, problem.prior.copy(), SolveStatus.SOLVED)
         estimate, failure = replace(kept, distance=0.0), None
+    else:
+        estimate, failure = attempt_estimate(
+            estimator, problem, settings, condense_problem(problem) if adaptation.terms else weighted
+        )
     identified = identified_parameters(problem, estimate.parameters)
     if adaptation.terms:
         estimate = replace(estimate, parameters=estimate.parameters[: plain.n_params], regression=weighted)
@@ -261,8 +262,8 @@ def _too_few_instants(problem: IdentificationProblem, rank: int) -> tuple[Findin
         return ()
     text = (
         f"{instants} instants for {rank} base parameters: each channel could be fitted exactly, so that nothing tells "
-        "noise from bodies; no changed segment is looked for, and the default method keeps the nominal bodies: record "
-        "longer and more varied motions"
+        "noise from bodies; no changed segment is looked for, and the nominal bodies are kept, whatever the method: "
+        "record longer and more varied motions"
     )
     return (Finding("too_few_instants", text, {"instants": float(instants), "base_parameters": float(rank)}),)
 
