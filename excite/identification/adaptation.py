@@ -19,6 +19,7 @@ from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.finding import Finding, list_names
 from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
+from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.noise import upper_triangle
 from excite.identification.problem import IdentificationProblem
@@ -294,6 +295,30 @@ def adapt_problem(
     if own.alpha is None:
         own, best = _choose_weight(trial, chosen, own, best)
     return Adaptation(chosen, own.alpha or 1.0, float(np.exp(best.mean() - first.mean()))), own
+
+
+def predicts_better(
+    problem: IdentificationProblem, plain: Regression, settings: EstimatorSettings, other: EstimatorSettings
+) -> bool:
+    """Whether blocks left out are predicted better with the spreads of ``other``, by bodies that can exist.
+
+    Evidence takes what soft tissue, markers and filters leave for independent noise, and so for more than it says;
+    blocks that are left out hold it too, and there it does not repeat. Of six simulated people, whose segments all
+    differ from the table's, evidence believed one to be changed in a single segment, and its intervals then held 73 %;
+    blocks believed none. Both believe G1, TALOS and HRP-2-like with 2 to 5 kg added.
+
+    Args:
+        problem: the rows.
+        plain: the rows, condensed and weighted.
+        settings: the spreads to beat.
+        other: the spreads that are asked about.
+    """
+    trial = _Trial(_block_triangles(problem), plain, problem, Adaptive(), ())
+    first, second = (
+        trial.left((), AdaptiveSettings(one.prior_spread, one.segment_spread, one.total_mass, alpha=1.0))
+        for one in (settings, other)
+    )
+    return _is_better(second, first)
 
 
 def _choose_weight(

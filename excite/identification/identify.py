@@ -22,6 +22,7 @@ from excite.identification.adaptation import (
     adaptation_finding,
     candidates,
     drives_finding,
+    predicts_better,
     with_shown_drives,
     without_terms,
 )
@@ -63,12 +64,6 @@ from excite.threads import one_blas_thread
 # Once bodies are known to have changed, the others are believed this much more (see _informed_settings).
 _UNCHANGED_SHARE = 0.1
 _NONE = Candidates()
-
-
-# Share of what the nominal model leaves of contact wrenches that few changed bodies have to explain before the others
-# are held nearer to it. On G1, HRP-2-like and TALOS with 1 to 5 kg added they explain 0.995 to 1.000; on twelve
-# simulated people, whose segments all differ from the table's, 0 to 0.96.
-_EXPLAINED = 0.98
 
 
 def identify(
@@ -182,15 +177,16 @@ def identify_problem(
     weighted_statistics = base_statistics(weighted)
     too_few = _too_few_instants(plain, weighted_statistics.base.rank)
     changes = Changes((), 0.0, 1.0) if too_few else find_changes(weighted, weighted_statistics.noise)
-    # Rows of contact wrenches hold what soft tissue and markers do, which the evidence takes for bodies.
-    trusted = plain.channel_names[0] != "fx" or changes.explained >= _EXPLAINED
     # A guess for the estimate, which blocks and evidence judge: that bodies have taken all of the change.
     guess = changes
-    if plain.channel_names[0] != "fx" and not too_few:
+    wrenches = plain.channel_names[0] == "fx"
+    if not wrenches and not too_few:
         guess = find_changes(weighted, weighted_statistics.noise, bodies_alone=True)
-    informed = _informed_settings(robot, settings, guess) if trusted else settings
+    informed = _informed_settings(robot, settings, guess)
     adaptation = Adaptation((), 1.0, 1.0)
-    if isinstance(settings, AdaptiveSettings) and plain.channel_names[0] != "fx":
+    if informed != settings and wrenches:
+        settings = informed if predicts_better(plain, weighted, settings, informed) else settings
+    elif isinstance(settings, AdaptiveSettings) and not wrenches:
         tried = [
             settings,
             *(one for one in (informed,) if isinstance(one, AdaptiveSettings) and one != settings),
