@@ -283,9 +283,12 @@ class Identification(Tabled):
 
     @property
     def impossible_changes(self) -> frozenset[str]:
-        """Links named as changed that would weigh less than nothing: something else is wrong there."""
+        """Links named as changed whose change no body can have: something else is wrong there."""
         return frozenset(
-            link for found in self.findings if found.kind == "weightless" for link in found.places
+            link
+            for found in self.findings
+            if found.kind in {"weightless", "overweight"}
+            for link in found.places
         )
 
     @property
@@ -310,11 +313,7 @@ class Identification(Tabled):
         for item in self.changes.segments:
             ties = (*item.tied_with, *item.tied_terms)
             others = f" (or {', '.join(ties)})" if ties else ""
-            doubt = (
-                "; it would weigh less than nothing: no such change"
-                if item.link in self.impossible_changes
-                else ""
-            )
+            doubt = "; no body can have it: no such change" if item.link in self.impossible_changes else ""
             lines.append(f"  {item.segment}: {mass_change(item)}{others}{doubt}")
         return [
             *lines,

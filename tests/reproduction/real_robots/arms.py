@@ -95,8 +95,8 @@ def _tx40(data: Path, folder: Path) -> Entry:
         bars=(
             _half_closed(
                 d,
-                "four seconds are fitted, and joints 5 and 6, which share a gear, leave what changes with time: 1.2 and "
-                "1.9 times as much in the two seconds that judge",
+                "four seconds are fitted, and joints 5 and 6, which share a gear, leave what changes with time: 1.2 "
+                "and 1.9 times as much in the two seconds that judge",
             ),
         ),
         remark="Four seconds are short: what the other joints leave has no name.",
