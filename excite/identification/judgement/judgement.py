@@ -508,8 +508,8 @@ def _impossible(identified: IdentifiedParameters, judgement: Judgement) -> list[
         found.append(Finding("weightless", text, {"segments": float(len(light))}, tuple(light)))
     if heavy:
         text = (
-            f"named as changed, {list_names(list(heavy.values()))} would gain more than the known total mass has gained "
-            f"and others have lost: {cause}"
+            f"named as changed, {list_names(list(heavy.values()))} would gain more than the known total mass has "
+            f"gained and others have lost: {cause}"
         )
         found.append(Finding("overweight", text, {"segments": float(len(heavy))}, tuple(heavy)))
     return found
