@@ -322,7 +322,7 @@ class Identification(Tabled):
         ]
 
 
-def _torque_lines(beside: Sequence[str]) -> list[str]:
+def _torque_lines(beside: list[str]) -> list[str]:
     """What explains the rows beside bodies."""
     return [f"  beside them, factors and zeros of torques: {list_names(beside, 5)}"] if beside else []
 
