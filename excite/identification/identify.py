@@ -20,6 +20,7 @@ from excite.identification.adaptation import (
     Candidates,
     adapt_problem,
     adaptation_finding,
+    beats_nominal,
     candidates,
     drives_finding,
     predicts_better,
@@ -197,7 +198,10 @@ def identify_problem(
     left_out = [term for term in addable if term not in adaptation.terms]
     problem = without_terms(problem, left_out)
     validation = None if validation is None else without_terms(validation, left_out)
-    if too_few:
+    keeps_nominal = bool(too_few) and (
+        isinstance(settings, AdaptiveSettings) or not beats_nominal(plain, weighted, estimator, settings)
+    )
+    if keeps_nominal:
         kept = estimate_at(estimator.name, weighted, problem.prior.copy(), SolveStatus.SOLVED)
         estimate, failure = replace(kept, distance=0.0), None
     else:
@@ -258,8 +262,8 @@ def _too_few_instants(problem: IdentificationProblem, rank: int) -> tuple[Findin
         return ()
     text = (
         f"{instants} instants for {rank} base parameters: each channel could be fitted exactly, so that nothing tells "
-        "noise from bodies; no changed segment is looked for, and the nominal bodies are kept, whatever the method: "
-        "record longer and more varied motions"
+        "noise from bodies; no changed segment is looked for, and the nominal bodies are kept unless a chosen method "
+        "predicts stretches left out better than they do: record longer and more varied motions"
     )
     return (Finding("too_few_instants", text, {"instants": float(instants), "base_parameters": float(rank)}),)
 
