@@ -38,6 +38,8 @@ _DEGREE = 4
 _KNOT, _SAMPLE = 0.25, 1.0 / 16.0
 # Weight of squared violations and iterations, stage by stage; witness points are found anew before each.
 _STAGES = ((1.0, 50), (5.0, 40), (30.0, 30), (150.0, 30), (600.0, 30))
+# Decimals of the coefficients [rad or m] that a stage hands on.
+_DIGITS = 6
 # Parts of the step that are tried until the motion is safe.
 _STEPS = (1.0, 0.99, 0.98, 0.97, 0.95, 0.9, 0.8, 0.6, 0.4)
 # Pairs nearer than this beyond their margin are watched, and kept apart by more for what happens between samples [m].
@@ -331,7 +333,8 @@ def design_motion(rows: ArmRows, source: Motion, prior: Array, limits: JointLimi
             program.evaluate, x, args=(weight,), jac=True, method="L-BFGS-B",
             bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": iterations, "maxcor": 15},
         )  # fmt: skip
-        x = np.asarray(found.x)
+        # Rounding differs with where arrays lie in memory; a microradian further on no robot tells the difference.
+        x = np.round(found.x, _DIGITS)
     step = next((s for s in _STEPS if _is_safe(rows.robot, program, s * x)), 0.0)
     information = program.information(step * x)
     gain = np.linalg.slogdet(prior + information)[1] - np.linalg.slogdet(prior)[1]

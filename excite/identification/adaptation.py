@@ -10,15 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.errors import NoSolutionError
+from excite.errors import InputError, NoSolutionError
 from excite.finding import Finding, list_names
 from excite.identification.estimators.conic import Adaptive, AdaptiveSettings
+from excite.identification.estimators.estimator import Estimator
+from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.noise import upper_triangle
 from excite.identification.problem import IdentificationProblem
@@ -296,6 +299,55 @@ def adapt_problem(
     return Adaptation(chosen, own.alpha or 1.0, float(np.exp(best.mean() - first.mean()))), own
 
 
+def predicts_better(
+    problem: IdentificationProblem, plain: Regression, settings: EstimatorSettings, other: EstimatorSettings
+) -> bool:
+    """Whether blocks left out are predicted better with the spreads of ``other``, by bodies that can exist.
+
+    Evidence takes what soft tissue, markers and filters leave for independent noise, and so for more than it says;
+    blocks that are left out hold it too, and there it does not repeat. Of six simulated people, whose segments all
+    differ from the table's, evidence believed one to be changed in a single segment, and its intervals then held 73 %;
+    blocks believed none. Both believe G1, TALOS and HRP-2-like with 2 to 5 kg added.
+
+    Args:
+        problem: the rows.
+        plain: the rows, condensed and weighted.
+        settings: the spreads to beat.
+        other: the spreads that are asked about.
+    """
+    trial = _Trial(_block_triangles(problem), plain, problem, Adaptive(), ())
+    first, second = (
+        trial.left((), AdaptiveSettings(one.prior_spread, one.segment_spread, one.total_mass, alpha=1.0))
+        for one in (settings, other)
+    )
+    return _is_better(second, first)
+
+
+def beats_nominal(
+    problem: IdentificationProblem, plain: Regression, estimator: Estimator[Any], settings: EstimatorSettings
+) -> bool:
+    """Whether an estimator predicts blocks left out better than the nominal model, by more than a standard error.
+
+    Args:
+        problem: the rows.
+        plain: the rows, condensed.
+        estimator: the estimator.
+        settings: its settings.
+    """
+    # What the nominal model leaves is the measure: of few rows the estimator's own residual is too small.
+    std = np.sqrt(plain.residual_variances(problem.prior))[problem.channel]
+    block, left = _blocks(problem), np.empty((2, _BLOCKS))
+    for b in range(_BLOCKS):
+        out = block == b
+        try:
+            found = estimator.estimate(problem.with_rows(~out), settings).parameters
+        except (NoSolutionError, LinAlgError, InputError):
+            return False
+        for row, parameters in zip(left, (problem.prior, found), strict=True):
+            row[b] = np.log(np.mean((problem.residual(parameters)[out] / std[out]) ** 2))
+    return _is_better(left[1], left[0])
+
+
 def _choose_weight(
     trial: _Trial, terms: tuple[str, ...], settings: AdaptiveSettings, best: Array
 ) -> tuple[AdaptiveSettings, Array]:
@@ -361,9 +413,7 @@ def _at_zero(problem: IdentificationProblem, terms: set[str]) -> IdentificationP
 
 def _block_triangles(problem: IdentificationProblem) -> Array:
     """Triangles of the rows of each block and channel; blocks are stretches of time of equal numbers of rows."""
-    place = np.empty(problem.n_rows, dtype=np.int64)
-    place[np.lexsort((problem.time, problem.trial))] = np.arange(problem.n_rows)
-    block = place * _BLOCKS // problem.n_rows
+    block = _blocks(problem)
     width, channels = problem.n_params + 1, len(problem.channel_names)
     factors = np.zeros((_BLOCKS, channels, width, width))
     for b in range(_BLOCKS):
@@ -372,6 +422,13 @@ def _block_triangles(problem: IdentificationProblem) -> Array:
             r = upper_triangle(np.column_stack([problem.Y[rows], problem.y[rows]]))
             factors[b, c, : len(r)] = r
     return factors
+
+
+def _blocks(problem: IdentificationProblem) -> NDArray[np.int64]:
+    """Which block each row belongs to, ``(n_rows,)``."""
+    place = np.empty(problem.n_rows, dtype=np.int64)
+    place[np.lexsort((problem.time, problem.trial))] = np.arange(problem.n_rows)
+    return place * _BLOCKS // problem.n_rows
 
 
 def _term_name(name: str) -> str:

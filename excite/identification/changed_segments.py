@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, qr
 from scipy.special import ndtri
 
@@ -19,10 +20,11 @@ from excite.atomic import write_text
 from excite.identification.inertia import FILE_ORDER, pseudo_inertia_matrices
 from excite.identification.noise import NoiseModel, whitened_factor
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import RANK_TOLERANCE, Regression, prior_std
+from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares, prior_std
 from excite.identification.sessions.pooling import Pooled
 from excite.regressor.base_parameters import BaseParameters
 from excite.results import Name, Stated, Unbounded, UnboundedPositive, to_json
+from excite.rows.drive_terms import DRIVE_TERMS
 
 # Which segments are not what the model says.
 #
@@ -32,7 +34,6 @@ from excite.results import Name, Stated, Unbounded, UnboundedPositive, to_json
 
 # Twice the natural logarithm of 20: sets whose criteria lie closer are not told apart.
 _TIE = 6.0
-_MOST_SEGMENTS = 12
 _BEAM = 6
 # A body is named only where that makes the measurement e¹⁵ times likelier than the criterion alone asks:
 # errors that are no noise (filters, joints that lag, sensors that sit askew) imitate small changes.
@@ -50,14 +51,16 @@ class ChangedSegment(Stated):
     Attributes:
         segment: readable name.
         link: its link.
-        mass_change_kg: identified minus nominal mass [kg].
-        std_kg: its standard deviation [kg].
+        mass_change_kg: identified minus nominal mass [kg], averaged over the explanations with this segment.
+        std_kg: its standard deviation [kg], within these explanations and between them.
         evidence: how much more likely the measurement is with this segment changed than without, natural
             logarithm (half the difference of the criterion).
         tied_with: links that would explain the measurement as well in its place.
         centre_m: centre of mass of what came or went, in the frame of the segment's joint [m]; None where the rows do
             not say how heavy it is.
         centre_std_m: its standard deviations [m].
+        tied_terms: factors and zeros of torques that would explain the measurement as well in its place, as
+            ``gain.JOINT`` and ``offset.JOINT``.
     """
 
     segment: Name
@@ -68,6 +71,22 @@ class ChangedSegment(Stated):
     tied_with: tuple[Name, ...]
     centre_m: tuple[Unbounded, Unbounded, Unbounded] | None = None
     centre_std_m: tuple[Unbounded, Unbounded, Unbounded] | None = None
+    tied_terms: tuple[Name, ...] = ()
+
+
+@dataclass(frozen=True)
+class BesideTerm(Stated):
+    """A torque's factor or zero that is part of what explains the rows, beside bodies.
+
+    Attributes:
+        name: ``gain.JOINT``, the share by which the torque is too great, or ``offset.JOINT``.
+        value: its size [1, or N·m].
+        std: its standard deviation, the bodies' changes unknown.
+    """
+
+    name: Name
+    value: Unbounded
+    std: UnboundedPositive
 
 
 @dataclass(frozen=True)
@@ -79,82 +98,105 @@ class Changes:
         explained: share of the nominal model's excess residual power that they explain, 0 to 1.
         dispersion: what remains, per base parameter, in units of the noise's variance: 1 means nothing but
             noise; far above it, something else is wrong with the model or the log.
+        beside: factors and zeros of torques that explain a part of it.
     """
 
     segments: tuple[ChangedSegment, ...]
     explained: float
     dispersion: float
+    beside: tuple[BesideTerm, ...] = ()
 
 
-def find_changes(rows: Regression, noise: NoiseModel) -> Changes:
+def find_changes(rows: Regression, noise: NoiseModel, *, bodies_alone: bool = False) -> Changes:
     """Find the changed segments by growing sets of whole bodies (a beam of the best), exchange and removal.
 
-    The whitened rows condense to as many independent numbers as there are base parameters; a set of ``k``
+    The whitened rows condense to as many independent numbers ``b`` as there are base parameters; a set of ``k``
     segments is judged by the extended information criterion of Chen and Chen (2008),
     ``b·ln σ² + G/σ² + 10·k·ln b + 2·ln C(n, k) + 30·k``, with ``G`` the whitened residual power above that of
     the full model and ``σ² = max(1, G/b)``: what no set explains widens the noise instead of naming bodies.
     The last term asks for more than chance as the reason of a change.
 
+    What imitates bodies in joints' torques competes with them: a factor on each joint's torque and a zero of each, of
+    one parameter each, ``t`` of them for ``t·ln b + 2·ln C(m, t)``. A change of mass is the mean over all sets that
+    differ from the best by one such term, weighted by their probability, and its variance is that within the sets and
+    between them (Raftery, Sociological Methodology 1995).
+
     Args:
         rows: weighted rows.
         noise: noise of the residuals of the full model.
+        bodies_alone: whether factors and zeros of torques are left out: what bodies would have to be if they were all.
     """
-    search = _Search(rows, noise)
+    search = _Search(rows, noise, bodies_alone=bodies_alone)
     best: tuple[int, ...] = ()
     beam: list[tuple[int, ...]] = [()]
     # One more level is looked at after the first that brings nothing: two bodies can need each other.
     fruitless = 0
-    for _ in range(min(_MOST_SEGMENTS, len(search.candidates))):
+    while fruitless <= 1 and len(beam[0]) < len(search.candidates):
         beam = search.grown(beam)
         if search.criterion(beam[0]) < search.criterion(best):
             best, fruitless = beam[0], 0
-        elif (fruitless := fruitless + 1) > 1:
-            break
+        else:
+            fruitless += 1
     return search.result(search.exchanged(best))
 
 
 class _Search:
-    def __init__(self, rows: Regression, noise: NoiseModel):
+    """Sets of candidates: bodies by the index of their segment, then terms of torques, and what each set leaves."""
+
+    def __init__(self, rows: Regression, noise: NoiseModel, *, bodies_alone: bool):
         problem = rows.problem
-        self.rows = rows
+        self.rows, n = rows, problem.n_params
+        self.n_segments = len(problem.robot.segments)
+        self.terms, columns = _torque_terms(rows, none=bodies_alone)
         residual = problem.residual(problem.prior)
-        factor = whitened_factor(problem, rows.grids, np.column_stack([problem.Y, residual]), noise)
-        n = problem.n_params
-        self.matrix, self.target = self._without_drives(factor[:, :n], factor[:, n], problem.n_inertial)
-        self.scales = prior_std(problem, 1.0)[: problem.n_inertial]
-        norms = np.linalg.norm(self.matrix.reshape(len(self.matrix), -1, 10), axis=(0, 2))
-        self.candidates = tuple(int(s) for s in np.flatnonzero(norms > 0.0))
+        stacked = np.column_stack([problem.Y, columns, residual])
+        factor = whitened_factor(problem, rows.grids, stacked, noise)
+        others = np.delete(factor, np.s_[problem.n_inertial : n], axis=1)
+        drives = factor[:, problem.n_inertial : n]
+        if drives.shape[1]:
+            u = _range(drives)
+            others = others - u @ (u.T @ others)
+        matrix, target = others[:, :-1], others[:, -1]
+        body = prior_std(problem, 1.0)[: problem.n_inertial]
+        spreads = [DRIVE_TERMS[name.partition(".")[0]].spread for name in self.terms]
+        power = np.sqrt((columns**2).mean(axis=0))
+        signal = float(np.sqrt(np.mean(problem.y**2)))
+        zeros = signal / np.where(power > 0.0, power, 1.0)
+        terms = np.array([z if one is None else one for one, z in zip(spreads, zeros, strict=True)])
+        self.scales = np.concatenate([body, terms])
+        # Neighbours in a set share directions that no motion tells apart; a very wide prior (a body as heavy as a
+        # hundred of the segment) keeps those finite. Of a factor it is known how far it is off.
+        known = np.array([one is not None for one in spreads], dtype=bool)
+        self.prior = self.scales * np.concatenate([np.full(len(body), 100.0), np.where(known, 1.0, 100.0)])
+        self.places = [
+            *(np.arange(10 * s, 10 * s + 10) for s in range(self.n_segments)),
+            *(np.array([problem.n_inertial + k]) for k in range(len(self.terms))),
+        ]
+        self.candidates = tuple(
+            c for c, place in enumerate(self.places) if np.linalg.norm(matrix[:, place]) > 0.0
+        )
         # Only what some change of parameters could explain is of interest here.
-        u = _range(self.matrix * self.scales)
+        u = _range(matrix * self.scales)
         self.rank = u.shape[1]
-        self.matrix, self.target = u.T @ self.matrix, u.T @ self.target
+        self.matrix, self.target = u.T @ matrix, u.T @ target
         self._known: dict[tuple[int, ...], float] = {}
 
-    @staticmethod
-    def _without_drives(matrix: Array, target: Array, n_inertial: int) -> tuple[Array, Array]:
-        drives = matrix[:, n_inertial:]
-        if drives.shape[1] == 0:
-            return matrix, target
-        u = _range(drives)
-        inertial = matrix[:, :n_inertial]
-        return inertial - u @ (u.T @ inertial), target - u @ (u.T @ target)
-
     def gap(self, chosen: tuple[int, ...]) -> float:
-        """Whitened residual power that the full model would remove and the set does not."""
+        """Whitened residual power that the full model would remove and the set does not, and its changes' own."""
         key = tuple(sorted(chosen))
         if key not in self._known:
-            rest = self.target
-            if key:
-                columns = self._columns(key)
-                rest = rest - self.matrix[:, columns] @ self._changes(key)[0]
-            self._known[key] = float(rest @ rest)
+            columns, change = self._columns(key), self._changes(key)[0]
+            rest, size = self.target - self.matrix[:, columns] @ change, change / self.prior[columns]
+            self._known[key] = float(rest @ rest + size @ size)
         return self._known[key]
 
     def criterion(self, chosen: tuple[int, ...]) -> float:
-        gap, b, k, n = self.gap(chosen), self.rank, len(chosen), len(self.candidates)
+        gap, b = self.gap(chosen), self.rank
+        k = sum(c < self.n_segments for c in chosen)
+        t, n = len(chosen) - k, sum(c < self.n_segments for c in self.candidates)
         variance = max(1.0, gap / b)
-        sets = lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
-        penalty = 10 * k * np.log(b) + 2.0 * sets + 2.0 * _LEAST_EVIDENCE * k
+        sets = _log_binomial(n, k) + _log_binomial(len(self.candidates) - n, t)
+        penalty = (10 * k + t) * np.log(b) + 2.0 * sets + 2.0 * _LEAST_EVIDENCE * k
         return float(b * np.log(variance) + gap / variance + penalty)
 
     def grown(self, beam: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
@@ -174,57 +216,100 @@ class _Search:
         return chosen
 
     def result(self, chosen: tuple[int, ...]) -> Changes:
-        dispersion = max(1.0, self.gap(chosen) / self.rank)
-        found = []
-        if chosen:
-            key = tuple(sorted(chosen))
-            change, covariance = self._changes(key)
-            for place, s in enumerate(key):
-                others = tuple(t for t in key if t != s)
-                best = self.criterion(key)
-                ties = (t for t in self.candidates if t not in key)
-                segment = self.rows.problem.robot.segments
-                own = slice(10 * place, 10 * place + 4)
-                body, spread = change[own], dispersion * covariance[own, own]
-                centre, centre_std = _centre(body, spread)
-                found.append(
-                    ChangedSegment(
-                        segment=segment[s].name,
-                        link=segment[s].link,
-                        mass_change_kg=float(body[0]),
-                        std_kg=float(np.sqrt(spread[0, 0])),
-                        evidence=0.5 * float(self.criterion(others) - best),
-                        tied_with=tuple(
-                            segment[t].link for t in ties if self.criterion((*others, t)) < best + _TIE
-                        ),
-                        centre_m=centre,
-                        centre_std_m=centre_std,
-                    )
-                )
+        key = tuple(sorted(chosen))
+        found = [self._segment(key, s) for s in key if s < self.n_segments]
         nothing = self.gap(())
         return Changes(
             segments=tuple(sorted(found, key=lambda item: (-item.evidence, item.link))),
-            explained=1.0 - self.gap(chosen) / nothing if nothing > 0.0 else 0.0,
-            dispersion=self.gap(chosen) / self.rank,
+            explained=1.0 - self.gap(key) / nothing if nothing > 0.0 else 0.0,
+            dispersion=self.gap(key) / self.rank,
+            beside=tuple(self._beside(key, c) for c in key if c >= self.n_segments),
         )
 
-    def _columns(self, key: tuple[int, ...]) -> Array:
-        return np.concatenate([np.arange(10 * s, 10 * s + 10) for s in key])
+    def _segment(self, key: tuple[int, ...], s: int) -> ChangedSegment:
+        best = self.criterion(key)
+        others = tuple(t for t in key if t != s)
+        body, spread = self._averaged(key, s)
+        centre, centre_std = _centre(body, spread)
+        ties = [c for c in self.candidates if c not in key and self.criterion((*others, c)) < best + _TIE]
+        segment = self.rows.problem.robot.segments
+        return ChangedSegment(
+            segment=segment[s].name,
+            link=segment[s].link,
+            mass_change_kg=float(body[0]),
+            std_kg=float(np.sqrt(spread[0, 0])),
+            evidence=0.5 * float(self.criterion(others) - best),
+            tied_with=tuple(segment[c].link for c in ties if c < self.n_segments),
+            centre_m=centre,
+            centre_std_m=centre_std,
+            tied_terms=tuple(self.terms[c - self.n_segments] for c in ties if c >= self.n_segments),
+        )
+
+    def _averaged(self, key: tuple[int, ...], s: int) -> tuple[Array, Array]:
+        """Mass and first moments of a body's change and their covariance over sets that differ by one term."""
+        terms = [c for c in self.candidates if c >= self.n_segments]
+        sets = [key, *(tuple(sorted({*key} ^ {c})) for c in terms)]
+        scores = np.array([self.criterion(one) for one in sets])
+        weights = np.exp(-0.5 * (scores - scores.min()))
+        weights /= weights.sum()
+        means, covariances = [], []
+        for one in sets:
+            change, covariance = self._changes(one)
+            own = slice(10 * one.index(s), 10 * one.index(s) + 4)
+            means.append(change[own])
+            covariances.append(max(1.0, self.gap(one) / self.rank) * covariance[own, own])
+        mean = weights @ np.array(means)
+        apart = np.array(means) - mean
+        within = np.einsum("s,sij->ij", weights, np.array(covariances))
+        return mean, within + (apart * weights[:, None]).T @ apart
+
+    def _beside(self, key: tuple[int, ...], c: int) -> BesideTerm:
+        change, covariance = self._changes(key)
+        place = len(self._columns(tuple(one for one in key if one < c)))
+        std = np.sqrt(max(1.0, self.gap(key) / self.rank) * covariance[place, place])
+        name, value = self.terms[c - self.n_segments], float(change[place])
+        if name.startswith("gain."):
+            # A share of what was measured, as a share of what acts.
+            value, std = value / (1.0 - value), std / (1.0 - value) ** 2
+        return BesideTerm(name, value, float(std))
+
+    def _columns(self, key: tuple[int, ...]) -> NDArray[np.int64]:
+        return np.concatenate([np.zeros(0, dtype=np.int64), *(self.places[c] for c in key)])
 
     def _changes(self, key: tuple[int, ...]) -> tuple[Array, Array]:
-        """Changes of a set's parameters and their covariance.
-
-        Neighbours in the set share directions that no motion tells apart; a very wide prior (a body as heavy
-        as a hundred of the segment) keeps those finite.
-        """
+        """Changes of a set's parameters and their covariance."""
         columns = self._columns(key)
-        wide = np.diag(1.0 / (100.0 * self.scales[columns]))
-        matrix = np.vstack([self.matrix[:, columns], wide])
+        matrix = np.vstack([self.matrix[:, columns], np.diag(1.0 / self.prior[columns])])
         target = np.concatenate([self.target, np.zeros(len(columns))])
         scaled = matrix * self.scales[columns]
         q, r = np.linalg.qr(scaled)
         inverse = np.linalg.inv(r) * self.scales[columns, None]
         return inverse @ (q.T @ target), inverse @ inverse.T
+
+
+def _torque_terms(rows: Regression, *, none: bool) -> tuple[tuple[str, ...], Array]:
+    """Names and columns ``(n_rows, m)`` of what imitates bodies in joints' torques; none of contact wrenches.
+
+    A torque read too great by a share holds that share of itself. Its column is what least squares make of it, so that
+    its noise explains nothing.
+    """
+    problem = rows.problem
+    if none or problem.channel_names[0] == "fx":
+        return (), np.zeros((problem.n_rows, 0))
+    there = np.eye(len(problem.channel_names))[problem.channel]
+    torque = problem.Y @ least_squares(rows.factor)
+    zeros = [
+        k for k, name in enumerate(problem.channel_names) if f"offset.{name}" not in problem.parameter_names
+    ]
+    names = (
+        *(f"gain.{name}" for name in problem.channel_names),
+        *(f"offset.{problem.channel_names[k]}" for k in zeros),
+    )
+    return names, np.hstack([there * torque[:, None], there[:, zeros]])
+
+
+def _log_binomial(n: int, k: int) -> float:
+    return lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
 
 
 def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]:

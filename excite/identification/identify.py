@@ -20,8 +20,10 @@ from excite.identification.adaptation import (
     Candidates,
     adapt_problem,
     adaptation_finding,
+    beats_nominal,
     candidates,
     drives_finding,
+    predicts_better,
     with_shown_drives,
     without_terms,
 )
@@ -63,12 +65,6 @@ from excite.threads import one_blas_thread
 # Once bodies are known to have changed, the others are believed this much more (see _informed_settings).
 _UNCHANGED_SHARE = 0.1
 _NONE = Candidates()
-
-
-# Share of what the nominal model leaves of contact wrenches that few changed bodies have to explain before the others
-# are held nearer to it. On G1, HRP-2-like and TALOS with 1 to 5 kg added they explain 0.995 to 1.000; on twelve
-# simulated people, whose segments all differ from the table's, 0 to 0.96.
-_EXPLAINED = 0.98
 
 
 def identify(
@@ -182,11 +178,16 @@ def identify_problem(
     weighted_statistics = base_statistics(weighted)
     too_few = _too_few_instants(plain, weighted_statistics.base.rank)
     changes = Changes((), 0.0, 1.0) if too_few else find_changes(weighted, weighted_statistics.noise)
-    # Rows of contact wrenches hold what soft tissue and markers do, which the evidence takes for bodies.
-    trusted = plain.channel_names[0] != "fx" or changes.explained >= _EXPLAINED
-    informed = _informed_settings(robot, settings, changes) if trusted else settings
+    # A guess for the estimate, which blocks and evidence judge: that bodies have taken all of the change.
+    guess = changes
+    wrenches = plain.channel_names[0] == "fx"
+    if not wrenches and not too_few:
+        guess = find_changes(weighted, weighted_statistics.noise, bodies_alone=True)
+    informed = _informed_settings(robot, settings, guess)
     adaptation = Adaptation((), 1.0, 1.0)
-    if isinstance(settings, AdaptiveSettings) and plain.channel_names[0] != "fx":
+    if informed != settings and wrenches:
+        settings = informed if predicts_better(plain, weighted, settings, informed) else settings
+    elif isinstance(settings, AdaptiveSettings) and not wrenches:
         tried = [
             settings,
             *(one for one in (informed,) if isinstance(one, AdaptiveSettings) and one != settings),
@@ -197,12 +198,16 @@ def identify_problem(
     left_out = [term for term in addable if term not in adaptation.terms]
     problem = without_terms(problem, left_out)
     validation = None if validation is None else without_terms(validation, left_out)
-    estimate, failure = attempt_estimate(
-        estimator, problem, settings, condense_problem(problem) if adaptation.terms else weighted
+    keeps_nominal = bool(too_few) and (
+        isinstance(settings, AdaptiveSettings) or not beats_nominal(plain, weighted, estimator, settings)
     )
-    if too_few and isinstance(settings, AdaptiveSettings):
+    if keeps_nominal:
         kept = estimate_at(estimator.name, weighted, problem.prior.copy(), SolveStatus.SOLVED)
         estimate, failure = replace(kept, distance=0.0), None
+    else:
+        estimate, failure = attempt_estimate(
+            estimator, problem, settings, condense_problem(problem) if adaptation.terms else weighted
+        )
     identified = identified_parameters(problem, estimate.parameters)
     if adaptation.terms:
         estimate = replace(estimate, parameters=estimate.parameters[: plain.n_params], regression=weighted)
@@ -257,8 +262,8 @@ def _too_few_instants(problem: IdentificationProblem, rank: int) -> tuple[Findin
         return ()
     text = (
         f"{instants} instants for {rank} base parameters: each channel could be fitted exactly, so that nothing tells "
-        "noise from bodies; no changed segment is looked for, and the default method keeps the nominal bodies: record "
-        "longer and more varied motions"
+        "noise from bodies; no changed segment is looked for, and the nominal bodies are kept unless a chosen method "
+        "predicts stretches left out better than they do: record longer and more varied motions"
     )
     return (Finding("too_few_instants", text, {"instants": float(instants), "base_parameters": float(rank)}),)
 

@@ -110,6 +110,12 @@ class IdentificationProblem:
             r = np.asarray(np.linalg.qr(np.vstack([r, block]), mode="r"))
         return r
 
+    def with_rows(self, kept: NDArray[np.bool_]) -> IdentificationProblem:
+        """The problem with the rows of a mask ``(n_rows,)`` alone."""
+        own = ("Y", "y", "weights", "channel", "time", "trial")
+        parts = {name: getattr(self, name)[kept] for name in own}
+        return replace(self, **parts, freedom=None if self.freedom is None else self.freedom[kept])
+
     def with_drives(self, names: Collection[str]) -> IdentificationProblem:
         """The problem without the columns of all drive parameters but those named."""
         n = self.n_inertial

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.display import Row, Tabled, count
-from excite.finding import Finding
+from excite.finding import Finding, list_names
 from excite.identification.changed_segments import ChangedSegment, Changes
 from excite.identification.estimators.estimator import Estimate, SolveStatus
 from excite.identification.identified_parameters import IdentifiedParameters
@@ -284,9 +284,12 @@ class Identification(Tabled):
 
     @property
     def impossible_changes(self) -> frozenset[str]:
-        """Links named as changed that would weigh less than nothing: something else is wrong there."""
+        """Links named as changed whose change no body can have: something else is wrong there."""
         return frozenset(
-            link for found in self.findings if found.kind == "weightless" for link in found.places
+            link
+            for found in self.findings
+            if found.kind in {"weightless", "overweight"}
+            for link in found.places
         )
 
     @property
@@ -300,22 +303,26 @@ class Identification(Tabled):
     def _change_lines(self) -> list[str]:
         if self.in_unknown_unit:
             return ["changed segments: not asked of torques in an unknown unit"]
+        beside = [f"{item.name} {item.value:+.3g} ± {item.std:.2g}" for item in self.changes.beside]
         if not self.changes.segments:
             few = any(found.kind == "too_few_instants" for found in self.findings)
             said = (
                 "not looked for" if few else "none found that stands out; all parameters are estimated anew"
             )
-            return [f"changed segments: {said}"]
+            return [f"changed segments: {said}", *_torque_lines(beside)]
         lines = ["changed segments:"]
         for item in self.changes.segments:
-            others = f" (or {', '.join(item.tied_with)})" if item.tied_with else ""
-            doubt = (
-                "; it would weigh less than nothing: no such change"
-                if item.link in self.impossible_changes
-                else ""
-            )
+            ties = (*item.tied_with, *item.tied_terms)
+            others = f" (or {', '.join(ties)})" if ties else ""
+            doubt = "; no body can have it: no such change" if item.link in self.impossible_changes else ""
             lines.append(f"  {item.segment}: {mass_change(item)}{others}{doubt}")
         return [
             *lines,
+            *_torque_lines(beside),
             "  (the fewest that explain what the nominal model leaves; sizes hold if nothing else differs)",
         ]
+
+
+def _torque_lines(beside: list[str]) -> list[str]:
+    """What explains the rows beside bodies."""
+    return [f"  beside them, factors and zeros of torques: {list_names(beside, 5)}"] if beside else []

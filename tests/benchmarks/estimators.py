@@ -56,7 +56,7 @@ def rows() -> list[Row]:
         ("cls3", DensityRealisable().solve, Cls3Settings()),
         ("lmi", PhysicallyConsistent().solve, LmiSettings()),
         ("lmi, pullback", PhysicallyConsistent().solve, LmiSettings(regulariser="pullback")),
-        ("lmi, entropic", PhysicallyConsistent().solve, LmiSettings(regulariser="entropic")),
+        ("lmi, pullback", PhysicallyConsistent().solve, LmiSettings(regulariser="pullback")),
     ):
         seconds, estimate = _fastest(solve, condensed, settings)
         if name == "cls2":

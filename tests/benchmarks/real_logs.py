@@ -153,19 +153,19 @@ def _airbot_play(folder: Path) -> list[Row]:
 def _person(folder: Path) -> list[Row]:
     recording = Recording(DATA, folder / "person")
     train, judge = recording.thirds(2)
-    alpha = recording.chosen_alpha(train, "entropic")
+    alpha = recording.chosen_alpha(train, "pullback")
     found = {
         "prior": recording.prior,
         "least squares": recording.estimate(train, "wls"),
-        "entropic": recording.estimate(train, "lmi", alpha=alpha, regulariser="entropic"),
+        "pullback": recording.estimate(train, "lmi", alpha=alpha, regulariser="pullback"),
     }
     miss = {name: recording.misses(judge, phi) for name, phi in found.items()}
-    ours = miss.pop("entropic")
+    ours = miss.pop("pullback")
     text = " ".join(f"{value:.1f}" for value in ours)
     bar = ", ".join(f"{name} {' '.join(f'{v:.1f}' for v in values)}" for name, values in miss.items())
     better = all(bool((ours < values).all()) for values in miss.values())
-    least = float(np.linalg.eigvalsh(pseudo_inertia_matrices(found["entropic"]))[:, 0].min())
-    what = "Person on a force plate: last third, entropic regularisation, RMSE [N·m, N·m, N]"
+    least = float(np.linalg.eigvalsh(pseudo_inertia_matrices(found["pullback"]))[:, 0].min())
+    what = "Person on a force plate: last third, pullback regularisation, RMSE [N·m, N·m, N]"
     return [
         Row.holds(what, f"below {bar}", text, better),
         Row.holds("Person: bodies that can exist", "all 16", f"least eigenvalue {least:.1e}", least > 0.0),

@@ -13,6 +13,7 @@ from excite.cli.main import app
 from excite.errors import InputError, UnknownNameError
 from excite.human.body import BodyInertia, body_of
 from excite.human.segments import NAMES, Subject
+from excite.human.virtual import perform_exercise, record_performance
 from tests.human.recordings import write_c3d
 
 WHO = ["--mass", "70", "--height", "1.82", "--sex", "male"]
@@ -69,7 +70,10 @@ def test_wrong_options_are_named(session, tmp_path, words, says):
 
 @pytest.mark.slow
 def test_hqp_keeps_ranges_and_lets_sides_differ(session, tmp_path):
-    trial = write_c3d(session.trial, tmp_path / "walk.c3d")
+    """Long enough that there are more instants than base parameters: of fewer the tables' masses would stay."""
+    show = perform_exercise(session.who.body, 20.0, seed=2)
+    moving = record_performance(session.who, show, np.random.default_rng(5), noise=0.5)
+    trial = write_c3d(moving, tmp_path / "walk.c3d")
     out = tmp_path / "out"
     words = ["--segment-mass", "left_foot=0.3", "--asymmetric", "left_foot", "--identify", "hqp"]
     words += ["--mass-range", "0.2", "--mass-range", "torso=0.01"]

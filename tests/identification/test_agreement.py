@@ -12,7 +12,6 @@ from excite.identification.constraints.cones import ellipsoid_matrix
 from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.conic import (
     DensityRealisable,
-    LmiSettings,
     PhysicallyConsistent,
     PhysicallyFeasible,
 )
@@ -183,17 +182,3 @@ class TestConstrained:
         # The cones do bind: otherwise this would only repeat the test above.
         assert in_spreads(problem, settings, b.parameters - free.parameters) > 1e-3
         assert in_spreads(problem, settings, a.parameters - b.parameters) < AGREE
-
-    def test_pullback_and_entropic_agree_to_second_order(self):
-        """Near the model the divergence is its own second order: what parts the two falls faster than the step."""
-        differences = []
-        for error in (2e-2, 2e-3):
-            problem = arm_problem(load_robot("panda"), seed=0, error=error, noise=1e-6)
-            found = [
-                PhysicallyConsistent().estimate(problem, LmiSettings(regulariser=name, alpha=1e-3))
-                for name in ("pullback", "entropic")
-            ]
-            changes = [item.parameters - problem.prior for item in found]
-            differences.append(np.linalg.norm(changes[0] - changes[1]) / np.linalg.norm(changes[0]))
-        assert differences[0] < 0.05
-        assert differences[1] < 0.3 * differences[0]

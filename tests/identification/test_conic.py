@@ -19,14 +19,8 @@ from excite.identification.estimators.conic import (
     interior_point,
     refine_answer,
 )
-from excite.identification.estimators.entropic import (
-    EntropicAnswer,
-    EntropicProblem,
-    entropic_divergence,
-    newton_steps,
-    pullback_metric,
-)
 from excite.identification.estimators.estimator import SolveStatus
+from excite.identification.estimators.scaled_problem import pullback_metric
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement.judgement import check_consistency
 from excite.identification.problem import IdentificationProblem
@@ -183,22 +177,9 @@ class TestLyingSolvers:
         assert lie in ("ignores", "far")
         np.testing.assert_allclose(found.parameters, honest.parameters, atol=1e-5)
 
-    @pytest.mark.parametrize("lie", ["nominal", "ignores", "nan"])
-    def test_entropic_is_caught(self, lie, problem):
-        def liar(entropic: EntropicProblem) -> EntropicAnswer:
-            true = newton_steps(entropic)
-            if lie == "nominal":
-                return EntropicAnswer(np.zeros_like(true.z), np.zeros_like(true.multipliers))
-            if lie == "ignores":
-                return EntropicAnswer(entropic.target.copy(), true.multipliers)
-            return EntropicAnswer(np.full_like(true.z, np.nan), true.multipliers)
-
-        with pytest.raises(NoSolutionError):
-            estimated(PhysicallyConsistent(entropic=liar), problem, **WEAK, regulariser="entropic")
-
 
 @pytest.mark.parametrize("kind", [PhysicallyConsistent, DensityRealisable])
-@pytest.mark.parametrize("regulariser", ["euclidean", "entropic"])
+@pytest.mark.parametrize("regulariser", ["euclidean", "pullback"])
 def test_contradiction_is_reported(kind, regulariser, g1):
     """A total mass below that of the feet, which stay nominal."""
     feet = tuple(segment_index(g1, link) for link in ("left_ankle_roll_link", "right_ankle_roll_link"))
@@ -210,26 +191,6 @@ def test_contradiction_is_reported(kind, regulariser, g1):
 
 
 class TestGeometricDistances:
-    def test_do_not_depend_on_frame_or_units(self):
-        """d(T P Tᵀ ‖ T P₀ Tᵀ) = d(P ‖ P₀): the point of Lee, Wensing and Park 2020."""
-        panda = load_robot("panda")
-        nominal = panda.nominal_parameters
-        changed = nominal * np.repeat(np.linspace(0.5, 2.0, len(nominal) // 10), 10)
-        # Millimetres instead of metres: first moments times 10³, inertias times 10⁶.
-        units = np.tile(np.array([1.0] + [1e3] * 3 + [1e6] * 6), len(nominal) // 10)
-        plain = entropic_divergence(changed, nominal)
-        np.testing.assert_allclose(
-            entropic_divergence(changed * units, nominal * units), plain, rtol=1e-6, atol=1e-9
-        )
-        share = np.linspace(0.5, 2.0, len(nominal) // 10)
-        np.testing.assert_allclose(plain, 4.0 * (share - np.log(share) - 1.0), atol=1e-8)
-
-    def test_body_that_cannot_exist_is_infinitely_far(self):
-        nominal = load_robot("panda").nominal_parameters
-        wrong = nominal.copy()
-        wrong[0] *= -1.0
-        assert entropic_divergence(wrong, nominal)[0] == np.inf
-
     def test_pullback_is_its_trace(self, problem):
         """‖B (θ − θ₀)/s‖² = tr((P₀⁻¹ΔP)²)/(4σ²), with the trace taken directly."""
         n = len(problem.robot.segments)
@@ -241,32 +202,7 @@ class TestGeometricDistances:
         expected = (np.einsum("sij,sji->s", ratio, ratio) / (4.0 * spreads**2)).sum()
         assert np.sum((metric @ (change / scales)) ** 2) == pytest.approx(expected, rel=1e-6)
 
-    def test_entropic_gradient_and_hessian(self):
-        rng = np.random.default_rng(0)
-        n, k = 12, 3
-        maps = 0.05 * rng.normal(size=(k, 10, n))
-        linear = no_rows(n)
-        entropic = EntropicProblem(rng.normal(size=n), maps, np.array([0.1, 1.0, 10.0]), linear)
-
-        def value(z):
-            x = entropic.relative(z)
-            trace = np.trace(x, axis1=1, axis2=2)
-            square = ((x - np.eye(4)) ** 2).sum(axis=(1, 2))
-            g = -np.linalg.slogdet(x)[1] + trace - 0.5 * square
-            return 0.5 * np.sum((z - entropic.target) ** 2) + entropic.weights @ g
-
-        z, step = 0.3 * rng.normal(size=n), 1e-5
-        slopes = [(value(z + step * e) - value(z - step * e)) / (2 * step) for e in np.eye(n)]
-        np.testing.assert_allclose(entropic.gradient(z), slopes, atol=1e-7)
-        curves = [
-            (entropic.gradient(z + step * e) - entropic.gradient(z - step * e)) / (2 * step)
-            for e in np.eye(n)
-        ]
-        np.testing.assert_allclose(entropic.hessian(z), curves, atol=1e-6)
-        found = newton_steps(entropic)
-        assert np.abs(entropic.gradient(found.z)).max() < 1e-9
-
-    @pytest.mark.parametrize("regulariser", ["pullback", "entropic"])
+    @pytest.mark.parametrize("regulariser", ["euclidean", "pullback"])
     @pytest.mark.parametrize("alpha", [1e-4, 1.0, 1e3])
     def test_bodies_can_exist_whatever_the_weight(self, regulariser, alpha, problem):
         settings = dict(regulariser=regulariser, alpha=alpha)

@@ -31,7 +31,6 @@ from excite.identification.estimators.conic import (
     PhysicallyFeasible,
     interior_point,
 )
-from excite.identification.estimators.entropic import EntropicAnswer, newton_steps
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hqp import HierarchicalProgram
 from excite.identification.estimators.least_squares import (
@@ -115,19 +114,11 @@ def linear_violation(problem: IdentificationProblem, parameters: np.ndarray) -> 
         pytest.param(DensityRealisable(no_cone_numbers), id="cls3, nan"),
         pytest.param(PhysicallyConsistent(no_cone), id="lmi, claims"),
         pytest.param(PhysicallyConsistent(no_cone_numbers), id="lmi, nan"),
-        pytest.param(PhysicallyConsistent(entropic=no_point), id="entropic, none"),
-        pytest.param(
-            PhysicallyConsistent(
-                entropic=lambda p: EntropicAnswer(np.full(len(p.target), np.nan), p.linear.bound)
-            ),
-            id="entropic, nan",
-        ),
     ],
 )
 def test_best_point_meets_the_constraints(estimator, standing):
     mass = float(modified_g1_parameters(standing.robot)[::10].sum())
-    regulariser = "euclidean" if getattr(estimator, "_entropic", newton_steps) is newton_steps else "entropic"
-    settings = dict(SETTINGS, regulariser=regulariser, total_mass=mass, bound_width=20.0)
+    settings = dict(SETTINGS, total_mass=mass, bound_width=20.0)
     with pytest.raises(NoSolutionError) as caught:
         estimated(estimator, standing, **settings)
     best = caught.value.best

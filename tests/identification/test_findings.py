@@ -132,6 +132,24 @@ def test_a_changed_segment_that_would_weigh_less_than_nothing_is_called_no_body(
     assert not mass_comparison(ur10, doubted, None).changed.any()
 
 
+@pytest.mark.parametrize(
+    ("change", "weighed", "impossible"), [(45.0, 0.4, True), (0.5, 0.4, False), (45.0, None, False)]
+)
+def test_a_gain_that_the_scale_contradicts_is_called_no_body(ur10, change, weighed, impossible):
+    """The scale says how much the whole has gained; another link that is named can have lost what it weighs at most."""
+    result = identify(ur10, arm_log(ur10, 0, trials=2), "wls", problem_settings=SETTINGS)
+    segments = (ChangedSegment("tool", result.links[-1], change, 0.1, 50.0, ()),)
+    mass = result.total_mass
+    mass = replace(
+        mass, weighed=None if weighed is None else mass.nominal + weighed, measured=None, measured_std=None
+    )
+    judgement = replace(result.judgement, changes=replace(result.changes, segments=segments), total_mass=mass)
+    found = find_warnings(result.identified, result.statistics, judgement)
+    judged = replace(result, judgement=judgement, findings=found)
+    assert ("overweight" in {item.kind for item in found}) is impossible
+    assert ("no such change" in judged.summary()) is impossible
+
+
 def test_one_constraint_holds_and_two_hold():
     one, two = (_bounds(SimpleNamespace(active=("total_mass:robot",) * n))[0].text for n in (1, 2))
     assert one.startswith("1 constraint holds with") and two.startswith("2 constraints hold with")

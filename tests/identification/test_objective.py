@@ -10,8 +10,7 @@ import pytest
 from excite.errors import InputError, UnknownNameError
 from excite.identification.constraints.cones import pseudo_inertia_cones
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
-from excite.identification.estimators.conic import LmiSettings, PhysicallyConsistent
-from excite.identification.estimators.entropic import entropic_divergence, pullback_metric, relative_map
+from excite.identification.estimators.conic import LmiSettings
 from excite.identification.estimators.estimator import (
     Estimate,
     SolveStatus,
@@ -27,7 +26,7 @@ from excite.identification.estimators.hqp import HqpSettings
 from excite.identification.estimators.least_squares import LsSettings
 from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum
 from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.estimators.scaled_problem import Ridge, ridge, scaled_parameters
+from excite.identification.estimators.scaled_problem import Ridge, pullback_metric, ridge, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std
@@ -143,35 +142,6 @@ def test_a_metric_takes_the_place_of_the_spreads(problem, rows):
         away = float(np.sum((bent.coordinates(theta) - bent.target) ** 2))
         assert whole(theta) - base == pytest.approx(away, rel=1e-6)
     assert not np.allclose(plain.target, bent.target)
-
-
-def test_the_entropic_estimate_minimises_data_and_divergence():
-    """``‖W(Yθ − y)‖² + α Σ d(P‖P₀)/(2σ²)`` is stationary where no constraint binds; σ by segment."""
-    arm = arm_problem(load_robot("panda"), seed=2, duration=2.0, noise=0.05, error=0.02)
-    links = [segment.link for segment in arm.robot.segments]
-    settings = LmiSettings(
-        alpha=20.0, prior_spread=0.2, segment_spread={links[1]: 0.6, links[4]: 0.1}, regulariser="entropic"
-    )
-    found = PhysicallyConsistent().estimate(arm, settings)
-    assert found.active == ()
-    rows = found.regression
-    weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[arm.channel]
-    sigma = settings.spreads(arm.robot)
-
-    def whole(theta: np.ndarray) -> float:
-        away = entropic_divergence(theta, arm.prior) / (2.0 * sigma**2)
-        return float(np.sum((arm.residual(theta) * weights) ** 2) + settings.alpha * away.sum())
-
-    base, scales = whole(found.parameters), prior_std(arm, sigma)
-    rng, h, maps = np.random.default_rng(0), 1e-4, relative_map(arm)
-    for k in range(len(links)):
-        # A body that differs from nominal by a little in every direction, however flat it is.
-        step = np.zeros(arm.n_params)
-        step[10 * k : 10 * k + 10] = np.linalg.solve(maps[k], h * rng.normal(size=10))
-        up, down = whole(found.parameters + step), whole(found.parameters - step)
-        assert up > base and down > base
-        assert abs(up - down) < 1e-2 * (up + down - 2.0 * base)
-    assert np.abs((found.parameters - arm.prior) / scales).max() > 1e-3
 
 
 def test_constraints_and_cones_mean_the_same_in_its_coordinates(problem, objective):

@@ -8,12 +8,6 @@ import pytest
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators import conic
 from excite.identification.estimators.conic import conic_distance, interior_point, refine_answer
-from excite.identification.estimators.entropic import (
-    EntropicProblem,
-    entropic_distance,
-    newton_steps,
-    safe_cholesky,
-)
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hierarchy import (
     HierarchyAnswer,
@@ -26,49 +20,7 @@ from excite.identification.estimators.hierarchy import (
 )
 from excite.identification.estimators.projection import ActiveSetProjector, ProjectionAnswer
 from tests.identification.dual_active_set import project
-from tests.identification.test_solvers import conic_problem, entropic_problem, semi_problem
-
-
-class Counted(EntropicProblem):
-    """Counts the points at which bodies are looked at: one a step."""
-
-    points = 0
-
-    def relative(self, z: np.ndarray) -> np.ndarray:
-        type(self).points += 1
-        return super().relative(z)
-
-
-@pytest.mark.parametrize("weight", [1e-4, 1e-2, 1.0, 10.0, 100.0])
-def test_small_weights_take_no_more_steps_than_large_ones(weight):
-    for seed in range(4):
-        for n_equal in (0, 1, 2):
-            problem = entropic_problem(seed, weight, n_equal)
-            Counted.points = 0
-            found = newton_steps(Counted(problem.target, problem.maps, problem.weights, problem.linear))
-            assert found is not None and Counted.points <= 22
-            assert entropic_distance(problem, found) < 1e-4
-
-
-def test_matrices_that_rounding_has_made_singular_are_no_error():
-    """Bodies at the edge of what can exist: whatever comes back is feasible, and good or refused by its distance."""
-    problem = entropic_problem(2, 1e4, 2)
-    found = newton_steps(problem)
-    if found is not None:
-        assert np.isfinite(found.z).all()
-        assert max(problem.violations(found.z).values()) < 1e-7
-        assert not np.isnan(entropic_distance(problem, found))
-
-
-def test_a_cholesky_factor_is_that_of_the_matrix_itself_where_it_has_one():
-    given = np.array([[4.0, 2.0], [2.0, 10.0]])
-    factor = safe_cholesky(given)
-    assert factor is not None and np.tril(factor[0]) == pytest.approx(np.array([[2.0, 0.0], [1.0, 3.0]]))
-    assert factor[1] is True, "it is the lower one"
-    assert given.tolist() == [[4.0, 2.0], [2.0, 10.0]], "and the matrix stays as it was"
-    # Indefinite by 1e-9 of its size: the last hair helps; by 1e-6 it is no rounding.
-    near, far = (np.array([[1.0, 1.0], [1.0, 1.0 - size]]) for size in (1e-9, 1e-6))
-    assert safe_cholesky(near) is not None and safe_cholesky(far) is None
+from tests.identification.test_solvers import conic_problem, semi_problem
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-10])

@@ -20,16 +20,6 @@ from excite.identification.estimators.conic import (
     refine_answer,
     stack_rows,
 )
-from excite.identification.estimators.entropic import (
-    EntropicAnswer,
-    EntropicProblem,
-    entropic_distance,
-    entropic_divergence,
-    newton_steps,
-    pullback_metric,
-    relative_map,
-    safe_cholesky,
-)
 from excite.identification.estimators.hierarchy import (
     SemiAnswer,
     SemiProjection,
@@ -39,144 +29,12 @@ from excite.identification.estimators.hierarchy import (
     semi_project,
 )
 from excite.identification.estimators.projection import ActiveSetProjector
+from excite.identification.estimators.scaled_problem import pullback_metric, relative_map
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.regression import prior_std
 from excite.robot.loading import load_robot
 from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
-
-# --- The entropic divergence
-
-
-def entropic_problem(seed: int, weight: float, n_equal: int = 1) -> EntropicProblem:
-    """Two bodies in twelve coordinates, the target outside of what can exist.
-
-    As in an estimate the squared distance holds the divergence's second order, so that their sum is convex.
-    """
-    rng = np.random.default_rng(seed)
-    maps = 0.4 * rng.normal(size=(2, 10, 12))
-    weights = weight * np.array([1.0, 1.7])
-    second = np.einsum("b,bij,bik->jk", weights, maps, maps)
-    maps *= min(1.0, 0.95 / np.sqrt(np.linalg.eigvalsh(second)[-1]))
-    matrix = rng.normal(size=(4, 12))
-    matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
-    linear = LinearConstraints(
-        matrix, np.array([0.1, -0.4, 0.05, -0.2]), ("tie:a", "row:b", "row:c", "row:d"), n_equal
-    )
-    return EntropicProblem(4.0 * rng.normal(size=12), maps, weights, linear)
-
-
-def value(problem: EntropicProblem, z: np.ndarray) -> float:
-    """``½‖z − d‖² + Σ w (−log|X| + tr X − ½ tr (X − 1)²)``."""
-    x = problem.relative(z)
-    away = x - np.eye(4)
-    bodies = -np.linalg.slogdet(x)[1] + np.trace(x, axis1=1, axis2=2)
-    bodies -= 0.5 * np.trace(away @ away, axis1=1, axis2=2)
-    return float(0.5 * np.sum((z - problem.target) ** 2) + problem.weights @ bodies)
-
-
-def test_gradient_and_hessian_are_derivatives():
-    problem = entropic_problem(0, 0.8)
-    rng, h = np.random.default_rng(1), 1e-6
-    for _ in range(3):
-        z = 0.1 * rng.normal(size=12)
-        steps = h * np.eye(12)
-        finite = [(value(problem, z + d) - value(problem, z - d)) / (2 * h) for d in steps]
-        assert np.allclose(problem.gradient(z), finite, atol=1e-7)
-        finite = [(problem.gradient(z + d) - problem.gradient(z - d)) / (2 * h) for d in steps]
-        assert np.allclose(problem.hessian(z), finite, atol=1e-6)
-
-
-def test_violations_name_bodies_and_rows():
-    problem = entropic_problem(0, 0.8)
-    z = 3.0 * np.random.default_rng(2).normal(size=12)
-    worst = problem.violations(z)
-    least = np.linalg.eigvalsh(problem.relative(z))[:, 0].min()
-    assert least < 0.0 and worst["pseudo_inertia"] == pytest.approx(-least)
-    slack = problem.linear.matrix @ z - problem.linear.bound
-    assert worst["tie"] == pytest.approx(abs(slack[0]))
-    assert worst["row"] == pytest.approx(max(0.0, *(-slack[1:])))
-    assert problem.violations(np.zeros(12))["pseudo_inertia"] == 0.0
-
-
-@pytest.mark.parametrize("weight", [1e-4, 0.05, 1.0, 30.0])
-@pytest.mark.parametrize("n_equal", [0, 1])
-def test_newton_reaches_the_optimum(weight, n_equal):
-    """Stationary, feasible and complementary: with a convex objective that is the optimum."""
-    for seed in range(3):
-        problem = entropic_problem(seed, weight, n_equal)
-        found = newton_steps(problem)
-        assert found is not None
-        e, linear = n_equal, problem.linear
-        slack = linear.matrix @ found.z - linear.bound
-        size = max(1.0, np.linalg.norm(problem.target))
-        assert np.abs(slack[:e]).max(initial=0.0) < 1e-10 * size
-        assert slack[e:].min() > -1e-10 * size
-        assert found.multipliers[e:].min() > -1e-12
-        assert np.abs(found.multipliers[e:] * slack[e:]).max() < 1e-10 * size
-        left = problem.gradient(found.z) - linear.matrix.T @ found.multipliers
-        assert np.abs(left).max() < 1e-9 * size
-        assert np.linalg.eigvalsh(problem.relative(found.z)).min() > 0.0
-        assert entropic_distance(problem, found) < 1e-5
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("weight", [1e-3, 1.0])
-def test_newton_says_when_no_body_meets_the_rows(weight):
-    for seed in range(4):
-        problem = entropic_problem(seed, weight)
-        row = problem.linear.matrix[1:2]
-        opposed = LinearConstraints(np.vstack([row, -row]), np.array([1.0, 1.0]), ("a", "b"))
-        assert newton_steps(replace(problem, linear=opposed)) is None
-
-
-def test_newton_without_rows_is_smooth_minimisation():
-    problem = replace(entropic_problem(4, 0.7), linear=stack_constraints([], 12))
-    found = newton_steps(problem)
-
-    def outside(z):
-        inside = np.linalg.eigvalsh(problem.relative(z)).min() > 0.0
-        return value(problem, z) if inside else np.inf
-
-    other = minimize(outside, np.zeros(12), method="Nelder-Mead", options={"maxiter": 200})
-    assert value(problem, found.z) <= other.fun + 1e-12
-    assert np.abs(problem.gradient(found.z)).max() < 1e-9
-
-
-def test_distance_from_the_entropic_optimum_is_that_of_the_local_metric():
-    problem = replace(entropic_problem(2, 0.5), linear=stack_constraints([], 12))
-    best = newton_steps(problem)
-    rng = np.random.default_rng(0)
-    step = 1e-4 * rng.normal(size=12)
-    moved = EntropicAnswer(best.z + step, best.multipliers)
-    expected = np.sqrt(step @ problem.hessian(best.z) @ step)
-    assert entropic_distance(problem, moved) == pytest.approx(expected, rel=1e-2)
-    tied = entropic_problem(2, 0.5)
-    best = newton_steps(tied)
-    slack = tied.linear.matrix @ best.z - tied.linear.bound
-    loose = int(np.argmax(slack[1:])) + 1
-    assert slack[loose] > 0.01
-    wrong = best.multipliers.copy()
-    wrong[loose] += 1.0
-    left = tied.gradient(best.z) - tied.linear.matrix.T @ wrong
-    gap = abs(wrong @ slack)
-    expected = np.sqrt(left @ np.linalg.solve(tied.hessian(best.z), left) + 2.0 * gap)
-    assert entropic_distance(tied, EntropicAnswer(best.z, wrong)) == pytest.approx(expected)
-    wrong[loose] = -1.0
-    assert entropic_distance(tied, EntropicAnswer(best.z, wrong)) < 1e-5, (
-        "what pushes outwards does not count"
-    )
-
-
-def test_cholesky_grows_a_hair_where_rounding_needs_it():
-    rng = np.random.default_rng(0)
-    root = rng.normal(size=(5, 5))
-    factor = safe_cholesky(root @ root.T)
-    assert factor is not None and np.allclose(np.tril(factor[0]) @ np.tril(factor[0]).T, root @ root.T)
-    flat = np.outer(root[0], root[0]) + 1e-3 * np.outer(root[1], root[1])
-    assert safe_cholesky(flat - 1e-15 * np.trace(flat) * np.eye(5)) is not None
-    assert safe_cholesky(-np.eye(3)) is None
-
 
 # --- Distances between bodies
 
@@ -212,27 +70,6 @@ def test_a_body_heavier_all_over_by_one_spread_costs_one(problem):
         assert away @ away == pytest.approx(1.0, rel=1e-6)
     assert metric.shape == (problem.n_params, problem.n_params)
     assert np.count_nonzero(metric[:10, 10:]) == 0
-
-
-def test_divergence_is_zero_at_nominal_and_pullback_near_it(problem):
-    nominal = problem.prior[: problem.n_inertial]
-    assert np.allclose(entropic_divergence(nominal, nominal), 0.0, atol=1e-9)
-    assert np.allclose(entropic_divergence(2.0 * nominal, nominal), 4.0 - 4.0 * np.log(2.0))
-    assert np.isinf(entropic_divergence(-nominal, nominal)).all()
-    flipped = nominal.copy()
-    flipped[4] *= -3.0
-    assert np.isinf(entropic_divergence(flipped, nominal)).tolist() == [True] + [False] * (
-        len(nominal) // 10 - 1
-    )
-    near = nominal * (1.0 + 1e-6 * np.random.default_rng(0).normal(size=len(nominal)))
-    base = pseudo_inertia_matrices(nominal)
-    away = np.linalg.solve(base, pseudo_inertia_matrices(near) - base)
-    assert np.allclose(
-        entropic_divergence(near, nominal),
-        0.5 * np.trace(away @ away, axis1=1, axis2=2),
-        rtol=0.05,
-        atol=1e-12,
-    )
 
 
 # --- Cone programs

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.reproduction import __main__ as command
 from tests.reproduction.iiwa import grouping, iiwa, published_base, published_parameters, rows
 from tests.reproduction.iiwa_excitation import OMEGA, condition, excitation
+from tests.reproduction.iiwa_methods import identify
+from tests.reproduction.iiwa_twins import simulated_twin
 from tests.reproduction.table import Line, Table
 from tests.reproduction.tables import xu_iiwa
 
@@ -62,3 +66,15 @@ def test_a_missed_bar_fails_the_command_unless_its_reason_is_known(monkeypatch, 
         and f"| **together** | 3 | 1 | {1 - code} | {code} |" in said
     )
     assert (f"- known: t: a: {reason}" if reason else "- missed: t: a: 3.0 (≤ 2)") in said
+
+
+@pytest.mark.slow
+def test_what_is_proven_does_not_hang_on_rounding():
+    """The certificate of the simulated robot, of rows that differ by rounding as those of two machines do."""
+    recorded, rng = simulated_twin(1), np.random.default_rng(0)
+    gaps = []
+    for size in (0.0, 1e-13, 1e-11):
+        scale = 1.0 + size * rng.standard_normal(recorded.tau.shape)
+        gaps.append(identify(replace(recorded, tau=recorded.tau * scale)).certificate.gap)
+    assert max(gaps) <= 1e-3
+    np.testing.assert_allclose(gaps, gaps[0], rtol=1e-3)

@@ -34,12 +34,6 @@ from excite.identification.constraints.linear import (
     stated_bounds,
     total_mass,
 )
-from excite.identification.estimators.entropic import (
-    EntropicSolver,
-    entropic_estimate,
-    newton_steps,
-    pullback_metric,
-)
 from excite.identification.estimators.estimator import (
     VIOLATION_TOLERANCE,
     Estimate,
@@ -50,7 +44,7 @@ from excite.identification.estimators.estimator import (
     no_solution,
 )
 from excite.identification.estimators.quadratic import bound_rows
-from excite.identification.estimators.scaled_problem import Ridge, ridge
+from excite.identification.estimators.scaled_problem import Ridge, pullback_metric, ridge
 from excite.identification.estimators.settings import (
     BodySettings,
     EstimatorSettings,
@@ -572,21 +566,17 @@ class LmiSettings(SymmetrySettings, BodySettings, PullSettings):
     """Settings of ``lmi``.
 
     Attributes:
-        regulariser: distance from the nominal model; ``pullback`` and ``entropic`` are those of Lee, Wensing and
-            Park 2020, which do not depend on units or frames.
+        regulariser: distance from the nominal model; ``pullback`` is that of Lee, Wensing and Park 2020, which does not
+            depend on units or frames.
     """
 
-    regulariser: str = word(
-        "euclidean", ("euclidean", "pullback", "entropic"), "distance from the nominal model"
-    )
+    regulariser: str = word("euclidean", ("euclidean", "pullback"), "distance from the nominal model")
 
 
 class PhysicallyConsistent(Estimator[LmiSettings]):
     """The objective and linear constraints of ``qp`` with every pseudo-inertia positive definite.
 
-    ``regulariser`` chooses the distance from the nominal model: ``euclidean`` in units of the spreads,
-    ``pullback`` and ``entropic`` of :mod:`~excite.identification.estimators.entropic`. The entropic one keeps
-    bodies inside the cone by itself and uses no ``inertia_floor``.
+    ``regulariser`` chooses the distance from the nominal model: ``euclidean`` in units of the spreads, or ``pullback``.
     """
 
     name: ClassVar[str] = "lmi"
@@ -602,8 +592,8 @@ class PhysicallyConsistent(Estimator[LmiSettings]):
         "was weighed or the record tells it, symmetry where it is asked for"
     )
 
-    def __init__(self, solver: ConicSolver = interior_point, entropic: EntropicSolver = newton_steps):
-        self._solver, self._entropic = solver, entropic
+    def __init__(self, solver: ConicSolver = interior_point):
+        self._solver = solver
 
     def estimate(self, problem: IdentificationProblem, settings: LmiSettings) -> Estimate:
         """See :meth:`Estimator.estimate`."""
@@ -626,9 +616,6 @@ class PhysicallyConsistent(Estimator[LmiSettings]):
             spreads = settings.spreads(problem.robot)
             metric = pullback_metric(problem, spreads, prior_std(problem, spreads))
         objective = ridge(rows, settings, metric)
-        if settings.regulariser == "entropic":
-            best = entropic_estimate(self.name, rows, objective, model.linear, settings, self._entropic)
-        else:
-            cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-            best = conic_estimate(self.name, rows, objective, model.linear, cones, self._solver)
+        cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
+        best = conic_estimate(self.name, rows, objective, model.linear, cones, self._solver)
         return replace(consistent_or_raised(best), total_mass=model.total_mass)

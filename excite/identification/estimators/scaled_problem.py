@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
-from excite.identification.constraints.cones import Cones, ParameterCones
+from excite.identification.constraints.cones import Cones, ParameterCones, segment_scales, triangle_of
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
+from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, prior_std, square_factor
 
 # Parameters as deviations from nominal in units of their spreads, and rows of a fit in them.
@@ -154,3 +156,49 @@ def ridge(rows: Regression, settings: PullSettings, metric: Array | None = None)
     tall[len(data) :, :-1] = np.sqrt(settings.alpha) * pull[np.ix_(free, free)]
     r = square_factor(tall)
     return Ridge(problem.prior.copy(), scales, free, r[:-1, :-1], r[:-1, -1])
+
+
+# Distances between bodies that depend on neither units nor frames (Lee, Wensing and Park 2020).
+#
+# The constant pullback distance ``½ tr((P₀⁻¹(P − P₀))²)`` is the second order of their entropic divergence of
+# pseudo-inertias (eq. 19). It is divided by ``2σ²``, with σ the spread of the segment: a body that is heavier all over
+# by the share σ costs one, as a parameter that is one spread off does in ``euclidean``.
+
+# A nominal body that cannot exist, or is flat, is given this least eigenvalue of D J D.
+_LEAST = 1e-6
+
+
+def relative_map(problem: IdentificationProblem) -> Array:
+    """``(n_segments, 10, 10)``: ten parameters to the ten entries of ``X = L⁻¹ P L⁻ᵀ`` with ``P₀ = L Lᵀ``.
+
+    Of the nominal parameters it is the identity matrix.
+    """
+    nominal = pseudo_inertia_matrices(problem.prior[: problem.n_inertial])
+    unit = np.concatenate([pseudo_inertia_matrices(row) for row in np.eye(10)])
+    shape = triangle_of(4)
+    scales = segment_scales(problem)
+    maps = np.empty((len(nominal), 10, 10))
+    for k, (pseudo, d) in enumerate(zip(nominal, scales, strict=True)):
+        eigen, vectors = np.linalg.eigh(pseudo * np.outer(d, d))
+        root = (vectors * np.sqrt(np.maximum(eigen, _LEAST))) @ vectors.T
+        inverse = np.linalg.inv(root) * d
+        maps[k] = shape.vectors(inverse @ unit @ inverse.T).T
+    return maps
+
+
+def pullback_metric(problem: IdentificationProblem, spreads: Array, scales: Array) -> Array:
+    """``B`` with ``‖B (θ − θ₀)/s‖²`` the constant pullback distance over ``2σ²``; the identity for drives.
+
+    Args:
+        problem: the problem.
+        spreads: σ of each segment ``(n_segments,)``.
+        scales: ``s``, ``(n_params,)``.
+
+    Returns:
+        ``(n_params, n_params)``.
+    """
+    metric = np.eye(problem.n_params)
+    for k, block in enumerate(relative_map(problem)):
+        part = slice(10 * k, 10 * k + 10)
+        metric[part, part] = block / (2.0 * spreads[k]) * scales[part]
+    return metric

@@ -205,7 +205,11 @@ class Judgement:
             "fit": plain(self.fit),
             "validation": plain(self.validation),
             "changed_segments": plain(self.changes.segments),
-            "changes": {"explained": self.changes.explained, "dispersion": self.changes.dispersion},
+            "changes": {
+                "explained": self.changes.explained,
+                "dispersion": self.changes.dispersion,
+                "beside": plain(self.changes.beside),
+            },
             "total_mass": plain(self.total_mass),
         }
 
@@ -459,7 +463,7 @@ def _of_solution(identified: IdentifiedParameters, judgement: Judgement) -> list
             "of links that the sensors do not see"
         )
         found.append(Finding("outside_bounds", text, {"parameters": float(len(names))}, names))
-    found += _weightless(identified, judgement.changes)
+    found += _impossible(identified, judgement)
     dispersion = judgement.changes.dispersion
     if judgement.changes.segments and dispersion > _LARGE_DISPERSION:
         text = (
@@ -470,22 +474,43 @@ def _of_solution(identified: IdentifiedParameters, judgement: Judgement) -> list
     return found
 
 
-def _weightless(identified: IdentifiedParameters, changes: Changes) -> list[Finding]:
-    """Changed segments that would weigh less than nothing: a scapegoat for something else."""
-    nominal = dict(zip(identified.links, identified.nominal[::10].tolist(), strict=True))
+def _impossible(identified: IdentifiedParameters, judgement: Judgement) -> list[Finding]:
+    """Changed segments that no body can be: a scapegoat for something else.
+
+    They weigh less than nothing, or gain more than the known total mass has gained and other named ones have lost.
+    """
+    nominal, segments = identified.nominal[::10], judgement.changes.segments
+    mass_of = dict(zip(identified.links, nominal.tolist(), strict=True))
     light = {
-        item.link: (item.mass_change_kg, nominal[item.link])
-        for item in changes.segments
-        if item.mass_change_kg + 2.0 * item.std_kg < -nominal[item.link]
+        item.link: f"{item.link} ({item.mass_change_kg:+.2f} kg of {mass_of[item.link]:.2f} kg)"
+        for item in segments
+        if item.mass_change_kg + 2.0 * item.std_kg < -mass_of[item.link]
     }
-    if not light:
-        return []
-    said = [f"{link} ({change:+.2f} kg of {mass:.2f} kg)" for link, (change, mass) in light.items()]
-    text = (
-        f"named as changed, {list_names(said)} would weigh less than nothing: no body has changed there, the torque "
-        "scale, the drives or the nominal model's geometry are off"
-    )
-    return [Finding("weightless", text, {"segments": float(len(light))}, tuple(light))]
+    total = judgement.total_mass
+    known, std = (total.weighed, 0.0) if total.weighed is not None else (total.measured, total.measured_std)
+    heavy = {}
+    if known is not None and std is not None:
+        room = known - total.nominal + 2.0 * std
+        room += sum(
+            max(0.0, min(2.0 * one.std_kg - one.mass_change_kg, mass_of[one.link])) for one in segments
+        )
+        heavy = {
+            item.link: f"{item.link} ({item.mass_change_kg:+.2f} kg)"
+            for item in segments
+            if item.mass_change_kg - 2.0 * item.std_kg > room
+        }
+    found = []
+    cause = "no body has changed there, the torque scale, the drives or the nominal model's geometry are off"
+    if light:
+        text = f"named as changed, {list_names(list(light.values()))} would weigh less than nothing: {cause}"
+        found.append(Finding("weightless", text, {"segments": float(len(light))}, tuple(light)))
+    if heavy:
+        text = (
+            f"named as changed, {list_names(list(heavy.values()))} would gain more than the known total mass has "
+            f"gained and others have lost: {cause}"
+        )
+        found.append(Finding("overweight", text, {"segments": float(len(heavy))}, tuple(heavy)))
+    return found
 
 
 def _of_prediction(judgement: Judgement) -> list[Finding]:

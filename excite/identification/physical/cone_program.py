@@ -56,30 +56,38 @@ class ConeAnswer:
 
 
 def solve_cone_program(program: ConeProgram) -> ConeAnswer | None:
-    """Solve; None where the solver says that nothing meets the constraints or gives no numbers."""
+    """Solve; None where the solver says that nothing meets the constraints or gives no numbers.
+
+    The solver is given the step from the unconstrained optimum. There the residual is small, and tolerances relative to
+    it mean something; beside the whole measurement, multipliers were so coarse that rounding decided what they prove.
+    """
     k, m = len(program.target), len(program.bound)
+    start = _unconstrained_optimum(program)
     stacked = [np.sqrt(_entry_counts(cone.shape[1]))[:, None] * cone for cone in program.cones]
     blocks = [program.matrix, -program.rows, *(-cone.reshape(-1, cone.shape[2]) for cone in stacked)]
     left = np.vstack(blocks) * program.scale
     right = np.zeros((len(left), k))
     right[:k] = -np.eye(k)
     bound = np.concatenate([program.target, -program.bound, np.zeros(len(left) - k - m)])
+    bound -= np.vstack(blocks) @ start
     squares = (program.weight * program.scale) ** 2
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
+    # Rows and cones have unit length already; another scaling makes multipliers of redundant rows diverge.
+    settings.equilibrate_enable = False
     kinds = [clarabel.ZeroConeT(k), clarabel.NonnegativeConeT(m)]
     for cone in program.cones:
         kinds += [clarabel.PSDTriangleConeT(3 if cone.shape[1] == 6 else 4)] * len(cone)
     solution = clarabel.DefaultSolver(
         sparse.diags(np.concatenate([squares, np.ones(k)]), format="csc"),
-        np.concatenate([-squares * program.center / program.scale, np.zeros(k)]),
+        np.concatenate([-squares * (program.center - start) / program.scale, np.zeros(k)]),
         sparse.hstack([sparse.csc_matrix(left), sparse.csc_matrix(right)], format="csc"),
         bound,
         kinds,
         settings,
     ).solve()
-    z, dual = np.array(solution.x)[: len(program.scale)] * program.scale, np.array(solution.z)
+    z, dual = start + np.array(solution.x)[: len(program.scale)] * program.scale, np.array(solution.z)
     if "Infeasible" in str(solution.status) or not (np.isfinite(z).all() and np.isfinite(dual).all()):
         return None
     cones, at = [], k + m
@@ -88,6 +96,13 @@ def solve_cone_program(program: ConeProgram) -> ConeAnswer | None:
         cones.append(_nearest_valid(dual[at : at + length].reshape(cone.shape[:2])))
         at += length
     return ConeAnswer(z, np.maximum(dual[k : k + m], 0.0), tuple(cones))
+
+
+def _unconstrained_optimum(program: ConeProgram) -> Array:
+    """Where the objective is least without constraints; nearest to ``center`` in directions that nothing measures."""
+    rows = np.vstack([program.matrix, np.diag(program.weight)]) * program.scale
+    rest = np.concatenate([program.target - program.matrix @ program.center, np.zeros(len(program.weight))])
+    return np.asarray(program.center + program.scale * np.linalg.lstsq(rows, rest, rcond=None)[0])
 
 
 def symmetric_matrices(triangles: Array) -> Array:

@@ -20,12 +20,19 @@ class Bar:
         reached: what the diagnosis says.
         met: whether that is good enough.
         reason: why it is not met, where that is known. It excuses nothing.
+        own: whether the bar is this project's, and stands in no publication.
     """
 
     what: str
     reached: str
     met: bool
     reason: str = ""
+    own: bool = False
+
+    @property
+    def mark(self) -> str:
+        """A tick or a cross, in brackets where no publication states the bar."""
+        return f"({'✓' if self.met else '✗'})" if self.own else "✓" if self.met else "✗"
 
 
 @dataclass(frozen=True, eq=False)

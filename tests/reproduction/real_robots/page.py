@@ -15,9 +15,8 @@ What `excite.diagnose` says of public recordings of real machines, beside what t
 Gaps are root mean squares, over joints, of measured minus predicted torque on trials that were not fitted, in percent
 of the torque's standard deviation. Evidence is in nats: a log-likelihood ratio over effective samples, less the price
 of the parameters and of the candidates tried. A tick is something known from elsewhere that the diagnosis says too, a
-cross something known from elsewhere that it misses.
+cross something known from elsewhere that it misses. In brackets stand bars of this project that no publication states.
 """
-_MARK = {True: "✓", False: "✗"}
 _LISTED = 4
 
 
@@ -26,7 +25,7 @@ def page(entries: Sequence[Entry]) -> str:
     rows = ["| recording | diagnosis | gap before → after | where it shrinks most | known |"]
     rows.append("| --- | --- | --- | --- | --- |")
     for entry in entries:
-        marks = " ".join(_MARK[bar.met] for bar in entry.bars)
+        marks = " ".join(bar.mark for bar in entry.bars)
         cells = (entry.title, said(entry.diagnosis), _gap(entry), _shrunk(entry), marks)
         rows.append(f"| {' | '.join(cells)} |")
     return "\n".join([_HEAD, *rows, "", *(section(entry) for entry in entries)])
@@ -49,7 +48,7 @@ def section(entry: Entry) -> str:
     if d.next_experiment is not None:
         lines.append(f"- **Next:** {d.next_experiment.why}.")
     lines += ["", *_candidates(entry), "", *_channels(entry), ""]
-    lines += [f"{_MARK[bar.met]} {bar.what}: {bar.reached}{_why(bar)}  " for bar in entry.bars]
+    lines += [f"{bar.mark} {bar.what}: {bar.reached}{_why(bar)}  " for bar in entry.bars]
     if entry.picture is not None:
         file, text = entry.picture
         lines += ["", f"![{text}](images/{file})"]

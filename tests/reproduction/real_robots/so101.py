@@ -49,6 +49,8 @@ def entries(data: Path, folder: Path) -> list[Entry]:
                     ", ".join(f"{e.effect} at {e.location}" for e in d.effects)
                     or f"{d.verdict}: nothing named",
                     any(e.effect == "backlash" for e in d.effects),
+                    "dry friction holds Pitch and Elbow anywhere within 32 and 35 mrad of their commands, and without "
+                    "torques play is what is left of that dead band",
                 ),
             ),
             remark=" ".join(f"{text[0].upper()}{text[1:]}." for text in said),

@@ -29,7 +29,7 @@ def _tables(data: Path, folder: Path) -> list[Table]:
 
 def _third(recording: Recording, number: int) -> Table:
     train, judge = recording.thirds(number)
-    alpha = {name: recording.chosen_alpha(train, name) for name in ("entropic", "pullback")}
+    alpha = {name: recording.chosen_alpha(train, name) for name in ("pullback",)}
     found: dict[str, Array] = {
         "prior": recording.prior,
         "least squares": recording.estimate(train, "ls"),
