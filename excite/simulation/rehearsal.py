@@ -156,14 +156,16 @@ def rehearse_alone(robot: Robot, motion: Motion, *, uncertain: bool = False) -> 
         The worst over these robots. It is kept on disk (:mod:`excite.cache`) under the motion's samples, the robot, and
         the code and simulator that ran it: what was rehearsed before is read.
     """
-    robots = (MODEL, *leaning_members(robot)) if uncertain else (MODEL,)
+    members = leaning_members(robot) if uncertain else {}
     motion_key = content_hash(motion_columns(motion)).encode()
-    file = cached_file("rehearsals", _rehearsal_key(robot), repr(robots).encode(), motion_key)
+    # A set may change with a file that the description only names.
+    set_key = b"".join(phi.tobytes() for phi in members.values())
+    file = cached_file("rehearsals", _rehearsal_key(robot), set_key, motion_key)
     kept = read_cached(file)
     if kept is not None:
         return _parse_rehearsal(kept, motion.name)
     found: list[Rehearsal] = []
-    for which in robots:
+    for which in (MODEL, *members):
         found.append(_rehearse_member(robot, motion, which))
         if found[-1].refused is not None:
             break
@@ -200,6 +202,7 @@ def rehearsed_verdict(robot: Robot, motion: Motion, verdict: Verdict, *, robust:
     return replace(verdict, violations=(found,), rehearsal=rehearsal)
 
 
+@lru_cache(maxsize=4)
 def leaning_members(robot: Robot) -> dict[str, Array]:
     """Of the robot's stated set of parameters the members that lean furthest, by name, ``(10·n_segments,)`` each.
 
