@@ -67,16 +67,20 @@ class PathLimits:
     def _legs(self) -> dict[str, list[int]]:
         return {foot.name: list(leg_joints(self._robot, foot)) for foot in self._robot.feet}
 
-    def _usable_torque(self, sample: PathSample) -> Array:
-        """Torque that each joint may use beside friction, ``(n_joints,)`` or one row a sample [N·m or N].
+    @cached_property
+    def _usable_torque(self) -> Array:
+        """Torque that each joint may use beside friction, ``(n_joints,)`` [N·m or N]."""
+        return self._beside_friction(self._robot.limits.torque)
+
+    def _beside_friction(self, limit: Array) -> Array:
+        """What is left of torque limits ``(…, n_joints)`` beside friction [N·m or N].
 
         Friction is bounded by that at the velocity limit, so that the rows stay linear.
         """
         share = np.full(self._robot.n_joints, self.shares.torque)
         for leg in self._legs.values():
             share[leg] = self.shares.leg_torque
-        speed = self.shares.velocity * self._robot.limits.velocity
-        return usable_torque(self._robot, share, speed, self.limits_at("torque", sample))
+        return usable_torque(self._robot, share, self.shares.velocity * self._robot.limits.velocity, limit)
 
     @cached_property
     def _soles(self) -> dict[str, Array]:
@@ -256,7 +260,10 @@ class PathLimits:
     def joint_shares(self, sample: PathSample) -> Rows:
         """Accelerations and torques of the joints as shares of what they may be, either way: within ±1, not below 0."""
         tau = _interpolate_rows(self.path.s, self._dynamics[0], sample.s)
-        tau = tau / np.broadcast_to(self._usable_torque(sample), tau[:, 0].shape)[:, None]
+        if self._robot.limits.tables:
+            tau = tau / self._beside_friction(self.limits_at("torque", sample))[..., None, :]
+        else:
+            tau = tau / self._usable_torque
         limit = self.shares.acceleration * self.limits_at("acceleration", sample)
         n_base = self._robot.n_base_v
         names = self._robot.joint_names
