@@ -568,8 +568,7 @@ class Plan(Tabled):
         """What that makes of the target; None without an outlook."""
         if self.outlook is None:
             return None
-        seconds = self.duration_s + sum(motion.duration for motion in self.before)
-        return Forecast.of(self.outlook.essential_rsd, self.target_rsd, seconds)
+        return Forecast.of(self.outlook.essential_rsd, self.target_rsd, self._whole_s)
 
     @cached_property
     def needed_min(self) -> dict[str, float]:
@@ -585,15 +584,13 @@ class Plan(Tabled):
             for p in self.outlook.parameters
             if p.name in asked and (p.essential or self.parameters)
         }
-        seconds = self.duration_s + sum(motion.duration for motion in self.before)
-        needed = Forecast.of(rsd, self.target_rsd, seconds).needed_s
+        needed = Forecast.of(rsd, self.target_rsd, self._whole_s).needed_s
         return dict(sorted(((name, s / 60.0) for name, s in needed.items()), key=lambda item: item[1]))
 
     @property
     def reaches(self) -> tuple[str, ...]:
         """Parameters asked for that the chosen motions are expected to bring to the target."""
-        have = (self.duration_s + sum(motion.duration for motion in self.before)) / 60.0
-        return tuple(name for name, minutes in self.needed_min.items() if minutes <= have)
+        return tuple(name for name, minutes in self.needed_min.items() if minutes <= self._whole_s / 60.0)
 
     def _out_of_reach(self) -> Iterator[OutOfReach]:
         reached = self.reaches
@@ -615,7 +612,7 @@ class Plan(Tabled):
         """What the minutes reach, what a minute more would add, and what is out of reach; empty where nobody asked."""
         if self.minutes is None or not self.needed_min:
             return []
-        reached, have = self.reaches, self.duration_s / 60.0
+        reached, have = self.reaches, self._whole_s / 60.0
         left = {name: minutes for name, minutes in self.needed_min.items() if name not in reached}
         line = f"{self.minutes:g} min reach {len(reached)} of {count(len(self.needed_min), 'parameter')} asked for"
         added = sum(minutes <= have + 1.0 for minutes in left.values())
@@ -624,6 +621,11 @@ class Plan(Tabled):
         if left and not reached:
             line += f"; the least that reach any are {min(left.values()):.3g} min"
         return [line + (f"; out of reach: {', '.join(far)}" if far else "")]
+
+    @property
+    def _whole_s(self) -> float:
+        """Duration of the chosen motions and of those before them [s]."""
+        return self.duration_s + sum(motion.duration for motion in self.before)
 
     @property
     def duration_s(self) -> float:
