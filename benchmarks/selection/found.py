@@ -14,7 +14,7 @@ from excite.arrays import Array
 from excite.diagnosis.budget.bodies import body
 from excite.diagnosis.budget.evidence import Merit
 from excite.diagnosis.budget.fit.beside import Beside
-from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.record import Found, rows_of
@@ -82,24 +82,28 @@ def _likeliest(selected: Selected, group: int) -> Term:
     return selected.gram.atoms[max(own, key=lambda a: selected.draws.by_atom[a])].term
 
 
-def _with_bodies(terms: list[Term], selected: Selected, rows: object) -> list[Term]:
-    """Terms, each body of them the likeliest that can exist beside the others."""
+def _with_bodies(terms: Sequence[Term], selected: Selected, rows: Rows) -> list[Term]:
+    """Terms, each body of them the likeliest that can exist beside the others; those that cannot are left out."""
     maker = TermMaker(Context(selected.full), selected.full.strict)
+    kept: list[Term] = []
     for k, term in enumerate(terms):
+        found: Term | None = term
         if term.effect.is_body and term.direction is None:
-            others = [other for i, other in enumerate(terms) if i != k and other is not None]
-            model = fit(Design(rows, tuple(others)), range(len(others)), left_out=False)  # type: ignore[arg-type]
-            terms[k] = body(Beside.of(model), maker, term.effect, term.location)  # type: ignore[assignment]
-    return [term for term in terms if term is not None]
+            others = (*kept, *terms[k + 1 :])
+            model = fit(Design(rows, others), range(len(others)), left_out=False)
+            found = body(Beside.of(model), maker, term.effect, term.location)
+        if found is not None:
+            kept.append(found)
+    return kept
 
 
 def _of_some_share(
-    terms: Sequence[Term], rows: object, floor: Array, scale: Array, context: Context
+    terms: Sequence[Term], rows: Rows, floor: Array, scale: Array, context: Context
 ) -> list[Term]:
     """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges."""
     kept = list(terms)
     while kept:
-        model = fit(Design(rows, tuple(kept)), range(len(kept)))  # type: ignore[arg-type]
+        model = fit(Design(rows, tuple(kept)), range(len(kept)))
         cannot = [k for k, term in enumerate(kept) if not term.can_be(context, model.parameters(k))]
         if cannot:
             weakest = min(cannot, key=model.taken_by)
