@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize
@@ -19,6 +18,7 @@ from scipy.optimize import minimize
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.excitation.optimisation.limits import JointLimits
+from excite.excitation.optimisation.near_bodies import NearBodies, NearPairs
 from excite.excitation.precision import row_noise
 from excite.motion.generators.curves import PolynomialCurve, hermite_curve
 from excite.motion.motion import Motion, interpolate_motion
@@ -26,10 +26,9 @@ from excite.regressor.adjoint import RegressorGradient, regressor_gradient
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns
 from excite.regressor.kernels import forward_kinematics, joint_torque_regressor
-from excite.regressor.tree import PRISMATIC, read_tree
+from excite.regressor.tree import read_tree
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import geometry_data, watched_model
 from excite.safety.check import check_motion
 from excite.threads import one_blas_thread
 
@@ -38,8 +37,9 @@ _DEGREE = 4
 _KNOT, _SAMPLE = 0.25, 1.0 / 16.0
 # Weight of squared violations and iterations, stage by stage; witness points are found anew before each.
 _STAGES = ((1.0, 50), (5.0, 40), (30.0, 30), (150.0, 30), (600.0, 30))
-# Decimals of the coefficients [rad or m] that a stage hands on.
-_DIGITS = 6
+# Decimals of nearest points [m] and normals, as of distances in excite.robot.shapes.collision.pair_distance: the last
+# bits depend on what a process did before, and what a search makes of them is another motion.
+_DIGITS = 7
 # Parts of the step that are tried until the motion is safe.
 _STEPS = (1.0, 0.99, 0.98, 0.97, 0.95, 0.9, 0.8, 0.6, 0.4)
 # Pairs nearer than this beyond their margin are watched, and kept apart by more for what happens between samples [m].
@@ -111,18 +111,14 @@ class _Witnesses:
     """Points of pairs of bodies that come near each other, fixed to the bodies.
 
     Attributes:
-        sample: ``(m,)``.
+        pairs: where they were found.
         joints: ``(m, 2)`` that carry them.
         points: ``(m, 2, 3)`` in the joints' frames [m].
-        normal: ``(m, 3)`` from the first to the second, in the world.
-        required: ``(m,)`` [m].
     """
 
-    sample: NDArray[np.int64]
-    joints: NDArray[np.int64]
+    pairs: NearPairs
+    joints: NDArray[np.intp]
     points: Array
-    normal: Array
-    required: Array
 
 
 class DesignProgram:
@@ -161,16 +157,7 @@ class DesignProgram:
         self._viscous, coulomb, self._armature = (per_joint(b, robot.joint_names, nothing) for b in blocks)
         self._room = np.maximum(limits.torque - coulomb, 1e-6)
         self._half = 0.5 * (limits.upper - limits.lower)
-        self._geometry, self._kept = watched_model(robot)
-        spheres = [_bounding_sphere(item) for item in self._geometry.geometryObjects]
-        self._centres, self._radii = np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
-        self._pairs = np.array([(p.first, p.second) for p in self._geometry.collisionPairs], int).reshape(
-            -1, 2
-        )
-        self._carriers = np.array([int(item.parentJoint) for item in self._geometry.geometryObjects])
-        self._above = np.array(
-            [[j in robot.model.supports[k] for j in range(1, n_joints + 1)] for k in range(n_joints + 1)]
-        )
+        self._bodies = NearBodies(robot, np.arange(1, n_joints + 1))
         self._near: _Witnesses | None = None
 
     def _basis(self, time: Array) -> tuple[Array, ...]:
@@ -242,53 +229,25 @@ class DesignProgram:
 
     def watch(self, x: Array) -> None:
         """Find the nearest points of bodies that are near each other."""
-        q, _, _ = self.states(x)
-        poses = forward_kinematics(self._tree, q)
-        rotation, origin = poses.rotation[:, self._carriers], poses.translation[:, self._carriers]
-        centres = np.einsum("nbij,bj->nbi", rotation, self._centres) + origin
-        first, second = self._pairs.T
-        gap = np.linalg.norm(centres[:, first] - centres[:, second], axis=2)
-        gap -= self._radii[first] + self._radii[second]
-        model, state = self._rows.robot.model, geometry_data(self._geometry)
-        data, at = model.createData(), -1
-        found: list[tuple[int, int, Array, Array, Array]] = []
-        for i, k in zip(*np.nonzero(gap < self._kept + _NEAR), strict=True):
-            if i != at:
-                pin.updateGeometryPlacements(model, data, self._geometry, state, q[i])
-                at = i
-            near = pin.computeDistance(self._geometry, state, int(k))
-            if near.min_distance < self._kept[k] + _NEAR:
-                points = (np.array(near.getNearestPoint1()), np.array(near.getNearestPoint2()))
-                found.append((int(i), int(k), *points, np.array(near.normal)))
-        if not found:
-            self._near = None
-            return
-        sample, pair = (np.array([item[c] for item in found]) for c in (0, 1))
-        joints = self._carriers[self._pairs[pair]]
-        world = np.array([item[2:4] for item in found])
-        turned = poses.rotation[sample[:, None], joints]
-        local = np.einsum("mkji,mkj->mki", turned, world - poses.translation[sample[:, None], joints])
-        normal = np.array([item[4] for item in found])
-        self._near = _Witnesses(sample, joints, local, normal, self._kept[pair] + _EXTRA)
+        poses, found = self._bodies.find(self.states(x)[0], self._bodies.kept + _NEAR)
+        pairs = replace(found, normal=np.round(found.normal, _DIGITS))
+        joints, at = self._bodies.carriers(pairs), pairs.sample[:, None]
+        world = np.stack([pairs.first, pairs.second], axis=1)
+        local = np.einsum("mkji,mkj->mki", poses.rotation[at, joints], world - poses.translation[at, joints])
+        self._near = _Witnesses(pairs, joints, np.round(local, _DIGITS))
 
     def _push_apart(self, q: Array, weight: float, by_q: Array) -> float:
         """Squared lack of distance in centimetres; its gradient is added to ``by_q``."""
         if self._near is None:
             return 0.0
         near, poses = self._near, forward_kinematics(self._tree, q)
-        at = near.sample[:, None]
-        origin = poses.translation[at, near.joints]
-        points = np.einsum("mkij,mkj->mki", poses.rotation[at, near.joints], near.points) + origin
-        apart = ((points[:, 1] - points[:, 0]) * near.normal).sum(axis=1)
-        lack = np.maximum(near.required - apart, 0.0) / 0.01
-        axes = np.einsum("mdij,dj->mdi", poses.rotation[near.sample, 1:], self._tree.axes[1:])
-        slides = self._tree.kinds[1:] == PRISMATIC
-        slope = np.zeros((len(lack), q.shape[1]))
-        for body, side in ((0, -1.0), (1, 1.0)):
-            moved = np.cross(axes, points[:, body, None] - poses.translation[near.sample, 1:])
-            moved[:, slides] = axes[:, slides]
-            slope += side * self._above[near.joints[:, body]] * (moved * near.normal[:, None]).sum(axis=2)
-        np.add.at(by_q, near.sample, (-2.0 * weight * lack / 0.01)[:, None] * slope)
+        at = near.pairs.sample[:, None]
+        turned = np.einsum("mkij,mkj->mki", poses.rotation[at, near.joints], near.points)
+        first, second = (turned + poses.translation[at, near.joints]).transpose(1, 0, 2)
+        apart = ((second - first) * near.pairs.normal).sum(axis=1)
+        lack = np.maximum(self._bodies.kept[near.pairs.pair] + _EXTRA - apart, 0.0) / 0.01
+        slope = self._bodies.slopes(poses, replace(near.pairs, first=first, second=second))
+        np.add.at(by_q, near.pairs.sample, (-2.0 * weight * lack / 0.01)[:, None] * slope)
         return float((lack**2).sum())
 
 
@@ -333,8 +292,7 @@ def design_motion(rows: ArmRows, source: Motion, prior: Array, limits: JointLimi
             program.evaluate, x, args=(weight,), jac=True, method="L-BFGS-B",
             bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": iterations, "maxcor": 15},
         )  # fmt: skip
-        # Rounding differs with where arrays lie in memory; a microradian further on no robot tells the difference.
-        x = np.round(found.x, _DIGITS)
+        x = np.asarray(found.x)
     step = next((s for s in _STEPS if _is_safe(rows.robot, program, s * x)), 0.0)
     information = program.information(step * x)
     gain = np.linalg.slogdet(prior + information)[1] - np.linalg.slogdet(prior)[1]
@@ -361,8 +319,3 @@ def first_information(rows: ArmRows, sources: Sequence[Motion]) -> Array:
         sampled = motion.resampled(rows.robot, 1.0 / _SAMPLE)
         total += rows.information(sampled.q, sampled.v, sampled.a)
     return 0.01 * total / len(sources) + 1e-9 * np.diag(np.diag(total))
-
-
-def _bounding_sphere(item: pin.GeometryObject) -> tuple[Array, float]:
-    item.geometry.computeLocalAABB()
-    return item.placement.act(item.geometry.aabb_center), float(item.geometry.aabb_radius)

@@ -10,9 +10,10 @@ import pytest
 from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.conditioning import motion_factor
-from excite.excitation.optimisation.chain import AmplitudeSums, Clearance, closest_points
+from excite.excitation.optimisation.chain import AmplitudeSums, Clearance
 from excite.excitation.optimisation.limits import JointLimits, linear_rows, peak_shares
 from excite.excitation.optimisation.motions import FourierFamily, MotionFamily, WaypointFamily
+from excite.excitation.optimisation.near_bodies import closest_points
 from excite.excitation.optimisation.objective import CRITERIA, Objective, make_criterion
 from excite.excitation.optimisation.program import TorqueLimits, solve_program
 from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation
