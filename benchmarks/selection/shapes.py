@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from benchmarks.selection.gram import Gram, whitened
-from benchmarks.selection.prior import Atom, atom_of
+from benchmarks.selection.prior import Atom, Slab, atom_of
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
@@ -90,7 +90,7 @@ class Company:
         x: ``(n,)`` sizes.
         begin: first column of each term.
         loss: half the weighted sum of squares that is left, priors in it.
-        gap: ``(n_joints,)`` of slabs.
+        slab: unit of their torques.
     """
 
     gram: Gram
@@ -103,12 +103,12 @@ class Company:
     x: Array
     begin: Array
     loss: float
-    gap: Array
+    slab: Slab
 
     @classmethod
-    def of(cls, gram: Gram, terms: Sequence[Term], gap: Array) -> Company:
+    def of(cls, gram: Gram, terms: Sequence[Term], slab: Slab) -> Company:
         """Terms solved together."""
-        atoms = [_loose(gram, term, gap) for term in terms]
+        atoms = [_loose(gram, term, slab) for term in terms]
         begin = gram.always + np.cumsum([0, *(term.size for term in terms)])
         n, always = int(begin[-1]), gram.always
         precision = np.concatenate([gram.prior, *(atom.precision for atom in atoms)])
@@ -141,7 +141,7 @@ class Company:
         factor = cho_factor(normal / np.outer(scale, scale) + 1e-9 * np.eye(n))
         x = cho_solve(factor, right / scale) / scale
         loss = 0.5 * float(gram.square - right @ x + (precision * mean) @ mean)
-        return cls(gram, tuple(terms), white, index, factor, scale, right, x, begin, loss, gap)
+        return cls(gram, tuple(terms), white, index, factor, scale, right, x, begin, loss, slab)
 
     def sizes(self, i: int) -> Array:
         """Sizes of the i-th term."""
@@ -170,7 +170,7 @@ class Company:
 
     def gain_of(self, term: Term) -> tuple[float, Array]:
         """The same of a term."""
-        atom = _loose(self.gram, term, self.gap)
+        atom = _loose(self.gram, term, self.slab)
         return self.gain(term.columns, atom.precision, atom.mean)
 
 
@@ -179,20 +179,14 @@ def _white(gram: Gram, j: int, columns: Array) -> Array:
     return np.asarray(whitened(gram.rows, lag, columns) / deviation)
 
 
-def _loose(gram: Gram, term: Term, gap: Array) -> Atom:
+def _loose(gram: Gram, term: Term, slab: Slab) -> Atom:
     """A term's prior while shapes are searched: of a body, whatever the record asks for."""
-    atom = atom_of(term, powers(gram, term), gap)
+    atom = atom_of(term, slab)
     if atom.turned is None:
         return atom
     n = term.size
     free = np.full(n, np.inf)
     return Atom(term, term.columns, n, np.zeros(n), np.full(n, 1e-6) + term.precision, -free, free)
-
-
-def powers(gram: Gram, term: Term) -> dict[int, Array]:
-    """Mean squares of a term's columns in the fitted rows, by joint."""
-    use = gram.rows.block >= 0
-    return {j: (block[use] ** 2).mean(axis=0) for j, block in term.columns.items()}
 
 
 def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Term, float]:
@@ -202,7 +196,7 @@ def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Ter
         changes = list(shape_changes(maker, term, x))
         if not changes:
             break
-        atom = _loose(company.gram, term, company.gap)
+        atom = _loose(company.gram, term, company.slab)
         rows, n = len(company.gram.rows.trial), term.size
         columns = {
             j: np.column_stack(
@@ -231,9 +225,9 @@ def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Ter
     return term, gain
 
 
-def searched_together(gram: Gram, terms: Sequence[Term], gap: Array) -> tuple[list[Term], Company]:
+def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[list[Term], Company]:
     """The shapes of all terms by Gauss and Newton's steps together, what is linear projected out (Kaufman 1975)."""
-    found, company = list(terms), Company.of(gram, terms, gap)
+    found, company = list(terms), Company.of(gram, terms, slab)
     movable = [i for i, term in enumerate(found) if is_searched(term)]
     for _ in range(_STEPS if movable else 0):
         makers = {i: TermMaker(found[i].context, found[i].context.baseline.strict) for i in movable}
@@ -255,7 +249,7 @@ def searched_together(gram: Gram, terms: Sequence[Term], gap: Array) -> tuple[li
                 steps = {p: float(s) for (k, p, _), s in zip(changes, both, strict=True) if k == i}
                 made = moved(makers[i], found[i], steps, factor)
                 new[i] = found[i] if made is None else made
-            other = Company.of(gram, new, gap)
+            other = Company.of(gram, new, slab)
             if other.loss < company.loss - 0.02:
                 ended = company.loss - other.loss < _ENOUGH
                 found, company = new, other
@@ -266,7 +260,7 @@ def searched_together(gram: Gram, terms: Sequence[Term], gap: Array) -> tuple[li
 
 
 def other_forms(
-    gram: Gram, terms: Sequence[Term], gap: Array, makers: Sequence[TermMaker]
+    gram: Gram, terms: Sequence[Term], slab: Slab, makers: Sequence[TermMaker]
 ) -> list[tuple[Term, TermMaker]]:
     """Other forms of each term's law, from several starts each, those that are near it at their best."""
     found = []
@@ -274,7 +268,7 @@ def other_forms(
         forms: tuple[Effect, ...] = (*term.effect.richer, *term.effect.forms)
         if term.started or term.effect.is_body or not forms or not (is_searched(term) or not term.theta):
             continue
-        company = Company.of(gram, [other for k, other in enumerate(terms) if k != i], gap)
+        company = Company.of(gram, [other for k, other in enumerate(terms) if k != i], slab)
         own = company.gain_of(term)[0]
         if own < _WORTH:
             continue
