@@ -30,7 +30,7 @@ from excite.diagnosis.budget.between_trials import sizes_by_trial
 from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.record import begun_baseline, model_of_gap, rows_of
+from excite.diagnosis.budget.record import begun_baseline, rows_of
 from excite.diagnosis.budget.shares import deviation, part_time_payload, trials_that_carry
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.effect import Effect
@@ -56,6 +56,7 @@ from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import held_power, stands_throughout, with_held
 from excite.diagnosis.equations.units import at_joint, force_unit
 from excite.diagnosis.next_experiment.advice import advice
+from excite.diagnosis.selection.found import model_of_gap
 from excite.diagnosis.simulator.augmented_plant import robot_changes
 from excite.diagnosis.simulator.model_text import Found, found_effects
 from excite.diagnosis.simulator.rollout_compare import simulated
@@ -405,8 +406,8 @@ def judged_record(record: TorqueRecord) -> Judged:
     effects = (*record.effects, *NAMELESS) if together is None else _own_terms(record.effects)
     if together is None and (loaded := _loaded(full, least)) is not None:
         effects = (*effects, loaded)
-    found = model_of_gap(full, record.modelled, effects, least, sigma)
-    model, context = found.search.model, found.prediction.context
+    found = model_of_gap(full, record.modelled, effects, least, sigma, np.random.default_rng(0))
+    model, context = found.model, found.prediction.context
     spectral = with_held(samples, model.residual, spectral)
     budget = budget_of(found, spectral, scale)
     said = (*(() if together is None else (together,)), *other_machine(model))

@@ -188,12 +188,12 @@ class Reading:
 
     def _rivals(self, item: Named) -> list[tuple[Scored, float]]:
         """What might stand in the place of an effect, with its probability."""
-        search = self.found.search
-        terms = search.design.terms
-        k = next(k for k in search.model.chosen if terms[k].key == (item.effect, item.location))
+        model = self.found.model
+        terms = model.design.terms
+        k = next(k for k in model.chosen if terms[k].key == (item.effect, item.location))
         made = []
-        for tried, chance in zip(search.rivals.get(k, ()), item.chances, strict=True):
-            scored = self._try(terms[tried.index], self._begun)
+        for rival, chance in zip(self.found.rivals.get(k, ()), item.chances, strict=True):
+            scored = self._try(terms[rival.index], self._begun)
             if scored is not None:
                 made.append((scored, chance))
         return made
@@ -215,7 +215,7 @@ class Reading:
 
     @cached_property
     def _terms(self) -> dict[tuple[str, str], Term]:
-        return {term.key: term for term in self.found.search.model.terms}
+        return {term.key: term for term in self.found.model.terms}
 
     def _beside_each_other(self, named: Sequence[tuple[str, str]]) -> dict[tuple[str, str], Term]:
         """Terms by effect and place, each body of them the likeliest beside the others.
@@ -223,10 +223,10 @@ class Reading:
         A surgical arm's load stood beside half a newton metre at the yaw axis that its weight all but cancelled. That
         constant was no name, and the load without it closed 43 % of the gap where the one of these terms closes 79 %.
         """
-        search = self.found.search
-        numbers = [k for k in search.model.chosen if search.design.terms[k].key in named]
+        model = self.found.model
+        numbers = [k for k in model.chosen if model.design.terms[k].key in named]
         maker = TermMaker(self.found.prediction.context, self.found.baseline.strict)
-        return {term.key: term for term in likeliest_beside(search, numbers, maker)}
+        return {term.key: term for term in likeliest_beside(model, numbers, maker)}
 
     @property
     def _likely(self) -> tuple[Term, ...]:

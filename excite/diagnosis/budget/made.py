@@ -15,7 +15,6 @@ from excite.diagnosis.answer.budget import (
     UnnamedShare,
 )
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.shares import Shares, deviation, shares_of, unnamed_of
@@ -39,8 +38,7 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
         floor: ``(n_joints,)`` noise in the rows' band.
         scale: ``(n_joints,)`` standard deviation of each torque in the trials that are fitted.
     """
-    search, joints = found.search, found.prediction.context.joints
-    model = search.model
+    model, joints = found.model, found.prediction.context.joints
     shares = shares_of(model, floor)
     relative = shares.open / scale**2
     weight = relative / max(float(relative.sum()), 1e-300)
@@ -61,14 +59,14 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
     ]
-    sizes = detectable_sizes(model, found.baseline.samples.robot, search.candidates)
+    sizes = detectable_sizes(model, found.baseline.samples.robot, found.tried)
     return Budget(channels, tuple(sorted(named, key=lambda item: -item.share)), sizes)
 
 
 def _channel(
     found: Found, context: Context, shares: Shares, floor: Array, j: int, weight: float, again: Array | None
 ) -> ChannelBudget:
-    model, room = found.search.model, float(shares.open[j])
+    model, room = found.model, float(shares.open[j])
     level, gap = float(np.sqrt(shares.level[j])), float(np.sqrt(shares.before[j]))
     unit = force_unit(found.baseline.samples.robot, context.joints[j])
     if room <= 0.0:
@@ -98,8 +96,7 @@ def _channel(
 
 def _firm(found: Found, shares: Shares, i: int) -> bool:
     """Whether an effect has a size that is none by chance, though shares may be too wide to tell."""
-    merit = found.search.merits[found.search.model.chosen[i]]
-    return bool(shares.sized[i]) and merit.score >= THRESHOLDS.rival
+    return bool(shares.sized[i]) and found.nats[found.model.chosen[i]] >= THRESHOLDS.rival
 
 
 def stands_clear(shares: Shares, i: int, firm: bool) -> bool:
@@ -118,9 +115,8 @@ def stands_clear(shares: Shares, i: int, firm: bool) -> bool:
 
 
 def _named(found: Found, i: int, share: float, surely: float, clear: bool) -> Named:
-    search = found.search
-    model, k = search.model, search.model.chosen[i]
-    term, merit = model.design.terms[k], search.merits[k]
+    model, k = found.model, found.model.chosen[i]
+    term, nats = model.design.terms[k], found.nats[k]
     first = model.layout.begin[i]
     here = slice(first, first + term.size)
     beta, spread = term.beta(model.x[here]), term.beta(deviation(model.left_out[:, here]))
@@ -131,17 +127,17 @@ def _named(found: Found, i: int, share: float, surely: float, clear: bool) -> Na
         p.name: (t, t * _share_of_one(model, i) if p.name == term.effect.proportional else None)
         for p, t in zip(term.effect.searched, term.theta, strict=False)
     }
-    rivals = search.rivals.get(k, [])
-    chance, *chances = probabilities(merit.score, [r.behind for r in rivals])
+    rivals = found.rivals.get(k, ())
+    whole = 1.0 + sum(rival.odds for rival in rivals) + float(np.exp(-max(nats, 0.0)))
     return Named(
         effect=term.name,
         location=term.location,
         share=share,
-        probability=chance,
+        probability=1.0 / whole,
         values=values,
-        nats=merit.score,
+        nats=nats,
         rivals=tuple(model.design.terms[r.index].key for r in rivals),
-        chances=tuple(chances),
+        chances=tuple(rival.odds / whole for rival in rivals),
         surely=surely,
         clear=clear,
     )

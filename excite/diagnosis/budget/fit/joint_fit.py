@@ -46,11 +46,6 @@ class Model:
     predicted: Array
 
     @cached_property
-    def stacked(self) -> Stacked:
-        """Its normal matrices, for models with a further term."""
-        return Stacked.of_model(self.design.fitted, self.layout)
-
-    @cached_property
     def residual(self) -> Array:
         """What the fit of all blocks leaves of all rows, ``(n_joints, n_rows)``."""
         rest = []
@@ -110,7 +105,6 @@ def fit(
     weight: Array | None = None,
     *,
     left_out: bool = True,
-    beside: Model | None = None,
     sizes: Mapping[int, Array] | None = None,
     freed: int | None = None,
 ) -> Model:
@@ -121,17 +115,13 @@ def fit(
         chosen: indices of its terms.
         weight: where the weights begin.
         left_out: whether to leave out blocks.
-        beside: the model without the last of the terms, if it is at hand.
         sizes: parameters that are known, by term.
         freed: a term whose size is fitted though it is known.
     """
     chosen = tuple(chosen)
     layout, grams, floor = design.index(chosen), design.fitted, design.rows.floor
     count = float(grams.count.sum())
-    if beside is not None:
-        rows = Extended.by(beside.stacked, beside.layout, design, chosen[-1])
-    else:
-        rows = Extended(Stacked.of_model(grams if left_out else grams.together, layout), {}, {}, 0)
+    rows = Stacked.of_model(grams if left_out else grams.together, layout)
     if weight is None:
         power = np.array([g[-1, -1] for g in grams.total]) / count
         weight = 1.0 / np.maximum(power, floor**2)
@@ -233,7 +223,7 @@ def autocorrelation(values: Array, use: NDArray[np.bool_], trial: NDArray[np.int
     return np.asarray(total / np.maximum(total[:, :1], 1e-300))
 
 
-# Normal matrices of a model by joint and block, from which those of one with a further term take little work.
+# Normal matrices of a model by joint and block.
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,80 +254,25 @@ class Stacked:
             square[j] = g[:, -1, -1]
         return cls(of, right, square, of.sum(axis=1))
 
-
-@dataclass(frozen=True, eq=False)
-class Extended:
-    """The same with the columns of one further term, or of none.
-
-    Attributes:
-        stacked: without it.
-        strips: by joint that it acts on, ``(n_blocks, p + m, m)`` products of all columns and its own.
-        right: the same with the measurement, ``(n_blocks, m)``.
-        more: m.
-    """
-
-    stacked: Stacked
-    strips: Mapping[int, Array]
-    right: Mapping[int, Array]
-    more: int
-
-    @classmethod
-    def by(cls, stacked: Stacked, layout: Layout, design: Design, k: int) -> Extended:
-        """With the design's term ``k`` beside a model whose parameters stand as the layout says."""
-        m, p = design.terms[k].size, layout.size
-        strips, right = {}, {}
-        for j, where in design.place[k].items():
-            g = design.fitted.of[j]
-            strip = np.zeros((len(g), p + m, m))
-            strip[:, layout.numbers[j]] = g[:, layout.columns[j][:, None], where]
-            strip[:, p:] = g[:, where[:, None], where]
-            strips[j], right[j] = strip, g[:, where, -1]
-        return cls(stacked, strips, right, m)
-
     def normal(self, weight: Array, *, by_block: bool) -> tuple[Array, Array]:
-        """Normal matrices and right sides at joints' weights, ``(n, p + m, p + m)`` and ``(n, p + m)``.
+        """Normal matrices and right sides at joints' weights, ``(n, p, p)`` and ``(n, p)``.
 
         Args:
             weight: ``(n_joints,)``.
             by_block: whether one a block, or a single one over all.
         """
-        base, m = self.stacked, self.more
-        of = base.of if by_block else base.total[:, None]
-        right = base.right if by_block else base.right.sum(axis=1, keepdims=True)
+        of = self.of if by_block else self.total[:, None]
+        right = self.right if by_block else self.right.sum(axis=1, keepdims=True)
         n, p = of.shape[1], of.shape[2]
         inner = (weight @ of.reshape(len(of), -1)).reshape(n, p, p)
-        side = (weight @ right.reshape(len(right), -1)).reshape(n, p)
-        if not m:
-            return inner, side
-        normal, sides = np.empty((n, p + m, p + m)), np.empty((n, p + m))
-        normal[:, :p, :p], sides[:, :p] = inner, side
-        strip, more = np.zeros((n, p + m, m)), np.zeros((n, m))
-        for j, block in self.strips.items():
-            strip += weight[j] * (block if by_block else block.sum(axis=0))
-            more += weight[j] * (self.right[j] if by_block else self.right[j].sum(axis=0))
-        normal[:, :, p:], normal[:, p:, :p] = strip, strip[:, :p].transpose(0, 2, 1)
-        sides[:, p:] = more
-        return normal, sides
+        return inner, (weight @ right.reshape(len(right), -1)).reshape(n, p)
 
     def left(self, x: Array) -> Array:
-        """Sums of squares that parameters ``(n_blocks, p + m)`` leave of each block, ``(n_blocks, n_joints)``."""
-        base, p = self.stacked, self.stacked.of.shape[2]
-        z = x[:, :p]
-        inner = (base.of @ z[None, :, :, None])[..., 0] - 2.0 * base.right
-        out = base.square + (inner * z).sum(axis=-1)
-        for j, strip in self.strips.items():
-            own = x[:, p:]
-            along = (strip * own[:, None, :]).sum(axis=-1)
-            out[j] += 2.0 * (along[:, :p] * z).sum(axis=-1) + (along[:, p:] * own).sum(axis=-1)
-            out[j] -= 2.0 * (self.right[j] * own).sum(axis=-1)
-        return np.maximum(out.T, 1e-300)
+        """Sums of squares that parameters ``(n_blocks, p)`` leave of each block, ``(n_blocks, n_joints)``."""
+        inner = (self.of @ x[None, :, :, None])[..., 0] - 2.0 * self.right
+        return np.maximum((self.square + (inner * x).sum(axis=-1)).T, 1e-300)
 
     def left_of_all(self, x: Array) -> Array:
-        """The same of parameters ``(p + m,)`` over all blocks, ``(n_joints,)``."""
-        base, p = self.stacked, self.stacked.of.shape[2]
-        z, own = x[:p], x[p:]
-        out = base.square.sum(axis=1) + ((base.total @ z) @ z - 2.0 * base.right.sum(axis=1) @ z)
-        for j, strip in self.strips.items():
-            along = strip.sum(axis=0) @ own
-            out[j] += 2.0 * along[:p] @ z + along[p:] @ own - 2.0 * self.right[j].sum(axis=0) @ own
-        return np.maximum(out, 1e-300)
+        """The same of parameters ``(p,)`` over all blocks, ``(n_joints,)``."""
+        inner = (self.total @ x) @ x - 2.0 * self.right.sum(axis=1) @ x
+        return np.maximum(self.square.sum(axis=1) + inner, 1e-300)

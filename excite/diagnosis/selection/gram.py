@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from benchmarks.selection.prior import Atom
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Rows
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.selection.prior import Atom
 
 # Cosines of each signal that a discrepancy follows.
 _COSINES = 6

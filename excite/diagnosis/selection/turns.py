@@ -12,20 +12,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.selection.gram import Gram, Noise, Posterior, discrepancy_columns
-from benchmarks.selection.prior import Atom, Key, Slab, atom_of, group_of, groups_of, problem_of, with_odds
-from benchmarks.selection.sampler import Draws, climb, sample
-from benchmarks.selection.shapes import other_forms, searched_together, shape_changes
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
+from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.record import rows_of
-from excite.diagnosis.budget.search import Prediction, predicted, signs_beside
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.selection.gram import Gram, Noise, Posterior, discrepancy_columns
+from excite.diagnosis.selection.prior import (
+    Atom,
+    Key,
+    Slab,
+    atom_of,
+    group_of,
+    groups_of,
+    problem_of,
+    with_odds,
+)
+from excite.diagnosis.selection.sampler import Draws, climb, sample
+from excite.diagnosis.selection.shapes import other_forms, searched_together, shape_changes
 from excite.progress import step
 
 # By turn: factor of the noise's variance, and white part of its spectrum.

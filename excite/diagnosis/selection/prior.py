@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import ndtr
 
-from benchmarks.selection.sampler import Indices, Problem
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Rows
 from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.equations.own_columns import COULOMB
+from excite.diagnosis.selection.sampler import Indices, Problem
 
 
 class Belief(NamedTuple):

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from benchmarks.selection.gram import Gram, whitened
-from benchmarks.selection.prior import Atom, Slab, atom_of
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
+from excite.diagnosis.selection.gram import Gram, whitened
+from excite.diagnosis.selection.prior import Atom, Slab, atom_of
 
 # Relative step of a shape's finite difference; of a wave's count, a fraction of a period over the whole range.
 _STEP, _COUNT_STEP = 2e-2, 5e-4

@@ -1,4 +1,4 @@
-"""What the posterior names, fitted together: the model that sizes, shares and the verdict are read from."""
+"""The model of the gap of a record: what the posterior names, fitted together."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.selection.prior import group_of, groups_of, problem_of
-from benchmarks.selection.sampler import gains_beside
-from benchmarks.selection.turns import Selected
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import body
-from excite.diagnosis.budget.evidence import Merit
-from excite.diagnosis.budget.fit.beside import Beside
+from excite.diagnosis.budget.errors_in_variables import unlike_noise
 from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
-from excite.diagnosis.budget.record import Found, rows_of
-from excite.diagnosis.budget.screening import Tried
-from excite.diagnosis.budget.search import Search, predicted
+from excite.diagnosis.budget.prediction import predicted
+from excite.diagnosis.budget.record import Found, Rival, rows_of
 from excite.diagnosis.budget.shares import shares_of
+from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
-from excite.diagnosis.equations.own_columns import COULOMB
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.standing_joints import stands_throughout
+from excite.diagnosis.selection.prior import group_of, groups_of, problem_of
+from excite.diagnosis.selection.sampler import gains_beside
+from excite.diagnosis.selection.turns import Selected, select
 
-# Probability from which an effect is in the model, and that of a rival from which it is told.
+# Probability from which an effect is in the model, and that of a rival, in units of its own, from which it is told.
 _THERE, _RIVAL = 0.7, 0.05
 # Share of the whole gap, or of some joint's, from which an effect is named.
 _OF_ALL, _OF_A_JOINT = 0.01, 0.05
@@ -32,48 +32,65 @@ _OF_ALL, _OF_A_JOINT = 0.01, 0.05
 _LISTED = 8
 
 
-def found_of(selected: Selected, modelled: tuple[str, ...], floor: Array, scale: Array) -> Found:
-    """The model of what the posterior names.
+def model_of_gap(
+    full: Baseline,
+    modelled: tuple[str, ...],
+    effects: tuple[Effect, ...],
+    floor: Array,
+    sigma: Array | None,
+    rng: np.random.Generator,
+) -> Found:
+    """The model of a record's gap, of all effects that the posterior over them names.
 
     Args:
-        selected: the posterior.
+        full: what every model begins with, fitted.
         modelled: words of ``modelled``.
+        effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
-        scale: ``(n_joints,)`` standard deviation of each torque.
+        sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad]; None for none.
+        rng: random numbers.
     """
-    gram, draws, full = selected.gram, selected.draws, selected.full
+    selected = select(full, modelled, effects, floor, rng)
+    rows = rows_of(selected.full, modelled, floor)
+    gram, draws = selected.gram, selected.draws
     groups = groups_of(gram.atoms)
     number = {key: g for g, key in enumerate(groups)}
     sure = [a for a in selected.chosen if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
-    rows = rows_of(full, modelled, floor)
     terms = _with_bodies([gram.atoms[a].term for a in sure], selected, rows)
-    terms = _of_some_share(terms, rows, floor, scale, Context(full))
+    terms = _of_some_share(terms, rows, floor, _scale(full), Context(selected.full))
+    if sigma is not None:
+        model = fit(Design(rows, tuple(terms)), range(len(terms)))
+        terms = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
-    rivals: dict[int, list[Tried]] = {}
-    merits: dict[int, Merit] = {}
+    rivals: dict[int, tuple[Rival, ...]] = {}
+    nats: dict[int, float] = {}
     for k, term in enumerate(terms):
         g = number[group_of(term)]
-        chance = float(draws.inclusion[g])
-        score = float(np.clip(np.log(max(chance, 1e-12) / max(1.0 - chance, 1e-12)), -20.0, 30.0))
-        merits[k] = Merit(np.zeros(len(floor)), score, score)
+        chance = float(np.clip(draws.inclusion[g], 1e-12, 1.0 - 1e-12))
+        nats[k] = float(np.log(chance / (1.0 - chance)))
+        found = []
         for other in np.argsort(-draws.rivals[g]):
-            p = float(draws.rivals[g, other])
-            if p < _RIVAL or other == g or groups[other] in kept:
+            odds = float(draws.rivals[g, other] / max(draws.rivals[g, g], 1e-6))
+            if draws.rivals[g, other] < _RIVAL or other == g or groups[other] in kept:
                 continue
             rest = (*terms[:k], *terms[k + 1 :])
             like = _that_can_be(_likeliest(selected, int(other)), rest, selected, rows)
             if like is None or like.effect.nameless:
                 continue
-            behind = float(np.log(max(draws.rivals[g, g], 1e-6) / p)) / 3.0
-            rivals.setdefault(k, []).append(Tried(len(terms) + len(others), None, merits[k], behind))  # type: ignore[arg-type]
+            found.append(Rival(len(terms) + len(others), odds))
             others.append(like)
-    design = Design(rows, (*terms, *others))
-    model = fit(design, range(len(terms)))
-    now = predicted(full, model)
-    dry = COULOMB.asked(modelled)
-    search = Search(design, now.context, model, dry, tried=len(groups), rivals=rivals, merits=merits)
-    return Found(search, full, now, _likely(selected))
+        rivals[k] = tuple(found)
+    model = fit(Design(rows, (*terms, *others)), range(len(terms)))
+    now = predicted(selected.full, model)
+    return Found(model, nats, rivals, len(groups), selected.full, now, _likely(selected))
+
+
+def _scale(full: Baseline) -> Array:
+    """Standard deviation of each torque in the trials that are fitted; infinite of joints that stand throughout."""
+    samples = full.samples
+    tau = samples.rows([trial.measured for trial in samples.trials])[samples.identification]
+    return np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
 
 
 def _likeliest(selected: Selected, group: int) -> Term:
@@ -99,7 +116,7 @@ def _that_can_be(term: Term, others: Sequence[Term], selected: Selected, rows: R
         return term
     maker = TermMaker(Context(selected.full), selected.full.strict)
     model = fit(Design(rows, tuple(others)), range(len(others)), left_out=False)
-    return body(Beside.of(model), maker, term.effect, term.location)
+    return body(model, maker, term.effect, term.location)
 
 
 def _of_some_share(
