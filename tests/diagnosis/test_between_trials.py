@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.budget.between_trials import sizes_by_trial
-from excite.diagnosis.budget.record import begun_baseline, model_of_gap
+from excite.diagnosis.budget.record import begun_baseline
+from excite.diagnosis.selection.found import model_of_gap
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
@@ -33,8 +34,8 @@ def _found(folder, factors: tuple[float, ...], shape: str) -> tuple[Finding, ...
     samples = arm_samples(nominal_robot(log), log, log.trials)
     floor = spectral_floor(samples)
     full = begun_baseline(samples, log.header.modelled, floor)
-    found = model_of_gap(full, log.header.modelled, tuple(EFFECTS.values()), floor)
-    return sizes_by_trial(found.search.model, found.prediction.context, found.baseline.strict, floor)
+    found = model_of_gap(full, log.header.modelled, tuple(EFFECTS.values()), floor, None, np.random.default_rng(0))
+    return sizes_by_trial(found.model, found.prediction.context, found.baseline.strict, floor)
 
 
 @pytest.mark.parametrize(

@@ -17,13 +17,14 @@ from excite.diagnosis.arm.diagnose import independent_joints, other_machine, uni
 from excite.diagnosis.arm.read import explained
 from excite.diagnosis.budget.fit.joint_fit import effective_share
 from excite.diagnosis.budget.made import budget_of, stands_clear
-from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
+from excite.diagnosis.budget.record import Found, begun_baseline
 from excite.diagnosis.budget.shares import Shares
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.selection.found import model_of_gap
 from excite.errors import LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
@@ -42,7 +43,7 @@ def searched(log: Log, modelled: tuple[str, ...]) -> Found:
     samples = arm_samples(nominal_robot(log), log, log.trials)
     floor = spectral_floor(samples)
     full = begun_baseline(samples, modelled, floor)
-    return model_of_gap(full, modelled, tuple(EFFECTS.values()), floor)
+    return model_of_gap(full, modelled, tuple(EFFECTS.values()), floor, None, np.random.default_rng(0))
 
 
 def budgeted(log: Log, modelled: tuple[str, ...]) -> Budget:
@@ -212,7 +213,7 @@ def test_trials_of_another_machine_are_said_to_be(tmp_path: Path, judged: float,
     sizes = {"identification": 0.4, "validation": judged}
     trials = tuple(replace(t, tau=t.tau + np.array([0.0, sizes[t.role]])) for t in log.trials)
     found = searched(load_log(save_log(two_joint_log(trials), tmp_path / "log")), FRICTION)
-    assert [item.kind for item in other_machine(found.search.model)] == said
+    assert [item.kind for item in other_machine(found.model)] == said
 
 
 def test_a_size_of_next_to_nothing_is_no_other_machine(tmp_path: Path) -> None:
@@ -221,8 +222,8 @@ def test_a_size_of_next_to_nothing_is_no_other_machine(tmp_path: Path) -> None:
     plain = [moved(f"run_{role}", role, 150.0, rng, np.eye(2)) for role in sizes]
     trials = tuple(replace(t, tau=t.tau + np.array([0.0, sizes[t.role]])) for t in plain)
     found = searched(load_log(save_log(two_joint_log(trials), tmp_path / "log")), FRICTION)
-    assert ("torque_bias", "second") in {term.key for term in found.search.model.terms}
-    assert other_machine(found.search.model) == ()
+    assert ("torque_bias", "second") in {term.key for term in found.model.terms}
+    assert other_machine(found.model) == ()
 
 
 @pytest.mark.parametrize(

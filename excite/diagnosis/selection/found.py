@@ -56,8 +56,12 @@ def model_of_gap(
     groups = groups_of(gram.atoms)
     number = {key: g for g, key in enumerate(groups)}
     sure = [a for a in selected.chosen if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
-    terms = _with_bodies([gram.atoms[a].term for a in sure], selected, rows)
+    free = [gram.atoms[a].term for a in sure]
+    terms = _with_bodies(free, selected, rows)
     terms = _of_some_share(terms, rows, floor, _scale(full), Context(selected.full))
+    # A body beside what is named alone: what stood beside it may have cancelled a part of it.
+    keys = {term.key for term in terms}
+    terms = _with_bodies([term for term in free if term.key in keys], selected, rows)
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
         terms = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]

@@ -287,7 +287,7 @@ def problem_of(atoms: Sequence[Atom], gram: Array, right: Array) -> Problem:
     group = np.array([number[group_of(atom.term)] for atom in atoms], dtype=np.int64)
     width = np.array([atom.width for atom in atoms], dtype=np.int64)
     mean, precision, low, high = (
-        np.concatenate([getattr(atom, name) for atom in atoms])
+        np.concatenate([np.zeros(0), *(getattr(atom, name) for atom in atoms)])
         for name in ("mean", "precision", "low", "high")
     )
     deviation = precision**-0.5
