@@ -7,10 +7,10 @@ import pytest
 
 from excite.diagnosis.budget.between_trials import sizes_by_trial
 from excite.diagnosis.budget.record import begun_baseline
-from excite.diagnosis.selection.found import model_of_gap
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.selection.found import model_of_gap
 from excite.finding import Finding
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
@@ -34,7 +34,9 @@ def _found(folder, factors: tuple[float, ...], shape: str) -> tuple[Finding, ...
     samples = arm_samples(nominal_robot(log), log, log.trials)
     floor = spectral_floor(samples)
     full = begun_baseline(samples, log.header.modelled, floor)
-    found = model_of_gap(full, log.header.modelled, tuple(EFFECTS.values()), floor, None, np.random.default_rng(0))
+    found = model_of_gap(
+        full, log.header.modelled, tuple(EFFECTS.values()), floor, None, np.random.default_rng(0)
+    )
     return sizes_by_trial(found.model, found.prediction.context, found.baseline.strict, floor)
 
 

@@ -18,7 +18,6 @@ from benchmarks.blind.forms import hide_effect
 from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from benchmarks.blind.make import answers_file, load_answers, make_cases
 from benchmarks.blind.score import score_case, score_diagnoses
-from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import InputError
 from excite.logs.files import load_log, save_log
@@ -146,16 +145,6 @@ def test_a_wave_that_never_repeats_in_the_record_is_no_ripple(tmp_path) -> None:
     assert document["n_tied"] == 0
     assert not document["effects"]
     assert document["gap"]["share_closed"] == 0.0
-
-
-def test_rivals_that_say_as_much_share_the_probability() -> None:
-    alone, even, far = probabilities(50.0, []), probabilities(50.0, [0.0]), probabilities(50.0, [1.0])
-    assert alone[0] == pytest.approx(1.0)
-    assert even == pytest.approx((0.5, 0.5))
-    # At the width within which two count as alike, odds are 20 to 1.
-    assert far[0] / far[1] == pytest.approx(20.0, rel=0.01)
-    # What is hardly worth its price may be nothing.
-    assert sum(probabilities(0.5, [])) < 0.7
 
 
 def test_a_stated_size_is_compared_with_the_hidden_one() -> None:

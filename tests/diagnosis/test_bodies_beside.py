@@ -11,12 +11,10 @@ import pytest
 from excite.diagnosis.attribution import Search as Hypotheses
 from excite.diagnosis.attribution import along
 from excite.diagnosis.budget.bodies import body, likeliest_beside
-from excite.diagnosis.budget.fit.beside import Beside
 from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.record import begun_baseline, rows_of
-from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
@@ -55,9 +53,7 @@ def carried(time: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def at(rows_design: Design, beside: tuple[Term, ...], maker: TermMaker) -> Term:
     design = Design(rows_design.rows, beside)
-    made = body(
-        Beside.of(fit(design, range(len(beside)), left_out=False)), maker, EFFECTS["payload"], "lower"
-    )
+    made = body(fit(design, range(len(beside)), left_out=False), maker, EFFECTS["payload"], "lower")
     assert made is not None
     return made
 
@@ -74,17 +70,15 @@ def test_a_body_without_the_constant_that_it_stood_beside_is_another(baseline: B
         constant, known=True, scale=np.ones(1), columns={1: 0.5 * constant.columns[1] / constant.scale}
     )
     bent, alone = at(empty, (held,), maker), at(empty, (), maker)
-    search = Search(
-        design := Design(empty.rows, (held, bent)), maker.context, fit(design, (0, 1)), dry_given=True
-    )
-    (found,) = likeliest_beside(search, [1], maker)
+    model = fit(Design(empty.rows, (held, bent)), (0, 1))
+    (found,) = likeliest_beside(model, [1], maker)
     moment = {name: term.beta(np.ones(1)) for name, term in (("bent", bent), ("found", found))}
     centre = {name: beta[1:4] / beta[0] for name, beta in moment.items()}
     np.testing.assert_allclose(centre["found"], BALL.lever, atol=0.01)
     assert np.linalg.norm(centre["bent"] - BALL.lever) > 0.03
     np.testing.assert_allclose(found.direction, alone.direction)
     # What stands beside all others is left as it is.
-    assert likeliest_beside(search, [1, 0], maker) == [held, bent]
+    assert likeliest_beside(model, [1, 0], maker) == [held, bent]
 
 
 def test_parameters_in_fixed_proportions_are_no_surer_than_free_ones(baseline: Baseline) -> None:
