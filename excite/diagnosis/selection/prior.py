@@ -63,8 +63,8 @@ _STARTED, _NAMELESS = 0.5, 0.03
 # Deviation of a size that is one, as a gear's with its stiffness: while its shape lies on a grid, and once that is
 # searched.
 _GRID_SIZE, _FITTED_SIZE = 0.08, 0.02
-# Deviations by which it may differ from one: a soft gear of size 0.4 took the place of another's play.
-_AT_MOST = 3.0
+# Factor by which it may differ from one: a soft gear of size 0.4 took the place of another's play.
+_AT_MOST = 2.0
 # Deviation of the logarithm of a shape about its best value.
 _SHAPE = 0.4
 # Random bodies: how far their centres lie from the joint, and their own extent [m]; torques in units of the gap.
@@ -196,7 +196,7 @@ def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ())
     if term.known:
         deviation = _FITTED_SIZE if changes else _GRID_SIZE
         mean, precision = np.ones(1), np.full(1, deviation**-2.0)
-        low, high = mean - _AT_MOST * deviation, mean + _AT_MOST * deviation
+        low, high = mean / _AT_MOST, mean * _AT_MOST
     else:
         mean, kept = np.zeros(n), list(term.kept)
         moment = slab.moment(columns)
