@@ -42,6 +42,24 @@ def test_no_block_is_left_out_for_its_language() -> None:
     assert all(blocks_of(page) for page in PAGES.values())
 
 
+QUESTIONS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in (DOCS / "questions.md").read_text(encoding="utf-8").splitlines()
+    if line.startswith("|")
+][2:]
+
+
+@pytest.mark.parametrize("row", QUESTIONS, ids=lambda row: row[0])
+def test_a_question_leads_to_a_guide_that_runs_its_command(row: list[str]) -> None:
+    _, command, guide = row
+    page = PAGES[re.search(r"\((\S+)\)", guide)[1]]
+    assert command.strip("`") in "".join(block.text for block in blocks_of(page))
+
+
+def test_there_are_twelve_questions() -> None:
+    assert len({question for question, _, _ in QUESTIONS}) == len(QUESTIONS) == 12
+
+
 SHOWN = sorted(
     {
         line
