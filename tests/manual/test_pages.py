@@ -10,9 +10,9 @@ import pytest
 import typer
 
 from excite.cli.main import app
-from tests.manual.pages import DOCS, blocks_of, pages, run_page
+from tests.manual.pages import DOCS, ROOT, SKILLS, blocks_of, pages, run_page
 
-PAGES = {page.relative_to(DOCS).as_posix(): page for page in pages()}
+PAGES = {page.relative_to(ROOT).as_posix(): page for page in pages()}
 
 
 @pytest.mark.slow
@@ -23,12 +23,12 @@ def test_the_blocks_of_a_page_run(name: str, tmp_path: Path) -> None:
 
 def test_every_tutorial_and_guide_has_something_to_run() -> None:
     written = {
-        path.relative_to(DOCS).as_posix()
+        path.relative_to(ROOT).as_posix()
         for kind in ("tutorials", "howto")
         for path in (DOCS / kind).glob("*.md")
     }
     # Guides that answer a question in words.
-    assert written - set(PAGES) <= {"howto/index.md"}
+    assert written - set(PAGES) <= {"docs/howto/index.md"}
 
 
 def test_no_block_is_left_out_for_its_language() -> None:
@@ -52,8 +52,17 @@ QUESTIONS = [
 @pytest.mark.parametrize("row", QUESTIONS, ids=lambda row: row[0])
 def test_a_question_leads_to_a_guide_that_runs_its_command(row: list[str]) -> None:
     _, command, guide = row
-    page = PAGES[re.search(r"\((\S+)\)", guide)[1]]
+    page = PAGES["docs/" + re.search(r"\((\S+)\)", guide)[1]]
     assert command.strip("`") in "".join(block.text for block in blocks_of(page))
+
+
+def test_an_assistant_finds_every_skill_by_its_name() -> None:
+    listed = re.findall(r"^- \[(\S+)\]\((\S+)\)", (ROOT / "AGENTS.md").read_text(), flags=re.MULTILINE)
+    skills = {page.parent.name: page.relative_to(ROOT).as_posix() for page in SKILLS.glob("*/SKILL.md")}
+    assert dict(listed) == skills
+    for name, page in skills.items():
+        assert re.match(rf"---\nname: {name}\ndescription: \S.+\n---\n", (ROOT / page).read_text())
+        assert page in PAGES
 
 
 def test_there_are_twelve_questions() -> None:
