@@ -485,8 +485,8 @@ class WeighedLoad:
 
     parameters: Array
     half_width_95: Array
-    seen: Array
-    determined: Array
+    seen: NDArray[np.bool_]
+    determined: NDArray[np.bool_]
     gains: Mapping[str, float]
     gains_source: str
     left: Mapping[str, float]

@@ -4,20 +4,38 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import typer
 
 from excite.cli.main import app
+from excite.conversion.sources.registry import SOURCES
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.export.registry import EXPORTERS
+from excite.safety.check import CHECKS
 from tests.manual.pages import DOCS, ROOT, SKILLS, blocks_of, pages, run_page
 
 PAGES = {page.relative_to(ROOT).as_posix(): page for page in pages()}
 
 
+@pytest.fixture
+def own_members(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What a page registers is gone after it."""
+    for registry in (EXPORTERS, SOURCES):
+        monkeypatch.setattr(registry, "_members", registry._members)
+    tables: tuple[dict, ...] = (EFFECTS, CHECKS)
+    before = [dict(table) for table in tables]
+    yield
+    for table, members in zip(tables, before, strict=True):
+        table.clear()
+        table.update(members)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
-def test_the_blocks_of_a_page_run(name: str, tmp_path: Path) -> None:
+def test_the_blocks_of_a_page_run(name: str, tmp_path: Path, own_members: None) -> None:
     run_page(PAGES[name], tmp_path)
 
 

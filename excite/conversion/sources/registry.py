@@ -18,11 +18,12 @@ from excite.formats.file import (
     unpack_file,
     unreadable,
 )
-from excite.registry import Registry
+from excite.registry import Registry, installed
 
 SOURCES: Registry[Source] = Registry(
     "source",
-    {
+    installed("readers")
+    | {
         "lerobot": "excite.conversion.sources.lerobot:LeRobotSource",
         "bag": "excite.conversion.sources.bag:BagSource",
         "mcap": "excite.conversion.sources.bag:McapSource",
