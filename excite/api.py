@@ -15,7 +15,6 @@ SPACES: dict[str, dict[str, str]] = {
         "examine_description": "excite.robot.inspection.chart",
     },
     "recordings": {
-        "import_recordings": "excite.logs.recordings",
         "join_logs": "excite.logs.load_with_robot",
         "write_header": "excite.conversion.init_log",
         "Chart": "excite.doctor.examine",

@@ -36,7 +36,6 @@ SOURCES: Registry[Source] = Registry(
         "npz": "excite.conversion.sources.arrays:NpzSource",
         "echo": "excite.conversion.sources.text:EchoSource",
         "xml": "excite.conversion.sources.records:XmlSource",
-        "printed": "excite.conversion.sources.text:PrintedSource",
         "json": "excite.conversion.sources.records:JsonSource",
         "text": "excite.conversion.sources.text:TextSource",
     },
