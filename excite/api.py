@@ -15,7 +15,6 @@ SPACES: dict[str, dict[str, str]] = {
         "examine_description": "excite.robot.inspection.chart",
     },
     "recordings": {
-        "import_recordings": "excite.logs.recordings",
         "join_logs": "excite.logs.load_with_robot",
         "write_header": "excite.conversion.init_log",
         "Chart": "excite.doctor.examine",
@@ -64,6 +63,7 @@ SPACES: dict[str, dict[str, str]] = {
         "method_summaries": "excite.identification.estimators.registry",
         "effect_summaries": "excite.diagnosis.answer.effect_summary",
         "file_schema": "excite.campaign.schemas",
+        "register": "excite.registry",
     },
 }
 """By group, the module that defines each of its names."""
@@ -75,7 +75,7 @@ _ABOUT = {
     "models": "Models of robots with what was identified in them, file by file, and how uncertain they are.",
     "loads": "Loads: what an arm carries, from logs without and with it.",
     "people": "People: their model from markers, their segments from force plates, what they wear.",
-    "catalogue": "What there is to choose from: robots, methods, effects, and the schemas of files.",
+    "catalogue": "What there is to choose from: robots, methods, effects, schemas of files, members of one's own.",
 }
 
 

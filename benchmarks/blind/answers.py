@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from benchmarks.blind.documents import BlindAnswer
 from benchmarks.blind.hidden_effects import Answer
-from excite.documents.blind import BlindAnswer
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of
 from excite.errors import InputError

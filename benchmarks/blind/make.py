@@ -14,6 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 from benchmarks.blind.arm_case import drawn_servo
 from benchmarks.blind.arms_with_everything import build_mixture, draw_mixture
 from benchmarks.blind.case import build_case
+from benchmarks.blind.documents import BlindAnswers
 from benchmarks.blind.draw import ROBOTS, draft_case
 from benchmarks.blind.floating import MAKERS, FloatingDraft, Hidden, Site, floating_draft
 from benchmarks.blind.hidden_effects import Answer
@@ -21,7 +22,6 @@ from benchmarks.blind.standing_case import ROBOTS as STANDING_ROBOTS
 from benchmarks.blind.standing_case import Stand, stand_of, trial_of
 from benchmarks.blind.standing_effects import Truth, truth_of
 from excite.arrays import Array
-from excite.documents.blind import BlindAnswers
 from excite.documents.document import read_document
 from excite.errors import InputError
 from excite.formats.number import check_count, check_seed
@@ -113,7 +113,9 @@ def load_answers(folder: str | Path) -> dict[str, Answer]:
         InputError: there is no such file, or a field in it is missing or wrong.
     """
     path = answers_file(Path(folder))
-    document = read_document(path, BlindAnswers, remedy="make the cases with `excite blind make`").content()
+    document = read_document(
+        path, BlindAnswers, remedy="make the cases with `python -m benchmarks.blind make`"
+    ).content()
     return {name: Answer.from_json(item) for name, item in document["cases"].items()}
 
 

@@ -9,7 +9,6 @@ from pydantic import BaseModel
 from excite.campaign.experiment import Simulation, Truth
 from excite.campaign.rank import RankReport
 from excite.conversion.explicit_mapping import Map
-from excite.documents.blind import BlindAnswer, BlindAnswers
 from excite.documents.campaign import Campaign
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document, model_of, schema_of
@@ -33,7 +32,6 @@ _MODELS: dict[str, type[BaseModel]] = {
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
     *(Export, Identification, Campaign, Diagnosis, Doctor, Human, Model, Signals, Journal),
-    *(BlindAnswers, BlindAnswer),
     *(
         model_of(result)
         for result in (PlanDocument, RefusalsDocument, CheckReport, RankReport, Simulation, Truth)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -46,6 +46,9 @@ class Doctor(Document):
     healthy: bool = Field(description="whether nothing was found that spoils results")
     findings: Findings = Field(description="worst first")
     repaired: FilePath | None = Field(default=None, description="folder of the repaired log")
+    episodes: Annotated[list[dict[str, Any]], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="of a data set: each episode with verdict, findings and measures, worst first"
+    )
 
 
 # ``excite.export/1``: the files that were written for a controller.

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from excite.registry import Registry
+from excite.registry import Registry, installed
 
 if TYPE_CHECKING:
     from excite.export.exporter import Exporter
 
 EXPORTERS: Registry[Exporter] = Registry(
     "format",
-    {
+    installed("exporters")
+    | {
         "csv": "excite.export.plain_tables:CsvExporter",
         "npz": "excite.export.plain_tables:NpzExporter",
         "ros2": "excite.export.ros2:Ros2Exporter",

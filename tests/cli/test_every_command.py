@@ -103,7 +103,6 @@ def test_a_failure_with_json_is_a_document(name: str, capsys: pytest.CaptureFixt
         "campaign nobody",
         "report nowhere",
         "schema colour",
-        "blind score nowhere",
     ],
 )
 def test_a_file_or_name_that_is_not_there_ends_in_one_line_and_a_document(

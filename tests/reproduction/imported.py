@@ -71,11 +71,7 @@ class _Column:
 def import_recordings(mapping: Mapping[str, Any] | Path, folder: Path, robot_text: str | None = None) -> Log:
     """Read recordings whose columns somebody else named as a log, to identify from or to save.
 
-    >>> import excite
-    >>> log = excite.recordings.import_recordings(Path("map.yaml"), Path("recordings"))  # doctest: +SKIP
-    >>> excite.identify("ur10", log)  # doctest: +SKIP
-
-    with, in ``map.yaml``::
+    With, in ``map.yaml``::
 
         log: {robot: ur10.urdf, base: fixed, rate_hz: 500, joints: [shoulder, elbow], torque: motor_side, modelled: []}
         columns: {time: t_ms, "q.{joint}": "actual_q{n}", "tau.{joint}": "torque_{n}"}

@@ -1,8 +1,7 @@
-"""``excite blind``: cases with withheld answers, and the score of their diagnoses."""
+"""``python -m benchmarks.blind``: cases with withheld answers, and the score of their diagnoses."""
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import shutil
 import subprocess
@@ -13,7 +12,11 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from excite.cli.session.command_help import HelpfulCommand
+from benchmarks.blind.answers import from_diagnosis, read_entry
+from benchmarks.blind.board import score_board
+from benchmarks.blind.entry.registry import PROGRAMS
+from benchmarks.blind.make import answers_file, load_answers, make_cases
+from benchmarks.blind.score import score_entry
 from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
@@ -24,18 +27,17 @@ from excite.cli.session.options import (
 )
 from excite.cli.session.output import command_line, emit_result, progress_bars
 from excite.display import count
+from excite.documents.diagnosis import Diagnosis
 from excite.errors import ExciteError, InputError
 from excite.folder_lock import claim_folder
+from excite.formats.documents import check_content, parse_json
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, at_once
 from excite.progress import Progress
 from excite.results import write_json
 from excite.temporary_folder import TemporaryFolder
 
-NAME = "blind"
-
 app = typer.Typer(
-    name=NAME,
     help="Make simulated logs whose hidden effects are written elsewhere, answer them, and score answers.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -45,17 +47,7 @@ app = typer.Typer(
 FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of cases that `make` wrote.")]
 
 
-def _check_checkout() -> None:
-    """Refuse where the benchmark is not there: it is part of the repository, not of what is installed."""
-    if importlib.util.find_spec("benchmarks") is None or importlib.util.find_spec("benchmarks.blind") is None:
-        raise InputError(
-            "the benchmark is part of the repository, not of what is installed",
-            source="excite blind",
-            remedy="run it from a checkout of the repository",
-        )
-
-
-@app.command("make", cls=HelpfulCommand)
+@app.command("make")
 def make(
     out: OutOption = None,
     as_json: JsonOption = False,
@@ -86,9 +78,6 @@ def make(
     ] = "ordinary",
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
-    _check_checkout()
-    from benchmarks.blind.make import make_cases  # lazy: pinocchio
-
     with (
         claim_folder(out or Path("blind")) as folder,
         requested_workers(jobs, cluster) as crew,
@@ -106,13 +95,13 @@ def make(
             progress=progress,
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
-    then = command_line("blind", "score", folder)
+    then = _command_line("score", folder)
     emit_result(
         f"{count(cases, 'case')} in {folder}, answers in {answers}", document, as_json=as_json, then=then
     )
 
 
-@app.command("enter", cls=HelpfulCommand)
+@app.command("enter")
 def enter(
     folder: FolderArgument,
     out: OutOption = None,
@@ -141,11 +130,11 @@ def enter(
         ):
             write_json(document, entry / f"{case.name}.json")
     document = {"schema": "excite.blind_entry/1", "cases": len(cases), "method": method, "folder": str(entry)}
-    then = command_line("blind", "score", folder, "--entry", entry)
+    then = _command_line("score", folder, "--entry", entry)
     emit_result(f"{len(cases)} answers in {entry}", document, as_json=as_json, then=then)
 
 
-@app.command("score", cls=HelpfulCommand)
+@app.command("score")
 def score(
     folder: FolderArgument,
     out: OutOption = None,
@@ -164,12 +153,6 @@ def score(
     ] = None,
 ) -> None:
     """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
-    _check_checkout()
-    from benchmarks.blind.answers import from_diagnosis, read_entry  # lazy: pinocchio
-    from benchmarks.blind.board import score_board  # lazy: pinocchio
-    from benchmarks.blind.make import answers_file, load_answers  # lazy: pinocchio
-    from benchmarks.blind.score import score_entry  # lazy: pinocchio
-
     cases = _case_folders(folder)
     answers = load_answers(folder)
     for case in cases:
@@ -196,10 +179,16 @@ def score(
     emit_result(text, document, as_json=as_json)
 
 
+def _command_line(*words: object) -> str:
+    return command_line(*words).replace("excite", "python -m benchmarks.blind", 1)
+
+
 def _case_folders(folder: Path) -> list[Path]:
     cases = sorted(path for path in folder.glob("case_*") if path.is_dir())
     if not cases:
-        raise InputError(f"{folder} holds no cases", remedy="make some with `excite blind make`")
+        raise InputError(
+            f"{folder} holds no cases", remedy="make some with `python -m benchmarks.blind make`"
+        )
     return cases
 
 
@@ -214,9 +203,6 @@ def _answer_cases(
 
 def _run_entry(method: str, case: Path) -> tuple[dict[str, Any], float]:
     """The answer of one of the plain programs."""
-    _check_checkout()
-    from benchmarks.blind.entry.registry import PROGRAMS  # lazy: pinocchio
-
     started = time.process_time()
     document = PROGRAMS[method](case)
     taken = round(time.process_time() - started, 2)
@@ -241,9 +227,6 @@ def _children_s() -> float:
 
 def _run_diagnosis(seed: int, case: Path) -> tuple[dict[str, Any], float]:
     """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
-    from excite.documents.diagnosis import Diagnosis  # lazy: pydantic
-    from excite.formats.documents import check_content, parse_json  # lazy: pydantic
-
     folder = TemporaryFolder()
     copy = Path(shutil.copytree(case, folder.path / "private" / "log"))
     started = _children_s()
