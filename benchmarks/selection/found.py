@@ -46,8 +46,12 @@ def found_of(selected: Selected, modelled: tuple[str, ...], floor: Array, scale:
     number = {key: g for g, key in enumerate(groups)}
     sure = [a for a in selected.chosen if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     rows = rows_of(full, modelled, floor)
-    terms = _with_bodies([gram.atoms[a].term for a in sure], selected, rows)
+    free = [gram.atoms[a].term for a in sure]
+    terms = _with_bodies(free, selected, rows)
     terms = _of_some_share(terms, rows, floor, scale, Context(full))
+    # A body beside what is named alone: what stood beside it may have cancelled a part of it.
+    keys = {term.key for term in terms}
+    terms = _with_bodies([term for term in free if term.key in keys], selected, rows)
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, list[Tried]] = {}

@@ -63,6 +63,8 @@ _STARTED, _NAMELESS = 0.5, 0.03
 # Deviation of a size that is one, as a gear's with its stiffness: while its shape lies on a grid, and once that is
 # searched.
 _GRID_SIZE, _FITTED_SIZE = 0.08, 0.02
+# Factor by which it may differ from one: a soft gear of size 0.4 took the place of another's play.
+_AT_MOST = 2.0
 # Deviation of the logarithm of a shape about its best value.
 _SHAPE = 0.4
 # Random bodies: how far their centres lie from the joint, and their own extent [m]; torques in units of the gap.
@@ -193,7 +195,8 @@ def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ())
     columns, n, turned = dict(term.columns), term.size, None
     if term.known:
         deviation = _FITTED_SIZE if changes else _GRID_SIZE
-        mean, precision, low, high = np.ones(1), np.full(1, deviation**-2.0), np.zeros(1), np.full(1, np.inf)
+        mean, precision = np.ones(1), np.full(1, deviation**-2.0)
+        low, high = mean / _AT_MOST, mean * _AT_MOST
     else:
         mean, kept = np.zeros(n), list(term.kept)
         moment = slab.moment(columns)
@@ -287,7 +290,7 @@ def problem_of(atoms: Sequence[Atom], gram: Array, right: Array) -> Problem:
     group = np.array([number[group_of(atom.term)] for atom in atoms], dtype=np.int64)
     width = np.array([atom.width for atom in atoms], dtype=np.int64)
     mean, precision, low, high = (
-        np.concatenate([getattr(atom, name) for atom in atoms])
+        np.concatenate([np.zeros(0), *(getattr(atom, name) for atom in atoms)])
         for name in ("mean", "precision", "low", "high")
     )
     deviation = precision**-0.5

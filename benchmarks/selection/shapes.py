@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from benchmarks.selection.gram import Gram, whitened
-from benchmarks.selection.prior import Atom, Slab, atom_of
+from benchmarks.selection.prior import Atom, Slab, atom_of, group_of
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
@@ -25,6 +25,9 @@ _STEPS, _ENOUGH = 4, 0.5
 _DAMPING = 2.0
 # Starts of another form; nats of a term from which its other forms are tried, and by which one may be behind.
 _STARTS, _WORTH, _BEHIND = 9, 8.0, 3.0
+
+# Share of a term's nats that another law of its place has on its grid, from which it is searched there.
+_NEARLY = 0.5
 
 Change = Mapping[int, Array]
 
@@ -72,7 +75,8 @@ def moved(maker: TermMaker, term: Term, steps: Mapping[int, float], factor: floa
 
 def is_searched(term: Term) -> bool:
     """Whether a term has a shape that is searched here."""
-    return bool(term.theta) and not term.started and not (term.effect.stands_in and term.effect.timing)
+    begun = term.started and not term.effect.along
+    return bool(term.theta) and not begun and not (term.effect.stands_in and term.effect.timing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +254,7 @@ def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[li
                 made = moved(makers[i], found[i], steps, factor)
                 new[i] = found[i] if made is None else made
             other = Company.of(gram, new, slab)
-            if other.loss < company.loss - 0.02:
+            if other.loss < company.loss - 0.02 and not _leaves_bounds(company, other):
                 ended = company.loss - other.loss < _ENOUGH
                 found, company = new, other
                 break
@@ -259,29 +263,70 @@ def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[li
     return found, company
 
 
+def _leaves_bounds(before: Company, after: Company) -> bool:
+    """Whether some term is what its name says before a step, and is not after it."""
+    return any(
+        old.can_be(old.context, before.sizes(i)) and not new.can_be(new.context, after.sizes(i))
+        for i, (old, new) in enumerate(zip(before.terms, after.terms, strict=True))
+        if not new.effect.is_body and new.theta != old.theta
+    )
+
+
 def other_forms(
     gram: Gram, terms: Sequence[Term], slab: Slab, makers: Sequence[TermMaker]
 ) -> list[tuple[Term, TermMaker]]:
-    """Other forms of each term's law, from several starts each, those that are near it at their best."""
+    """Other forms of each term's law, from several starts each, those that are near it at their best.
+
+    And other laws of its place, at their best: a shape on a grid loses to what needs none.
+    """
     found = []
     for i, term in enumerate(terms):
-        forms: tuple[Effect, ...] = (*term.effect.richer, *term.effect.forms)
-        if term.started or term.effect.is_body or not forms or not (is_searched(term) or not term.theta):
+        forms = _forms_of(term)
+        if term.effect.is_body:
             continue
         company = Company.of(gram, [other for k, other in enumerate(terms) if k != i], slab)
         own = company.gain_of(term)[0]
         if own < _WORTH:
             continue
-        for form in forms:
-            starts = form.starts(term.theta) if len(term.theta) == len(term.effect.searched) else []
+        tried = [(form, form.starts(term.theta)) for form in forms]
+        for other in () if term.started else _others_there(company, term, own):
+            tried.append((other.effect, [other.theta]))
+            tried += [(form, form.starts(other.theta)) for form in other.effect.richer]
+        for form, starts in tried:
             begun = [_begun(makers[i], form, term, theta) for theta in starts[:_STARTS]]
-            tried = [(company.gain_of(t)[0], k, t) for k, t in enumerate(begun) if t is not None]
+            gains = [(company.gain_of(t)[0], k, t) for k, t in enumerate(begun) if t is not None]
             # The two best of the starts, each to its own end.
-            for _, _, start in sorted(tried, reverse=True, key=lambda item: item[0])[:2]:
+            for _, _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
                 best, gain = searched_beside(company, makers[i], start)
                 if gain > own - _BEHIND:
-                    found.append((best, makers[i]))
+                    found.append((replace(best, started=term.started), makers[i]))
     return found
+
+
+def _others_there(company: Company, term: Term, own: float) -> list[Term]:
+    """The likeliest other law of a term's place that has a shape, as it stands on its grid."""
+    taken = {group_of(other) for other in (term, *company.terms)}
+    there = [
+        atom.term
+        for atom in company.gram.atoms
+        if atom.term.location == term.location and group_of(atom.term) not in taken and is_searched(atom.term)
+    ]
+    best = max(there, key=lambda other: company.gain_of(other)[0], default=None)
+    return [] if best is None or company.gain_of(best)[0] < _NEARLY * own else [best]
+
+
+def _forms_of(term: Term) -> tuple[Effect, ...]:
+    """Other forms of a term's law; of what a model begins with, those that have another effect in them."""
+    if not term.started:
+        return (*term.effect.richer, *term.effect.forms) if is_searched(term) or not term.theta else ()
+    return tuple(
+        form
+        for form in term.effect.richer
+        if form.along
+        and form.admissible(
+            term.context, term.location, form.starts(term.theta)[0], np.ones(len(form.linear))
+        )
+    )
 
 
 def _begun(maker: TermMaker, form: Effect, term: Term, theta: Theta) -> Term | None:

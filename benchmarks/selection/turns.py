@@ -180,11 +180,12 @@ class _Turns:
         self._grid_again(now, terms, gears, first=turn == 0)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
-            if term.started:
+            if _is_begun(term):
                 continue
             again = _whole_delay(maker, term, x) or maker.again(term)
             if again is None:
                 continue
+            again = replace(again, started=term.started)
             if term.known and not term.effect.timing:
                 # What is made anew may have lost what the old column had.
                 old = TermMaker(term.context, self.full.strict)
@@ -193,7 +194,7 @@ class _Turns:
                 self._with_shape(gram, maker, again, x if again.size == term.size else None)
             )
             keys.append(again)
-        return found, [*keys, *(term for term in terms if term.started)]
+        return found, [*keys, *(term for term in terms if _is_begun(term))]
 
     def _grid_again(self, now: Prediction, terms: Sequence[Term], gears: list[int], *, first: bool) -> None:
         """Columns of the grid at what the model predicts, where it has moved the load, and once in any case."""
@@ -209,6 +210,11 @@ class _Turns:
         if x is not None and term.theta and not term.effect.is_body:
             changes = [change for _, change in shape_changes(maker, term, x)]
         return atom_of(term, self.slab, changes)
+
+
+def _is_begun(term: Term) -> bool:
+    """Whether a term is made anew with every grid, as what the model begins with is."""
+    return term.started and not term.effect.along
 
 
 def _whole_delay(maker: TermMaker, term: Term, x: Array) -> Term | None:
@@ -230,7 +236,7 @@ def _sampled(gram: Gram, begin: Sequence[Term], sweeps: int, rng: np.random.Gene
         if id(atom.term) in wanted:
             state[problem.group[a]] = a
     # Friction is made anew with every grid.
-    started = {group_of(term) for term in begin if term.started}
+    started = {group_of(term) for term in begin if _is_begun(term)}
     for g, key in enumerate(groups):
         if key in started and state[g] < 0:
             state[g] = problem.begin[g]
