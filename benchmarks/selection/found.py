@@ -46,8 +46,12 @@ def found_of(selected: Selected, modelled: tuple[str, ...], floor: Array, scale:
     number = {key: g for g, key in enumerate(groups)}
     sure = [a for a in selected.chosen if draws.inclusion[number[group_of(gram.atoms[a].term)]] >= _THERE]
     rows = rows_of(full, modelled, floor)
-    terms = _with_bodies([gram.atoms[a].term for a in sure], selected, rows)
+    free = [gram.atoms[a].term for a in sure]
+    terms = _with_bodies(free, selected, rows)
     terms = _of_some_share(terms, rows, floor, scale, Context(full))
+    # A body beside what is named alone: what stood beside it may have cancelled a part of it.
+    keys = {term.key for term in terms}
+    terms = _with_bodies([term for term in free if term.key in keys], selected, rows)
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, list[Tried]] = {}
@@ -61,8 +65,9 @@ def found_of(selected: Selected, modelled: tuple[str, ...], floor: Array, scale:
             p = float(draws.rivals[g, other])
             if p < _RIVAL or other == g or groups[other] in kept:
                 continue
-            like = _likeliest(selected, int(other))
-            if like.effect.is_body or like.effect.nameless:
+            rest = (*terms[:k], *terms[k + 1 :])
+            like = _that_can_be(_likeliest(selected, int(other)), rest, selected, rows)
+            if like is None or like.effect.nameless:
                 continue
             behind = float(np.log(max(draws.rivals[g, g], 1e-6) / p)) / 3.0
             rivals.setdefault(k, []).append(Tried(len(terms) + len(others), None, merits[k], behind))  # type: ignore[arg-type]
@@ -84,17 +89,21 @@ def _likeliest(selected: Selected, group: int) -> Term:
 
 def _with_bodies(terms: Sequence[Term], selected: Selected, rows: Rows) -> list[Term]:
     """Terms, each body of them the likeliest that can exist beside the others; those that cannot are left out."""
-    maker = TermMaker(Context(selected.full), selected.full.strict)
     kept: list[Term] = []
     for k, term in enumerate(terms):
-        found: Term | None = term
-        if term.effect.is_body and term.direction is None:
-            others = (*kept, *terms[k + 1 :])
-            model = fit(Design(rows, others), range(len(others)), left_out=False)
-            found = body(Beside.of(model), maker, term.effect, term.location)
+        found = _that_can_be(term, (*kept, *terms[k + 1 :]), selected, rows)
         if found is not None:
             kept.append(found)
     return kept
+
+
+def _that_can_be(term: Term, others: Sequence[Term], selected: Selected, rows: Rows) -> Term | None:
+    """A term; of a body the likeliest that can exist beside others, None where there is none."""
+    if not term.effect.is_body or term.direction is not None:
+        return term
+    maker = TermMaker(Context(selected.full), selected.full.strict)
+    model = fit(Design(rows, tuple(others)), range(len(others)), left_out=False)
+    return body(Beside.of(model), maker, term.effect, term.location)
 
 
 def _of_some_share(

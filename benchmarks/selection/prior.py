@@ -7,10 +7,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 from scipy.special import ndtr
 
 from benchmarks.selection.sampler import Indices, Problem
 from excite.arrays import Array
+from excite.diagnosis.budget.fit.design import Rows
 from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.equations.own_columns import COULOMB
 
@@ -60,10 +63,15 @@ _STARTED, _NAMELESS = 0.5, 0.03
 # Deviation of a size that is one, as a gear's with its stiffness: while its shape lies on a grid, and once that is
 # searched.
 _GRID_SIZE, _FITTED_SIZE = 0.08, 0.02
+# Factor by which it may differ from one: a soft gear of size 0.4 took the place of another's play.
+_AT_MOST = 2.0
 # Deviation of the logarithm of a shape about its best value.
 _SHAPE = 0.4
 # Random bodies: how far their centres lie from the joint, and their own extent [m]; torques in units of the gap.
 _CENTRE, _EXTENT, _BODY = 0.15, 0.05, 4.0
+
+# Precision of what every model has, and least share of a column's power that is beside it: rounding, no more.
+_FLAT, _LEAST = 1e-9, 1e-6
 
 Key = tuple[str, str]
 
@@ -124,34 +132,87 @@ class Atom:
         return tuple(theta.tolist())
 
 
-def atom_of(
-    term: Term, power: Mapping[int, Array], gap: Array, changes: Sequence[Mapping[int, Array]] = ()
-) -> Atom:
+@dataclass(frozen=True, eq=False)
+class Slab:
+    """The unit of an effect's torque: the gap of its joints, beside what every model takes up by itself.
+
+    Of a gain most is taken up by bodies that are identified along, of a spring by a constant: what is left is what
+    makes the gap, and what is to be as large as it (Zellner 1986, prior by the design's own moments).
+
+    Attributes:
+        always: by joint, ``(n_fitted, k_j)`` columns that every model has, in units of the gap.
+        index: by joint, where they stand among all.
+        factor: of their normal matrix.
+        use: rows that are fitted.
+        gap: ``(n_joints,)`` RMS of what is left without any effect.
+    """
+
+    always: tuple[Array, ...]
+    index: tuple[Indices, ...]
+    factor: tuple[Array, bool]
+    use: NDArray[np.bool_]
+    gap: Array
+
+    @classmethod
+    def of(cls, rows: Rows, gap: Array) -> Slab:
+        """The unit of a record's effects."""
+        use, shared = rows.block >= 0, rows.shared.shape[2]
+        own = np.cumsum([shared, *(o.shape[1] for o in rows.own)])
+        n = int(own[-1])
+        inner = np.diag(np.r_[np.ones(shared), np.full(n - shared, _FLAT)])
+        always, index = [], []
+        for j, block in enumerate(rows.own):
+            always.append(np.column_stack([rows.shared[j][use], block[use]]) / gap[j])
+            index.append(np.r_[0:shared, own[j] : own[j + 1]].astype(np.int64))
+            inner[np.ix_(index[j], index[j])] += always[j].T @ always[j]
+        factor = cho_factor(inner) if n else (inner, False)
+        return cls(tuple(always), tuple(index), factor, use, gap)
+
+    def moment(self, columns: Mapping[int, Array]) -> Array:
+        """Mean products of columns beside what every model has, in units of the gap, ``(size, size)``."""
+        parts = {j: block[self.use] / self.gap[j] for j, block in columns.items()}
+        whole = np.asarray(sum(part.T @ part for part in parts.values()))
+        rest = whole
+        if len(self.factor[0]):
+            cross = np.zeros((len(self.factor[0]), len(whole)))
+            for j, part in parts.items():
+                cross[self.index[j]] += self.always[j].T @ part
+            rest = whole - cross.T @ cho_solve(self.factor, cross)
+        least = _LEAST * np.diag(np.diag(whole))
+        return (0.5 * (rest + rest.T) + least) / max(int(self.use.sum()), 1)
+
+
+def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ()) -> Atom:
     """A term with its prior: a torque as large as the gap of its joints, sizes as believed.
 
     Args:
         term: the term.
-        power: by joint, ``(size,)`` mean squares of its columns in the rows that are fitted.
-        gap: ``(n_joints,)`` RMS of what is left without any effect.
+        slab: the unit of its torque.
         changes: by shape parameter, the change of its contribution with the parameter's logarithm, by joint.
     """
     if term.effect.is_body and term.direction is None:
-        return _body_atom(term, power, gap)
-    columns, n = dict(term.columns), term.size
+        return _body_atom(term, slab)
+    columns, n, turned = dict(term.columns), term.size, None
     if term.known:
         deviation = _FITTED_SIZE if changes else _GRID_SIZE
-        mean, precision, low, high = np.ones(1), np.full(1, deviation**-2.0), np.zeros(1), np.full(1, np.inf)
+        mean, precision = np.ones(1), np.full(1, deviation**-2.0)
+        low, high = mean / _AT_MOST, mean * _AT_MOST
     else:
-        mean = np.zeros(n)
-        precision = sum(power[j] / gap[j] ** 2 for j in columns) + term.precision
-        precision = np.maximum(precision, 1e-30) + (term.scale / belief(term.name).width) ** 2
-        kept = list(term.kept)
+        mean, kept = np.zeros(n), list(term.kept)
+        moment = slab.moment(columns)
+        moment[np.diag_indices(n)] += term.precision + (term.scale / belief(term.name).width) ** 2
+        precision = np.maximum(np.diag(moment), 1e-30)
         low = np.array([p.low for p in term.effect.linear])[kept] / term.scale
         high = np.array([p.high for p in term.effect.linear])[kept] / term.scale
         if term.effect.stands_in and term.effect.timing:
             # A secant is that of a delay of its own length.
             mean = np.array([term.theta[0]]) / term.scale
             precision = (2.0 / mean) ** 2
+        elif n > 1 and np.isinf(low).all() and np.isinf(high).all():
+            # What is told apart by no bounds may be told by any of its directions.
+            turned = np.linalg.inv(np.linalg.cholesky(moment)).T
+            columns = {j: block @ turned for j, block in columns.items()}
+            precision = np.ones(n)
     if changes:
         for j in set(columns).union(*changes):
             rows = len(next(iter(term.columns.values())))
@@ -160,28 +221,24 @@ def atom_of(
         k = len(changes)
         mean, precision = np.append(mean, np.zeros(k)), np.append(precision, np.full(k, _SHAPE**-2.0))
         low, high = np.append(low, np.full(k, -np.inf)), np.append(high, np.full(k, np.inf))
-    return Atom(term, columns, n, mean, precision, low, high)
+    return Atom(term, columns, n, mean, precision, low, high, turned=turned)
 
 
-def _body_atom(term: Term, power: Mapping[int, Array], gap: Array) -> Atom:
-    """A body as a draw of random bodies, of some torque in units of the gap.
+def _body_atom(term: Term, slab: Slab) -> Atom:
+    """A body as a draw of random bodies, as heavy as a link, of a torque as large as a few gaps of its joints.
 
     Ten free numbers cost 50 nats and lose to three wrong lengths; of ten that are a body's few are free.
     """
     turned = _random_bodies(term) / term.scale[:, None]
     columns = {j: block @ turned for j, block in term.columns.items()}
-    use = {j: (block**2).mean(axis=0).sum() for j, block in columns.items()}
-    size = np.sqrt(sum(value / gap[j] ** 2 for j, value in use.items()))
-    k = _BODY / max(float(size), 1e-12)
+    inertias = term.context.baseline.samples.robot.model.inertias
+    mass = float(np.mean([inertia.mass for inertia in list(inertias)[1:]]))
     n = term.size
-    low = np.full(n, -np.inf)
-    # The first of the random parameters is the mass.
-    if 0 in term.kept:
-        low[0] = -np.inf
+    precision = slab.moment(columns) / _BODY**2 + np.eye(n) / max(mass, 1e-3) ** 2
+    unit = np.linalg.inv(np.linalg.cholesky(precision)).T
     free = np.full(n, np.inf)
-    return Atom(
-        term, {j: c * k for j, c in columns.items()}, n, np.zeros(n), np.ones(n), low, free, turned=turned * k
-    )
+    columns = {j: block @ unit for j, block in columns.items()}
+    return Atom(term, columns, n, np.zeros(n), np.ones(n), -free, free, turned=turned @ unit)
 
 
 def _random_bodies(term: Term, count: int = 400) -> Array:
@@ -233,7 +290,7 @@ def problem_of(atoms: Sequence[Atom], gram: Array, right: Array) -> Problem:
     group = np.array([number[group_of(atom.term)] for atom in atoms], dtype=np.int64)
     width = np.array([atom.width for atom in atoms], dtype=np.int64)
     mean, precision, low, high = (
-        np.concatenate([getattr(atom, name) for atom in atoms])
+        np.concatenate([np.zeros(0), *(getattr(atom, name) for atom in atoms)])
         for name in ("mean", "precision", "low", "high")
     )
     deviation = precision**-0.5

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from benchmarks.selection.gram import Gram, whitened
-from benchmarks.selection.prior import Atom, atom_of
+from benchmarks.selection.prior import Atom, Slab, atom_of, group_of
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
@@ -25,6 +25,9 @@ _STEPS, _ENOUGH = 4, 0.5
 _DAMPING = 2.0
 # Starts of another form; nats of a term from which its other forms are tried, and by which one may be behind.
 _STARTS, _WORTH, _BEHIND = 9, 8.0, 3.0
+
+# Share of a term's nats that another law of its place has on its grid, from which it is searched there.
+_NEARLY = 0.5
 
 Change = Mapping[int, Array]
 
@@ -72,7 +75,8 @@ def moved(maker: TermMaker, term: Term, steps: Mapping[int, float], factor: floa
 
 def is_searched(term: Term) -> bool:
     """Whether a term has a shape that is searched here."""
-    return bool(term.theta) and not term.started and not (term.effect.stands_in and term.effect.timing)
+    begun = term.started and not term.effect.along
+    return bool(term.theta) and not begun and not (term.effect.stands_in and term.effect.timing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +94,7 @@ class Company:
         x: ``(n,)`` sizes.
         begin: first column of each term.
         loss: half the weighted sum of squares that is left, priors in it.
-        gap: ``(n_joints,)`` of slabs.
+        slab: unit of their torques.
     """
 
     gram: Gram
@@ -103,12 +107,12 @@ class Company:
     x: Array
     begin: Array
     loss: float
-    gap: Array
+    slab: Slab
 
     @classmethod
-    def of(cls, gram: Gram, terms: Sequence[Term], gap: Array) -> Company:
+    def of(cls, gram: Gram, terms: Sequence[Term], slab: Slab) -> Company:
         """Terms solved together."""
-        atoms = [_loose(gram, term, gap) for term in terms]
+        atoms = [_loose(gram, term, slab) for term in terms]
         begin = gram.always + np.cumsum([0, *(term.size for term in terms)])
         n, always = int(begin[-1]), gram.always
         precision = np.concatenate([gram.prior, *(atom.precision for atom in atoms)])
@@ -141,7 +145,7 @@ class Company:
         factor = cho_factor(normal / np.outer(scale, scale) + 1e-9 * np.eye(n))
         x = cho_solve(factor, right / scale) / scale
         loss = 0.5 * float(gram.square - right @ x + (precision * mean) @ mean)
-        return cls(gram, tuple(terms), white, index, factor, scale, right, x, begin, loss, gap)
+        return cls(gram, tuple(terms), white, index, factor, scale, right, x, begin, loss, slab)
 
     def sizes(self, i: int) -> Array:
         """Sizes of the i-th term."""
@@ -170,7 +174,7 @@ class Company:
 
     def gain_of(self, term: Term) -> tuple[float, Array]:
         """The same of a term."""
-        atom = _loose(self.gram, term, self.gap)
+        atom = _loose(self.gram, term, self.slab)
         return self.gain(term.columns, atom.precision, atom.mean)
 
 
@@ -179,20 +183,14 @@ def _white(gram: Gram, j: int, columns: Array) -> Array:
     return np.asarray(whitened(gram.rows, lag, columns) / deviation)
 
 
-def _loose(gram: Gram, term: Term, gap: Array) -> Atom:
+def _loose(gram: Gram, term: Term, slab: Slab) -> Atom:
     """A term's prior while shapes are searched: of a body, whatever the record asks for."""
-    atom = atom_of(term, powers(gram, term), gap)
+    atom = atom_of(term, slab)
     if atom.turned is None:
         return atom
     n = term.size
     free = np.full(n, np.inf)
     return Atom(term, term.columns, n, np.zeros(n), np.full(n, 1e-6) + term.precision, -free, free)
-
-
-def powers(gram: Gram, term: Term) -> dict[int, Array]:
-    """Mean squares of a term's columns in the fitted rows, by joint."""
-    use = gram.rows.block >= 0
-    return {j: (block[use] ** 2).mean(axis=0) for j, block in term.columns.items()}
 
 
 def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Term, float]:
@@ -202,7 +200,7 @@ def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Ter
         changes = list(shape_changes(maker, term, x))
         if not changes:
             break
-        atom = _loose(company.gram, term, company.gap)
+        atom = _loose(company.gram, term, company.slab)
         rows, n = len(company.gram.rows.trial), term.size
         columns = {
             j: np.column_stack(
@@ -231,9 +229,9 @@ def searched_beside(company: Company, maker: TermMaker, term: Term) -> tuple[Ter
     return term, gain
 
 
-def searched_together(gram: Gram, terms: Sequence[Term], gap: Array) -> tuple[list[Term], Company]:
+def searched_together(gram: Gram, terms: Sequence[Term], slab: Slab) -> tuple[list[Term], Company]:
     """The shapes of all terms by Gauss and Newton's steps together, what is linear projected out (Kaufman 1975)."""
-    found, company = list(terms), Company.of(gram, terms, gap)
+    found, company = list(terms), Company.of(gram, terms, slab)
     movable = [i for i, term in enumerate(found) if is_searched(term)]
     for _ in range(_STEPS if movable else 0):
         makers = {i: TermMaker(found[i].context, found[i].context.baseline.strict) for i in movable}
@@ -255,8 +253,8 @@ def searched_together(gram: Gram, terms: Sequence[Term], gap: Array) -> tuple[li
                 steps = {p: float(s) for (k, p, _), s in zip(changes, both, strict=True) if k == i}
                 made = moved(makers[i], found[i], steps, factor)
                 new[i] = found[i] if made is None else made
-            other = Company.of(gram, new, gap)
-            if other.loss < company.loss - 0.02:
+            other = Company.of(gram, new, slab)
+            if other.loss < company.loss - 0.02 and not _leaves_bounds(company, other):
                 ended = company.loss - other.loss < _ENOUGH
                 found, company = new, other
                 break
@@ -265,29 +263,70 @@ def searched_together(gram: Gram, terms: Sequence[Term], gap: Array) -> tuple[li
     return found, company
 
 
+def _leaves_bounds(before: Company, after: Company) -> bool:
+    """Whether some term is what its name says before a step, and is not after it."""
+    return any(
+        old.can_be(old.context, before.sizes(i)) and not new.can_be(new.context, after.sizes(i))
+        for i, (old, new) in enumerate(zip(before.terms, after.terms, strict=True))
+        if not new.effect.is_body and new.theta != old.theta
+    )
+
+
 def other_forms(
-    gram: Gram, terms: Sequence[Term], gap: Array, makers: Sequence[TermMaker]
+    gram: Gram, terms: Sequence[Term], slab: Slab, makers: Sequence[TermMaker]
 ) -> list[tuple[Term, TermMaker]]:
-    """Other forms of each term's law, from several starts each, those that are near it at their best."""
+    """Other forms of each term's law, from several starts each, those that are near it at their best.
+
+    And other laws of its place, at their best: a shape on a grid loses to what needs none.
+    """
     found = []
     for i, term in enumerate(terms):
-        forms: tuple[Effect, ...] = (*term.effect.richer, *term.effect.forms)
-        if term.started or term.effect.is_body or not forms or not (is_searched(term) or not term.theta):
+        forms = _forms_of(term)
+        if term.effect.is_body:
             continue
-        company = Company.of(gram, [other for k, other in enumerate(terms) if k != i], gap)
+        company = Company.of(gram, [other for k, other in enumerate(terms) if k != i], slab)
         own = company.gain_of(term)[0]
         if own < _WORTH:
             continue
-        for form in forms:
-            starts = form.starts(term.theta) if len(term.theta) == len(term.effect.searched) else []
+        tried = [(form, form.starts(term.theta)) for form in forms]
+        for other in () if term.started else _others_there(company, term, own):
+            tried.append((other.effect, [other.theta]))
+            tried += [(form, form.starts(other.theta)) for form in other.effect.richer]
+        for form, starts in tried:
             begun = [_begun(makers[i], form, term, theta) for theta in starts[:_STARTS]]
-            tried = [(company.gain_of(t)[0], k, t) for k, t in enumerate(begun) if t is not None]
+            gains = [(company.gain_of(t)[0], k, t) for k, t in enumerate(begun) if t is not None]
             # The two best of the starts, each to its own end.
-            for _, _, start in sorted(tried, reverse=True, key=lambda item: item[0])[:2]:
+            for _, _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
                 best, gain = searched_beside(company, makers[i], start)
                 if gain > own - _BEHIND:
-                    found.append((best, makers[i]))
+                    found.append((replace(best, started=term.started), makers[i]))
     return found
+
+
+def _others_there(company: Company, term: Term, own: float) -> list[Term]:
+    """The likeliest other law of a term's place that has a shape, as it stands on its grid."""
+    taken = {group_of(other) for other in (term, *company.terms)}
+    there = [
+        atom.term
+        for atom in company.gram.atoms
+        if atom.term.location == term.location and group_of(atom.term) not in taken and is_searched(atom.term)
+    ]
+    best = max(there, key=lambda other: company.gain_of(other)[0], default=None)
+    return [] if best is None or company.gain_of(best)[0] < _NEARLY * own else [best]
+
+
+def _forms_of(term: Term) -> tuple[Effect, ...]:
+    """Other forms of a term's law; of what a model begins with, those that have another effect in them."""
+    if not term.started:
+        return (*term.effect.richer, *term.effect.forms) if is_searched(term) or not term.theta else ()
+    return tuple(
+        form
+        for form in term.effect.richer
+        if form.along
+        and form.admissible(
+            term.context, term.location, form.starts(term.theta)[0], np.ones(len(form.linear))
+        )
+    )
 
 
 def _begun(maker: TermMaker, form: Effect, term: Term, theta: Theta) -> Term | None:

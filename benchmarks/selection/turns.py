@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.selection.gram import Gram, Noise, Posterior, discrepancy_columns
-from benchmarks.selection.prior import Atom, Key, atom_of, group_of, groups_of, problem_of, with_odds
+from benchmarks.selection.prior import Atom, Key, Slab, atom_of, group_of, groups_of, problem_of, with_odds
 from benchmarks.selection.sampler import Draws, climb, sample
 from benchmarks.selection.shapes import other_forms, searched_together, shape_changes
 from excite.arrays import Array
@@ -96,7 +96,7 @@ class _Turns:
     library: Library
     rows: Rows
     noise: Noise
-    gap: Array
+    slab: Slab
     begun_terms: Sequence[Term]
     candidates: Sequence[Term]
     bodies: Sequence[Term]
@@ -118,7 +118,7 @@ class _Turns:
             library,
             rows,
             noise,
-            gap,
+            Slab.of(rows, gap),
             library.begun(maker),
             library.candidates(maker),
             [body for body in bodies if body is not None],
@@ -139,27 +139,21 @@ class _Turns:
             self.noise = replace(
                 self.noise,
                 residual=posterior.residual,
-                discrepancy=posterior.discrepancy(self.noise, self.gap),
+                discrepancy=posterior.discrepancy(self.noise, self.slab.gap),
                 power=posterior.power(self.noise),
             )
             gram = Gram.of(self.rows, discrepancy, atoms, self.noise)
             terms = [atoms[a].term for a in posterior.chosen]
             if last:
-                return Selected(self.full, gram, _sampled(gram, terms, _LONGER * _SWEEPS, rng), self.gap)
+                return Selected(self.full, gram, _sampled(gram, terms, _LONGER * _SWEEPS, rng), self.slab.gap)
             found, keys = self._remade(gram, terms, turn)
         raise AssertionError("there is a last turn")
 
     def _atoms(self, found: Atoms, *, searched: bool) -> list[Atom]:
         """Atoms of all groups: the grid, and what was found; a gear that was searched stands without its grid."""
-        use = self.rows.block >= 0
-
-        def made(term: Term) -> Atom:
-            power = {j: (block[use] ** 2).mean(axis=0) for j, block in term.columns.items()}
-            return atom_of(term, power, self.gap)
-
         grid: Atoms = {}
         for term in (*self.begun_terms, *self.candidates, *self.bodies):
-            grid.setdefault(term.key, []).append(made(term))
+            grid.setdefault(term.key, []).append(atom_of(term, self.slab))
         for key, more in found.items():
             old = [atom for atom in grid.get(key, []) if not (searched and atom.term.known)]
             grid[key] = [*more, *old]
@@ -167,12 +161,13 @@ class _Turns:
 
     def _remade(self, gram: Gram, terms: Sequence[Term], turn: int) -> tuple[Atoms, list[Term]]:
         """The likeliest model's terms with their shapes searched, made anew at what it predicts; and where to begin."""
-        terms, company = searched_together(gram, terms, self.gap)
+        terms, company = searched_together(gram, terms, self.slab)
         sizes = [company.sizes(i) for i in range(len(terms))]
         model = fit(Design(self.rows, tuple(terms)), range(len(terms)), left_out=False)
         if turn == 0:
             self.full = signs_beside(self.full, model)
             self.rows = rows_of(self.full, self.modelled, self.noise.floor)
+            self.slab = Slab.of(self.rows, self.slab.gap)
         now = predicted(self.full, model)
         gears = [i for i, term in enumerate(terms) if term.known and not term.effect.timing]
         makers = [
@@ -180,16 +175,17 @@ class _Turns:
             for i in range(len(terms))
         ]
         found: Atoms = {}
-        for term, maker in other_forms(gram, terms, self.gap, makers) if turn >= 1 else []:
+        for term, maker in other_forms(gram, terms, self.slab, makers) if turn >= 1 else []:
             found.setdefault(term.key, []).append(self._with_shape(gram, maker, term, None))
         self._grid_again(now, terms, gears, first=turn == 0)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
-            if term.started:
+            if _is_begun(term):
                 continue
             again = _whole_delay(maker, term, x) or maker.again(term)
             if again is None:
                 continue
+            again = replace(again, started=term.started)
             if term.known and not term.effect.timing:
                 # What is made anew may have lost what the old column had.
                 old = TermMaker(term.context, self.full.strict)
@@ -198,7 +194,7 @@ class _Turns:
                 self._with_shape(gram, maker, again, x if again.size == term.size else None)
             )
             keys.append(again)
-        return found, [*keys, *(term for term in terms if term.started)]
+        return found, [*keys, *(term for term in terms if _is_begun(term))]
 
     def _grid_again(self, now: Prediction, terms: Sequence[Term], gears: list[int], *, first: bool) -> None:
         """Columns of the grid at what the model predicts, where it has moved the load, and once in any case."""
@@ -210,12 +206,15 @@ class _Turns:
 
     def _with_shape(self, gram: Gram, maker: TermMaker, term: Term, x: Array | None) -> Atom:
         """A term with the columns of its shape."""
-        use = self.rows.block >= 0
-        power = {j: (block[use] ** 2).mean(axis=0) for j, block in term.columns.items()}
         changes: list[Mapping[int, Array]] = []
         if x is not None and term.theta and not term.effect.is_body:
             changes = [change for _, change in shape_changes(maker, term, x)]
-        return atom_of(term, power, self.gap, changes)
+        return atom_of(term, self.slab, changes)
+
+
+def _is_begun(term: Term) -> bool:
+    """Whether a term is made anew with every grid, as what the model begins with is."""
+    return term.started and not term.effect.along
 
 
 def _whole_delay(maker: TermMaker, term: Term, x: Array) -> Term | None:
@@ -237,7 +236,7 @@ def _sampled(gram: Gram, begin: Sequence[Term], sweeps: int, rng: np.random.Gene
         if id(atom.term) in wanted:
             state[problem.group[a]] = a
     # Friction is made anew with every grid.
-    started = {group_of(term) for term in begin if term.started}
+    started = {group_of(term) for term in begin if _is_begun(term)}
     for g, key in enumerate(groups):
         if key in started and state[g] < 0:
             state[g] = problem.begin[g]
