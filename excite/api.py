@@ -57,7 +57,7 @@ SPACES: dict[str, dict[str, str]] = {
         "write_person": "excite.human.measure",
         "identify_person": "excite.human.identified",
         "added_mass": "excite.human.identified",
-        "identify_wearing": "excite.human.weight",
+        "identify_wearing": "excite.human.identified",
     },
     "catalogue": {
         "robot_summaries": "excite.robot.summary",

@@ -16,8 +16,9 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document, model_of, schema_of
 from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
-from excite.documents.results import Doctor, Export, Human, Model, Signals
+from excite.documents.results import Doctor, Export, Model, Signals
 from excite.errors import UnknownNameError
+from excite.human.measure import MeasuredPerson
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.logs.log import LogHeader
@@ -33,7 +34,7 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Export, Identification, Campaign, Diagnosis, Doctor, Human, Model, Signals),
+    *(Export, Identification, Campaign, Diagnosis, Doctor, Model, Signals),
     *(BlindAnswers, BlindAnswer),
     *(
         model_of(result)
@@ -45,6 +46,7 @@ _KINDS: tuple[type[Document], ...] = (
             Simulation,
             Truth,
             BegunCampaign,
+            MeasuredPerson,
         )
     ),
 )

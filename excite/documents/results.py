@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from excite.documents.document import (
-    AS_DOCUMENT,
-    MOST_CHANNELS,
     MOST_ENTRIES,
-    NONE,
     Block,
     Count,
     Document,
     FilePath,
     Findings,
     Maybe,
-    MaybePositive,
     Name,
     Names,
     Number,
@@ -26,7 +21,6 @@ from excite.documents.document import (
     Text,
     Texts,
 )
-from excite.identification.judgement.judgement import ChannelFit
 
 # ``excite.doctor/1``: what is wrong with a log, worst first.
 
@@ -58,63 +52,6 @@ class Export(Document):
     format: Name = Field(description="format of the files")
     files: Annotated[list[FilePath], Field(max_length=MOST_ENTRIES)] = Field(
         description="relative to --out, or to the working folder"
-    )
-
-
-# ``excite.human/1``: a person as measured, and what identification found of the segments.
-
-
-class TableMass(Block):
-    """A segment's mass by two tables."""
-
-    segment: Name = Field(description="name of the segment")
-    de_leva_kg: Positive = Field(description="de Leva 1996 [kg]")
-    dumas_kg: Positive = Field(description="Dumas 2007 [kg]")
-
-
-class MeasuredSubject(Block):
-    """Who was measured."""
-
-    mass: Positive = Field(description="with all that is worn [kg]")
-
-
-class MeasuredTrial(Block):
-    """A trial of a person."""
-
-    trial: Name = Field(description="its name")
-    plates_kg: Maybe = Field(
-        default=None, description="mass that the plates say [kg]; null where they do not tell"
-    )
-
-
-class Human(Document):
-    """What ``excite human`` found of a person."""
-
-    schema_: Literal["excite.human/1"] = Field(alias="schema", description="version of this document")
-    files: Names = Field(
-        default=[],
-        description="names of all files that were written, which the next run into the folder replaces",
-    )
-    robot_file: FilePath | None = Field(
-        default=None, description="robot.yaml of the person, relative to this file"
-    )
-    log_file: FilePath | None = Field(
-        default=None, description="log folder of the trials, relative to this file"
-    )
-    subject: MeasuredSubject | None = Field(default=None, description="the person")
-    marker_rms_m: MaybePositive = Field(
-        default=None, description="distance of the markers from the calibrated body, RMS [m]"
-    )
-    trials: Annotated[list[MeasuredTrial], Field(max_length=MOST_CHANNELS)] = Field(
-        default=[], description="in order"
-    )
-    findings: Findings = Field(default=NONE, description="what was wrong with the recordings")
-    table: Name = Field(description="table of the nominal masses")
-    segments: Annotated[list[TableMass], Field(max_length=MOST_CHANNELS)] = Field(
-        description="masses by the tables"
-    )
-    ground_reaction: Annotated[Mapping[Name, Mapping[Name, ChannelFit]] | None, AS_DOCUMENT] = Field(
-        default=None, description="by role of the trials and component, world axes"
     )
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -546,10 +545,6 @@ class ReactionTable:
                 for i, axis in enumerate(AXES)
             }
         return cls(fits)
-
-    def to_json(self) -> dict[str, Any]:
-        """By role and component: ``rmse``, ``cc``, ``reference_rmse``, ``reference_cc``."""
-        return {role: {axis: asdict(fit) for axis, fit in fits.items()} for role, fits in self.fits.items()}
 
     def summary(self) -> str:
         """The table in words, for a terminal."""

@@ -36,7 +36,7 @@ _KINDS: Registry[Any] = Registry(
         "campaign": "excite.documents.campaign:Campaign",
         "signals": "excite.documents.results:Signals",
         "diagnosis": "excite.documents.diagnosis:Diagnosis",
-        "human": "excite.documents.results:Human",
+        "human": "excite.human.measure:MeasuredPerson",
         "doctor": "excite.documents.results:Doctor",
     },
 )

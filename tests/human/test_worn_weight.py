@@ -32,10 +32,10 @@ def candidate(segment: str, evidence: float) -> Candidate:
 
 def test_segments_that_look_alike_are_said_to():
     candidates = (candidate("pelvis", -1.0), candidate("torso", -3.5), candidate("head", -9.0))
-    found = AddedMass(candidates[0], candidates, 500.0)
-    assert found.tied == ("pelvis", "torso") and "or torso, which look alike" in found.summary()
-    clear = AddedMass(candidates[0], (candidates[0], candidates[2]), 500.0)
-    assert clear.tied == ("pelvis",) and "next: head" in clear.summary()
+    found = AddedMass(candidates, 500.0)
+    assert found.tied_segments == ("pelvis", "torso") and "or torso, which look alike" in found.summary()
+    clear = AddedMass((candidates[0], candidates[2]), 500.0)
+    assert clear.tied_segments == ("pelvis",) and "next: head" in clear.summary()
 
 
 def test_trials_with_and_without_a_weight_are_kept_apart(person):

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.human.body import segment_box
-from excite.human.identified import IdentifiedPerson, added_mass, identify_person
+from excite.human.identified import IdentifiedPerson, added_mass, identify_person, identify_wearing
 from excite.human.measure import MeasuredPerson, measure_recordings, write_person
 from excite.human.plates import ReactionTable
 from excite.human.segments import NAMES
@@ -27,7 +27,7 @@ from excite.human.virtual import (
     record_standing,
     repeat_exercise,
 )
-from excite.human.weight import WornWeight, identify_wearing
+from excite.human.weights import WornWeight
 
 # Table III: RMSE and CC by component, identified and Dumas.
 TABLE_3: dict[str, tuple[float, float, float, float]] = {
