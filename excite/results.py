@@ -43,19 +43,26 @@ Seconds = Annotated[float, "seconds"]
 Unbounded = Annotated[float, "maybe"]
 """A number that may be infinite or NaN, for which a document has null."""
 UnboundedPositive = Annotated[float, "maybe positive"]
+FEW = "few"
+"""Of a table or list whose entries have a row or a panel each in a figure."""
 
 # How a field stands in a document, where not under its own name and always.
 HIDDEN = {"stated": None}
 """Of a field that no document holds."""
 LEFT_OUT = {"left out": True}
 """Of a field that is left out where it is None."""
-ADDED = {"added": True}
+ADDED = {"added": None}
 """Of a field that documents of earlier versions lack."""
 
 
 def named(name: str) -> dict[str, Any]:
     """Of a field that stands in documents under another name."""
     return {"stated": name}
+
+
+def added_as(default: Any) -> dict[str, Any]:
+    """Of a field that documents of earlier versions lack, which then had this value."""
+    return {"added": default}
 
 
 _Getter = TypeVar("_Getter", bound=Callable[..., Any])
@@ -107,7 +114,7 @@ class StatedField(NamedTuple):
     def default(self) -> Any:
         """What stands for it where a document lacks it, as plain objects."""
         if self.source is None or self.added:
-            return None
+            return None if self.source is None else plain(self.source.metadata["added"])
         make: Any = self.source.default_factory
         return plain(self.source.default if make is MISSING else make())
 
@@ -138,8 +145,20 @@ class Stated:
             for one in stated_fields(cls)
             if one.source is not None and one.name in content
         }
-        lacking = {one.attribute: None for one in stated_fields(cls) if one.source is not None and one.added}
+        lacking = {
+            one.attribute: one.default for one in stated_fields(cls) if one.source is not None and one.added
+        }
         return cls(**lacking | found)
+
+    @staticmethod
+    def contradiction(found: Any) -> str:
+        """What fields of a document say against each other; empty where they agree.
+
+        Args:
+            found: the fields, as attributes by their names in the document.
+        """
+        del found
+        return ""
 
     def row(self, *names: str, **more: Any) -> dict[str, Any]:
         """A row of a table: the fields of those names, all where none is named, and ``more`` before them."""
