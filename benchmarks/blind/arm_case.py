@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.blind.hidden_effects import Answer
 from excite.arrays import Array
+from excite.documents.blind import Answer
 from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot

@@ -15,9 +15,9 @@ from benchmarks.blind.case_score import same_effect
 from benchmarks.blind.detectability import DETECTABLE, Band, band_rows
 from benchmarks.blind.draw import ROBOTS
 from benchmarks.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect, JointGap
 from benchmarks.blind.magnitudes import MAKERS, Site
 from excite.arrays import Array
+from excite.documents.blind import Answer, HiddenEffect, JointGap
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -12,8 +12,8 @@ from benchmarks.blind.arm_case import FAULTS, N_TRIALS, N_VALIDATION, PAUSE_S, T
 from benchmarks.blind.detectability import effect_detectability
 from benchmarks.blind.draw import Draft
 from benchmarks.blind.forms import OWN_TERMS, hide_background, hide_effect, left_out, without_term
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from excite.arrays import Array
+from excite.documents.blind import Answer, HiddenEffect
 from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot

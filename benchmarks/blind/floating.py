@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.blind.hidden_effects import HiddenEffect
 from benchmarks.blind.standing_case import (
     ROBOTS,
     Drag,
@@ -21,6 +20,7 @@ from benchmarks.blind.standing_case import (
     Vector,
 )
 from benchmarks.blind.standing_effects import Bent, Mixed, Truth, Wobbly, true_recording
+from excite.documents.blind import CaseKind, HiddenEffect
 from excite.logs.columns import WRENCH_AXES
 from excite.motion.generators.generator import leg_joints
 from excite.simulation.effects.readings import Misaligned, Misplaced, WrenchBias
@@ -30,7 +30,18 @@ from excite.simulation.virtual_robot import Reading, nominal_robot
 
 # Which effects, sensors and noise the standing cases of a battery have.
 
-_KINDS = ("single", "none", "single", "single", "unknown", "single", "double", "single", "single", "none")
+_KINDS: tuple[CaseKind, ...] = (
+    "single",
+    "none",
+    "single",
+    "single",
+    "unknown",
+    "single",
+    "double",
+    "single",
+    "single",
+    "none",
+)
 # Invisible where inertial parameters are free: part of them, or, over force plates, absorbed by them.
 _NEEDS_GIVEN = frozenset({"payload", "link_inertia"})
 _NEEDS_GIVEN_OVER_PLATES = frozenset({"base_orientation_bias", "encoder_offset", "link_length_error"})
@@ -53,7 +64,7 @@ class FloatingDraft:
     """
 
     robot: str
-    kind: str
+    kind: CaseKind
     effects: tuple[tuple[str, str], ...]
     sensors: SensorKind
     fixed: bool

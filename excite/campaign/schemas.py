@@ -35,7 +35,6 @@ _MODELS: dict[str, type[BaseModel]] = {
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
     *(Export, Identification, Campaign, Diagnosis, Doctor, Model, Signals),
-    *(BlindAnswers, BlindAnswer),
     *(
         model_of(result)
         for result in (
@@ -47,6 +46,8 @@ _KINDS: tuple[type[Document], ...] = (
             Truth,
             BegunCampaign,
             MeasuredPerson,
+            BlindAnswers,
+            BlindAnswer,
         )
     ),
 )

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.blind.floating import floating_draft
-from benchmarks.blind.hidden_effects import Answer
 from benchmarks.blind.make import build_floating_case
 from benchmarks.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.floating.answer import residual_of
@@ -20,6 +19,7 @@ from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
 from excite.diagnosis.floating.equations.record import prepare_record
 from excite.diagnosis.floating.equations.spectrum import in_band
 from excite.diagnosis.floating.equations.state import State
+from excite.documents.blind import Answer
 from excite.errors import NoSolutionError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.blind.hidden_effects import HiddenEffect
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.next_experiment.choice import FILE
+from excite.documents.blind import HiddenEffect
 from excite.motion.files import load_motion
 from excite.safety.check import check_motion
 from tests.benchmarks.table import Row

@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from benchmarks.blind.answers import read_entry
 from benchmarks.blind.board import score_board
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect, JointGap
 from benchmarks.blind.score import score_entry
 from excite.cli.main import app
+from excite.documents.blind import Answer, HiddenEffect, JointGap
 from excite.errors import InputError
 from excite.results import write_json
 from tests.documents.small import SMALL

@@ -19,9 +19,9 @@ from benchmarks.blind.draw import Draft
 from benchmarks.blind.entry import mujoco_sysid
 from benchmarks.blind.entry.alone import arm_log
 from benchmarks.blind.entry.mujoco_sysid import TrialFit, fitted_by_sysid
-from benchmarks.blind.hidden_effects import HiddenEffect
 from benchmarks.blind.make import load_answers
 from excite.cli.main import app
+from excite.documents.blind import HiddenEffect
 from excite.errors import LogError
 from excite.logs.files import save_log
 from excite.results import write_json

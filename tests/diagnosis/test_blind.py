@@ -15,11 +15,11 @@ from benchmarks.blind.case_score import parameter_error
 from benchmarks.blind.detectability import DETECTABLE, effect_detectability
 from benchmarks.blind.draw import Draft
 from benchmarks.blind.forms import hide_effect
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from benchmarks.blind.make import answers_file, load_answers, make_cases
 from benchmarks.blind.score import score_case, score_diagnoses
 from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.diagnose import diagnose
+from excite.documents.blind import Answer, HiddenEffect
 from excite.errors import InputError
 from excite.logs.files import load_log, save_log
 from excite.robot.loading import load_robot

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from excite.campaign.check import check
 from excite.campaign.experiment import simulate
 from excite.campaign.rank import rank
 from excite.campaign.schemas import DOCUMENTS
+from excite.documents.blind import Answer, HiddenEffect
 from excite.documents.document import read_document
 from excite.errors import InputError
 from excite.motion.collection import load_motions
