@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.blind import Answer, BlindAnswer
-from excite.documents.diagnosis import Diagnosis
-from excite.documents.document import model_of, read_document, schema_of
+from excite.documents.document import model_of, read_document
 from excite.errors import InputError
 from excite.finding import list_names
 from excite.formats.documents import read_json
@@ -120,10 +120,10 @@ def read_entry(folder: str | Path, answers: Mapping[str, Answer]) -> dict[str, E
 
 def _read_answer(path: Path, answer: Answer) -> EntryAnswer:
     said = read_json(path, remedy=_REMEDY).get("schema")
-    if said == schema_of(Diagnosis):
-        return from_diagnosis(read_document(path, Diagnosis, remedy=_REMEDY).content())
+    if said == Diagnosis.SCHEMA:
+        return from_diagnosis(read_document(path, model_of(Diagnosis), remedy=_REMEDY).content())
     if said != BlindAnswer.SCHEMA:
-        either = f"{BlindAnswer.SCHEMA} or {schema_of(Diagnosis)}"
+        either = f"{BlindAnswer.SCHEMA} or {Diagnosis.SCHEMA}"
         raise InputError(f"schema is {said!r:.60}, not {either}", source=path, field="schema", remedy=_REMEDY)
     content = read_document(path, model_of(BlindAnswer), remedy=_REMEDY).content()
     _check_names(path, [*content["effects"], *content["rivals"]], answer)

@@ -10,9 +10,9 @@ from excite.campaign.experiment import Simulation, Truth
 from excite.campaign.journal import BegunCampaign
 from excite.campaign.rank import RankReport
 from excite.conversion.explicit_mapping import Map
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.blind import BlindAnswer, BlindAnswers
 from excite.documents.campaign import Campaign
-from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document, model_of, schema_of
 from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
@@ -34,10 +34,11 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Export, Identification, Campaign, Diagnosis, Doctor, Model, Signals),
+    *(Export, Identification, Campaign, Doctor, Model, Signals),
     *(
         model_of(result)
         for result in (
+            Diagnosis,
             PlanDocument,
             RefusalsDocument,
             CheckReport,

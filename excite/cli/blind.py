@@ -241,7 +241,8 @@ def _children_s() -> float:
 
 def _run_diagnosis(seed: int, case: Path) -> tuple[dict[str, Any], float]:
     """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
-    from excite.documents.diagnosis import Diagnosis  # lazy: pydantic
+    from excite.diagnosis.answer.answer import Diagnosis  # lazy: pinocchio
+    from excite.documents.document import model_of  # lazy: pydantic
     from excite.formats.documents import check_content, parse_json  # lazy: pydantic
 
     folder = TemporaryFolder()
@@ -265,4 +266,4 @@ def _run_diagnosis(seed: int, case: Path) -> tuple[dict[str, Any], float]:
         raise ExciteError(
             f"the diagnosis of {case.name} is no JSON ({' '.join(str(error).split())})"
         ) from error
-    return check_content(Diagnosis, document, case, remedy="diagnose it alone").content(), taken
+    return check_content(model_of(Diagnosis), document, case, remedy="diagnose it alone").content(), taken

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial, reduce
 from operator import or_
 from pathlib import Path, PurePosixPath
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
@@ -158,8 +158,8 @@ def _build_model(kind: type[Stated]) -> type[Document]:
     for one in stated_fields(kind):
         content = _content_kind(one.kind)
         default = {} if one.required else {"default": one.default}
-        if one.added and one.default is None:
-            content = content | None
+        if one.added:
+            content = content | None if one.default is None else _without_null(content)
         fields[one.name] = (content, Field(description=one.meaning, **default))
     if kind.SCHEMA:
         stated = Field(alias="schema", description="version of this document")
@@ -174,6 +174,13 @@ def _build_model(kind: type[Stated]) -> type[Document]:
             kind.__name__, __base__=base, __doc__=sentence_of(kind), __validators__=checks, **fields
         ),
     )
+
+
+def _without_null(content: Any) -> Any:
+    """The same content, which may not be null."""
+    if get_origin(content) not in (Union, UnionType):
+        return content
+    return reduce(or_, (part for part in get_args(content) if part is not NoneType))
 
 
 def _check_agreement(contradiction: Callable[[Any], str], found: Block) -> Block:

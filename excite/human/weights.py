@@ -35,6 +35,9 @@ _MOST, _MASS_SPREAD = 0.5, 10.0
 _CLEAR = 3.0
 
 
+Place = tuple[float, float, float]
+
+
 @dataclass(frozen=True)
 class Candidate(Stated):
     """A weight on one segment.
@@ -52,7 +55,7 @@ class Candidate(Stated):
     segment: Name
     mass: float = field(metadata=named("mass_kg"))
     std: UnboundedPositive = field(metadata=named("std_kg"))
-    place: tuple[float, float, float] = field(metadata=HIDDEN)
+    place: Place = field(metadata=HIDDEN)
     cost: Unbounded
     evidence: Unbounded
 
@@ -94,7 +97,7 @@ class AddedMass(Stated):
 
     @property
     @stated
-    def place_m(self) -> tuple[float, float, float]:
+    def place_m(self) -> Place:
         """Its centre in the joint frame of the segment [m]."""
         return self.best.place
 

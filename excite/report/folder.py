@@ -35,7 +35,7 @@ _KINDS: Registry[Any] = Registry(
         "identification": "excite.documents.identification:Identification",
         "campaign": "excite.documents.campaign:Campaign",
         "signals": "excite.documents.results:Signals",
-        "diagnosis": "excite.documents.diagnosis:Diagnosis",
+        "diagnosis": "excite.diagnosis.answer.answer:Diagnosis",
         "human": "excite.human.measure:MeasuredPerson",
         "doctor": "excite.documents.results:Doctor",
     },
