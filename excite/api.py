@@ -51,7 +51,6 @@ SPACES: dict[str, dict[str, str]] = {
     },
     "people": {
         "Subject": "excite.human.segments",
-        "simulate_person": "excite.human.virtual",
         "MeasureSettings": "excite.human.measure",
         "measure_person": "excite.human.measure",
         "write_person": "excite.human.measure",

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.virtual_person import write_mot, write_trc
 from excite.cli.main import app
 from excite.errors import LogError
 from excite.human.measure import MeasureSettings, measure_recordings, read_recording
 from excite.human.segments import JOINT_NAMES, Subject
-from excite.human.virtual import write_mot, write_trc
 from tests.human.recordings import write_c3d
 
 

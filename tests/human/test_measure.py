@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.virtual_person import ground_wrench, perform_exercise, true_model
 from excite.cli.main import app
 from excite.human.measure import write_person
 from excite.human.models import urdf_text
 from excite.human.plates import ReactionTable, ground_reactions
 from excite.human.segments import JOINT_NAMES
-from excite.human.virtual import ground_wrench, perform_exercise, true_model
 from excite.logs.files import load_log
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.loading import load_robot

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.virtual_person import simulate_person
 from excite.errors import InputError, UnknownNameError
 from excite.human.measure import measure_person
 from excite.human.segments import Subject
-from excite.human.virtual import simulate_person
 
 SUBJECT = Subject(58.0, 1.65, "female")
 

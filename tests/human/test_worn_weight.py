@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from excite.cli.main import app
-from excite.errors import InputError
-from excite.human.identified import split_trials
-from excite.human.segments import Subject
-from excite.human.virtual import (
+from benchmarks.virtual_person import (
     Belt,
     draw_subject,
     perform_exercise,
@@ -22,6 +18,10 @@ from excite.human.virtual import (
     repeat_exercise,
     simulate_person,
 )
+from excite.cli.main import app
+from excite.errors import InputError
+from excite.human.identified import split_trials
+from excite.human.segments import Subject
 from excite.human.weights import AddedMass, Candidate
 from tests.human.recordings import write_c3d
 
