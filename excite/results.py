@@ -228,13 +228,15 @@ stated_fields: Callable[[type], tuple[StatedField, ...]] = cache(_fields_of)
 
 
 def plain(value: Any) -> Any:
-    """Dictionaries, lists, texts and numbers in place of results and what they hold."""
+    """Dictionaries, lists, texts and numbers in place of results and what they hold; null for what is not finite."""
     if hasattr(value, "to_json"):
         return value.to_json()
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, PurePath):
@@ -242,7 +244,7 @@ def plain(value: Any) -> Any:
     # Arrays and numpy's numbers say their content by ``tolist``, models of files by ``model_dump``.
     for method in ("tolist", "model_dump"):
         if hasattr(value, method):
-            return getattr(value, method)()
+            return plain(getattr(value, method)())
     return value
 
 

@@ -16,12 +16,13 @@ from excite.documents.campaign import Campaign
 from excite.documents.document import Document, model_of, schema_of
 from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
-from excite.documents.results import Doctor, Export, Model, Signals
+from excite.documents.results import Doctor, Export, Model
 from excite.errors import UnknownNameError
 from excite.human.measure import MeasuredPerson
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.logs.log import LogHeader
+from excite.logs.signals.trace import SignalTrace
 from excite.motion.files import MotionDocument
 from excite.robot.description import RobotDescription
 from excite.safety.verdict import CheckReport
@@ -34,7 +35,7 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Export, Identification, Campaign, Doctor, Model, Signals),
+    *(Export, Identification, Campaign, Doctor, Model),
     *(
         model_of(result)
         for result in (
@@ -47,6 +48,7 @@ _KINDS: tuple[type[Document], ...] = (
             Truth,
             BegunCampaign,
             MeasuredPerson,
+            SignalTrace,
             BlindAnswers,
             BlindAnswer,
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,10 +11,8 @@ import numpy as np
 
 from excite.atomic import atomic_path
 from excite.display import Shown
-from excite.errors import InputError, LogError, UnknownNameError
+from excite.errors import InputError, UnknownNameError
 from excite.finding import Finding
-from excite.formats.c3d import MAX_C3D_BYTES
-from excite.formats.file import plain_name, unpack_file
 from excite.formats.number import check_number
 from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, body_of
 from excite.human.markers.marker_set import (
@@ -26,9 +24,6 @@ from excite.human.markers.marker_set import (
 )
 from excite.human.models import PLACES, ROBOT_FILE, URDF_FILE, robot_yaml, urdf_text
 from excite.human.plates import PlateReading, find_support, plate_readings
-from excite.human.readers.c3d import C3dReader, check_recording
-from excite.human.readers.reader import RecordingReader
-from excite.human.readers.tables import CsvReader, StorageReader, TrcReader
 from excite.human.recording import (
     AXES,
     Recording,
@@ -38,6 +33,7 @@ from excite.human.recording import (
     up_axis,
     with_known_labels,
 )
+from excite.human.recording_files import paired_recordings
 from excite.human.segments import JOINT_NAMES, NAMES, Subject
 from excite.human.skeleton import base_pose, joint_angles, near_singular, place_segments
 from excite.human.trial_poses import TrialPoses, trial_poses
@@ -548,95 +544,3 @@ def measured_trial(
     )
     singular = near_singular(joint_angles(poses.pose), name)
     return Measured(trial, report, (*poses.findings, *odd, *held.findings, *singular))
-
-
-# Which files belong together: markers with their forces, and standing recordings apart.
-
-_STANDING = ("static", "stand", "cal")
-
-
-def paired_recordings(
-    trials: Sequence[Path], static: Sequence[Path] = ()
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Read files and join markers with forces.
-
-    Forces belong to the markers' file of the same name but for its ending; where names differ, they are paired in
-    the order given. A file of markers without forces is a standing recording if its name says so (``static``).
-
-    Args:
-        trials: files with markers, forces, or both.
-        static: standing recordings.
-
-    Returns:
-        Trials with markers and forces; standing recordings.
-
-    Raises:
-        LogError: markers without forces or forces without markers.
-    """
-    read = [read_recording(path) for path in trials]
-    whole = [r for r in read if r.markers and r.plates]
-    bare = [r for r in read if r.markers and not r.plates]
-    forces = [r for r in read if not r.markers]
-    standing = [read_recording(path) for path in static]
-    for recording in standing:
-        if not recording.markers:
-            raise LogError("has no markers", source=recording.source, remedy="give a recording of standing")
-    named = {force.source.stem: force for force in forces}
-    joined, left = [], []
-    for recording in bare:
-        force = named.pop(recording.source.stem, None)
-        if force is None:
-            left.append(recording)
-        else:
-            joined.append(_join_recordings(recording, force))
-    rest = list(named.values())
-    moving = [r for r in left if not _is_standing(r)]
-    if len(rest) != len(moving) and len(rest) == len(left):
-        moving = left
-    standing += [r for r in left if r not in moving]
-    if len(rest) < len(moving):
-        raise LogError(
-            "has no force plates",
-            source=moving[len(rest)].source,
-            remedy="give the file with its forces (MOT, STO) of the same name, or pass it with --static",
-        )
-    if len(rest) > len(moving):
-        raise LogError(
-            "has forces only", source=rest[len(moving)].source, remedy="give the file with its markers too"
-        )
-    joined += [_join_recordings(markers, force) for markers, force in zip(moving, rest, strict=True)]
-    order = {path: i for i, path in enumerate(trials)}
-    found = sorted((*whole, *joined), key=lambda r: order[r.source])
-    if not found:
-        raise LogError(
-            "no trial with markers and forces", remedy="give C3D files, or TRC and MOT files together"
-        )
-    return tuple(found), tuple(standing)
-
-
-def _join_recordings(markers: Recording, forces: Recording) -> Recording:
-    return replace(markers, plates=forces.plates)
-
-
-def _is_standing(recording: Recording) -> bool:
-    stem = recording.source.stem.lower()
-    return any(word in stem for word in _STANDING)
-
-
-# Which reader answers to which ending.
-
-READERS: tuple[RecordingReader, ...] = (C3dReader(), TrcReader(), StorageReader(), CsvReader())
-
-
-def read_recording(path: Path) -> Recording:
-    """Read a file by its ending.
-
-    Raises:
-        LogError: no reader for it, or it is malformed.
-    """
-    for reader in READERS:
-        if plain_name(path).suffix.lower() in reader.suffixes:
-            with unpack_file(path, limit=MAX_C3D_BYTES, error=LogError) as plain:
-                return check_recording(replace(reader.read(plain), source=path))
-    known = ", ".join(suffix for reader in READERS for suffix in reader.suffixes)
-    raise LogError(f"no reader for {path.suffix[:60]!r}", source=path, remedy=f"use one of {known}")

@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 from benchmarks.virtual_person import write_mot, write_trc
 from excite.cli.main import app
 from excite.errors import LogError
-from excite.human.measure import MeasureSettings, measure_recordings, read_recording
+from excite.human.measure import MeasureSettings, measure_recordings
+from excite.human.recording_files import read_recording
 from excite.human.segments import JOINT_NAMES, Subject
 from tests.human.recordings import write_c3d
 

@@ -33,7 +33,6 @@ from excite.results import (
     Stated,
     UnboundedPositive,
     added_as,
-    finite,
     named,
     stated,
     stated_with,
@@ -260,10 +259,6 @@ class Diagnosis(Tabled, Stated):
     def detectable(self) -> tuple[Detectable, ...] | None:
         """How large effects would have to be for the record to show them."""
         return None if self.budget is None else self.budget.detectable
-
-    def to_json(self) -> dict[str, Any]:
-        """The document ``excite.diagnosis/1``; what is infinite or not known is null."""
-        return finite(super().to_json())
 
     @stated_with(added="")
     def sentence(self) -> str:
