@@ -50,13 +50,12 @@ SPACES: dict[str, dict[str, str]] = {
     },
     "people": {
         "Subject": "excite.human.segments",
-        "simulate_person": "excite.human.virtual",
         "MeasureSettings": "excite.human.measure",
         "measure_person": "excite.human.measure",
         "write_person": "excite.human.measure",
         "identify_person": "excite.human.identified",
         "added_mass": "excite.human.identified",
-        "identify_wearing": "excite.human.weight",
+        "identify_wearing": "excite.human.identified",
     },
     "catalogue": {
         "robot_summaries": "excite.robot.summary",

@@ -26,8 +26,9 @@ from excite.cli.session.options import (
     requested_workers,
 )
 from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.display import count
-from excite.documents.diagnosis import Diagnosis
+from excite.documents.document import model_of
 from excite.errors import ExciteError, InputError
 from excite.folder_lock import claim_folder
 from excite.formats.documents import check_content, parse_json
@@ -248,4 +249,4 @@ def _run_diagnosis(seed: int, case: Path) -> tuple[dict[str, Any], float]:
         raise ExciteError(
             f"the diagnosis of {case.name} is no JSON ({' '.join(str(error).split())})"
         ) from error
-    return check_content(Diagnosis, document, case, remedy="diagnose it alone").content(), taken
+    return check_content(model_of(Diagnosis), document, case, remedy="diagnose it alone").content(), taken

@@ -1,134 +1,161 @@
-"""``excite.blind/1``: what is hidden in cases whose answers are withheld."""
+"""Cases with withheld answers: ``excite.blind/1``, what is hidden; ``excite.blind_answer/1``, what a program says."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from excite.results import FEW, Name, Positive, Stated, Unbounded, UnboundedPositive
 
-from excite.documents.document import (
-    MOST_CHANNELS,
-    MOST_ENTRIES,
-    Block,
-    Document,
-    Maybe,
-    MaybePositive,
-    Name,
-    Names,
-    Number,
-    Positive,
-    Text,
-)
+CaseKind = Literal["single", "weak", "double", "none", "unknown", "everything"]
 
 
-class HiddenEffect(Block):
-    """An effect that the nominal model lacks."""
+@dataclass(frozen=True)
+class HiddenEffect(Stated):
+    """An effect that the nominal model lacks.
 
-    effect: Name = Field(description="its name in a diagnosis, or unknown")
-    location: Name = Field(description="its place")
-    value: Number = Field(description="its main parameter, in the unit of that effect")
-    form: Name = Field(default="plain", description="which form of the same physics")
-    details: Annotated[dict[Name, Number], Field(max_length=MOST_ENTRIES)] = Field(
-        default={}, description="further parameters by name"
-    )
-    detectability: Maybe = Field(
-        default=None, description="how far it stands above the noise; null where it was not computed"
-    )
-    shares: Annotated[dict[Name, Number], Field(max_length=MOST_CHANNELS)] = Field(
-        default={},
-        description="true shares of the joints' gaps, by joint; empty where they were not computed",
-    )
+    Attributes:
+        effect: its name in a diagnosis, or unknown.
+        location: its place.
+        value: its main parameter, in the unit of that effect.
+        form: which form of the same physics; ``plain`` is the textbook's.
+        details: further parameters by name.
+        detectability: rest that the modelled terms cannot take, over the channel's noise in the band; null where it
+            was not computed.
+        shares: true shares of the joints' gaps, by joint; empty where they were not computed.
+    """
 
-
-class JointGap(Block):
-    """The true gap of a joint."""
-
-    gap: Positive = Field(description="root mean square that hidden effects leave in the band [N·m]")
-    noise: Positive = Field(description="root mean square of the noise in the band [N·m]")
-    together: Number = Field(description="share that only several effects at once take")
+    effect: Name
+    location: Name
+    value: float
+    form: Name = "plain"
+    details: Mapping[Name, float] = field(default_factory=dict)
+    detectability: Unbounded | None = None
+    shares: Annotated[Mapping[Name, float], FEW] = field(default_factory=dict)
 
 
-class Answer(Block):
-    """What a diagnosis of a case should find."""
+@dataclass(frozen=True)
+class JointGap(Stated):
+    """The true gap of a joint.
 
-    kind: Literal["single", "weak", "double", "none", "unknown", "everything"] = Field(
-        description="kind of the case"
-    )
-    robot: Name = Field(description="name of the robot")
-    modelled: Names = Field(description="what the log says is modelled")
-    effects: Annotated[list[HiddenEffect], Field(max_length=MOST_ENTRIES)] = Field(
-        description="hidden effects, the stronger first"
-    )
-    noise: Positive = Field(description="factor on the usual noise")
-    faults: Names = Field(default=[], description="faults of the record")
-    background: Annotated[list[HiddenEffect], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="what every joint has a little of"
-    )
-    joints: Annotated[dict[Name, JointGap], Field(max_length=MOST_CHANNELS)] = Field(
-        default={}, description="true gap by joint; empty where it was not computed"
-    )
+    Attributes:
+        gap: root mean square of what the modelled terms leave in the band because of the hidden effects [N·m].
+        noise: root mean square of the torque's noise in the band [N·m].
+        together: share that only several effects at once take; with the shares of all effects, one.
+    """
+
+    gap: Positive
+    noise: Positive
+    together: float
 
 
-class BlindAnswers(Document):
-    """What is hidden in the cases of a folder."""
+@dataclass(frozen=True)
+class Answer(Stated):
+    """What a diagnosis of a case should find.
 
-    schema_: Literal["excite.blind/1"] = Field(alias="schema", description="version of this document")
-    seed: int | None = Field(default=None, description="of the cases")
-    cases: Annotated[dict[Name, Answer], Field(max_length=MOST_ENTRIES)] = Field(description="by case")
+    Attributes:
+        kind: kind of the case.
+        robot: name of the robot.
+        modelled: what the log says is modelled.
+        effects: hidden effects, the stronger first; none where there is none.
+        noise: factor on the usual noise.
+        faults: faults of the record.
+        background: what every joint has a little of beside them; empty where the robot has nothing else.
+        joints: true gap by joint; empty where it was not computed.
+    """
+
+    kind: CaseKind
+    robot: Name
+    modelled: tuple[Name, ...]
+    effects: tuple[HiddenEffect, ...]
+    noise: Positive
+    faults: tuple[Name, ...] = ()
+    background: tuple[HiddenEffect, ...] = ()
+    joints: Annotated[Mapping[Name, JointGap], FEW] = field(default_factory=dict)
 
 
-# ``excite.blind_answer/1``: what any program says of a blind case.
+@dataclass(frozen=True)
+class BlindAnswers(Stated):
+    """What is hidden in the cases of a folder.
+
+    Attributes:
+        cases: by case.
+        seed: of the cases.
+    """
+
+    SCHEMA = "excite.blind/1"
+
+    cases: Mapping[Name, Answer]
+    seed: int | None = None
 
 
-class Guess(Block):
-    """An effect and its place."""
+@dataclass(frozen=True)
+class Guess(Stated):
+    """An effect and its place.
 
-    effect: Name = Field(description="name of the effect, a word of log.yaml's modelled")
-    location: Name = Field(description="joint, link, base or torque")
+    Attributes:
+        effect: name of the effect, a word of log.yaml's modelled.
+        location: joint, link, base or torque.
+    """
+
+    effect: Name
+    location: Name
 
 
+@dataclass(frozen=True)
 class NamedEffect(Guess):
-    """An effect that is there, and what it takes."""
+    """An effect that is there, and what it takes.
 
-    channel: Name | None = Field(
-        default=None, description="joint whose gap the share is of; null for the location itself"
-    )
-    share: Maybe = Field(default=None, description="of that joint's gap above the noise; null if unknown")
-    interval90: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = Field(
-        default=None, description="90 % interval of the share; null if unknown"
-    )
-    tied_locations: Names = Field(default=[], description="places that the log cannot tell from its own")
+    Attributes:
+        channel: joint whose gap the share is of; null for the location itself.
+        share: of that joint's gap above the noise; null if unknown.
+        interval90: 90 % interval of the share; null if unknown.
+        tied_locations: places that the log cannot tell from its own.
+    """
 
-    @model_validator(mode="after")
-    def _in_order(self) -> NamedEffect:
-        if self.interval90 is not None and self.interval90[0] > self.interval90[1]:
-            raise ValueError(f"interval90 ends below its beginning: {self.interval90}")
-        if self.interval90 is not None and self.share is None:
-            raise ValueError("interval90 is of no share: state the share too")
-        return self
+    channel: Name | None = None
+    share: Unbounded | None = None
+    interval90: tuple[float, float] | None = None
+    tied_locations: tuple[Name, ...] = ()
+
+    @staticmethod
+    def contradiction(found: Any) -> str:
+        """An interval that is none, or of nothing."""
+        if found.interval90 is None:
+            return ""
+        if found.interval90[0] > found.interval90[1]:
+            return f"interval90 ends below its beginning: {found.interval90}"
+        return "interval90 is of no share: state the share too" if found.share is None else ""
 
 
-class BlindAnswer(Document):
-    """What a program says of one case: effects, the surest first; one of several channels stands once for each."""
+@dataclass(frozen=True)
+class BlindAnswer(Stated):
+    """What a program says of one case: effects, the surest first; one of several channels stands once for each.
 
-    schema_: Literal["excite.blind_answer/1"] = Field(alias="schema", description="version of this document")
-    effects: Annotated[list[NamedEffect], Field(max_length=MOST_ENTRIES)] = Field(
-        description="what is there, the surest first; empty where nothing is"
-    )
-    verdict: Literal["effect", "none", "ambiguous", "unknown"] | None = Field(
-        default=None, description="null: effect where any is named, else none"
-    )
-    location: Name | None = Field(default=None, description="place of a gap without a name")
-    rivals: Annotated[list[Guess], Field(max_length=MOST_CHANNELS)] = Field(
-        default=[], description="where the verdict is ambiguous, what else the first effect may be"
-    )
-    program: Text = Field(default="", description="what wrote this, with its version")
-    seconds: MaybePositive = Field(default=None, description="processor time it took [s]")
+    Attributes:
+        effects: what is there, the surest first; empty where nothing is.
+        verdict: null: effect where any is named, else none.
+        location: place of a gap without a name.
+        rivals: where the verdict is ambiguous, what else the first effect may be.
+        program: what wrote this, with its version.
+        seconds: processor time it took [s].
+    """
 
-    @model_validator(mode="after")
-    def _agrees(self) -> BlindAnswer:
-        if self.verdict in {"none", "unknown"} and self.effects:
-            raise ValueError(f"verdict is {self.verdict!r} beside effects: leave one of them out")
-        if self.verdict in {"effect", "ambiguous"} and not self.effects:
-            raise ValueError(f"verdict is {self.verdict!r} without an effect: name one")
-        return self
+    SCHEMA = "excite.blind_answer/1"
+
+    effects: tuple[NamedEffect, ...]
+    verdict: Literal["effect", "none", "ambiguous", "unknown"] | None = None
+    location: Name | None = None
+    rivals: Annotated[tuple[Guess, ...], FEW] = ()
+    program: str = ""
+    seconds: UnboundedPositive | None = None
+
+    @staticmethod
+    def contradiction(found: Any) -> str:
+        """A verdict that its effects do not bear out."""
+        if found.verdict in {"none", "unknown"} and found.effects:
+            return f"verdict is {found.verdict!r} beside effects: leave one of them out"
+        if found.verdict in {"effect", "ambiguous"} and not found.effects:
+            return f"verdict is {found.verdict!r} without an effect: name one"
+        return ""

@@ -15,9 +15,8 @@ from typing import Any
 
 from excite.campaign.expected import TARGET_RSD, check_target
 from excite.campaign.plan import MAX_CANDIDATES
-from excite.documents.document import read_document
+from excite.documents.document import model_of, read_document
 from excite.documents.plan import PlanDocument
-from excite.documents.results import Journal as JournalDocument
 from excite.errors import InputError, LogError
 from excite.formats.number import check_count, check_seed
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
@@ -25,10 +24,9 @@ from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.results import Stated, write_json
+from excite.results import Name, Positive, Stated, write_json
 from excite.robot.robot import Robot
 
-SCHEMA = "excite.journal/1"
 _ANEW = "put back what was there, or start the campaign anew"
 
 
@@ -70,7 +68,7 @@ class Journal:
         path = self.folder / "journal.json"
         if not os.path.lexists(path):
             raise InputError("no campaign to resume", source=path, remedy="start one without --resume")
-        stated = read_document(path, JournalDocument, remedy=_ANEW).stated()
+        stated = read_document(path, model_of(BegunCampaign), remedy=_ANEW).stated()
         # Which command wrote it is nothing that a campaign has to go on with.
         return {name: value for name, value in stated.items() if name != "made"}
 
@@ -82,7 +80,7 @@ class Journal:
                 other settings; or there is none to resume.
         """
         path = self.folder / "journal.json"
-        begun = {"schema": SCHEMA, "robot_hash": robot.hash, "settings": settings.to_json()}
+        begun = BegunCampaign(robot.hash, settings).to_json()
         if not resume:
             if os.path.lexists(path):
                 raise InputError(
@@ -229,9 +227,9 @@ class CampaignSettings(Stated):
     """
 
     n_candidates: int = 140
-    target_rsd: float = TARGET_RSD
+    target_rsd: Positive = TARGET_RSD
     max_iterations: int = 3
-    method: str = DEFAULT_METHOD
+    method: Name = DEFAULT_METHOD
     seed: int = 0
     on_robot: bool = False
 
@@ -242,3 +240,18 @@ class CampaignSettings(Stated):
         check_seed(self.seed)
         find_estimator(self.method)
         check_target(self.target_rsd)
+
+
+@dataclass(frozen=True)
+class BegunCampaign(Stated):
+    """The robot and the settings that a campaign was begun with.
+
+    Attributes:
+        robot_hash: hash of the robot's files.
+        settings: what the campaign was asked for.
+    """
+
+    SCHEMA = "excite.journal/1"
+
+    robot_hash: Name
+    settings: CampaignSettings

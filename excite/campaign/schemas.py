@@ -7,18 +7,21 @@ from typing import Any
 from pydantic import BaseModel
 
 from excite.campaign.experiment import Simulation, Truth
+from excite.campaign.journal import BegunCampaign
 from excite.campaign.rank import RankReport
 from excite.conversion.explicit_mapping import Map
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.campaign import Campaign
-from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document, model_of, schema_of
 from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
-from excite.documents.results import Doctor, Export, Human, Journal, Model, Signals
+from excite.documents.results import Doctor, Export, Model
 from excite.errors import UnknownNameError
+from excite.human.measure import MeasuredPerson
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.logs.log import LogHeader
+from excite.logs.signals.trace import SignalTrace
 from excite.motion.files import MotionDocument
 from excite.robot.description import RobotDescription
 from excite.safety.verdict import CheckReport
@@ -31,10 +34,21 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Export, Identification, Campaign, Diagnosis, Doctor, Human, Model, Signals, Journal),
+    *(Export, Identification, Campaign, Doctor, Model),
     *(
         model_of(result)
-        for result in (PlanDocument, RefusalsDocument, CheckReport, RankReport, Simulation, Truth)
+        for result in (
+            Diagnosis,
+            PlanDocument,
+            RefusalsDocument,
+            CheckReport,
+            RankReport,
+            Simulation,
+            Truth,
+            BegunCampaign,
+            MeasuredPerson,
+            SignalTrace,
+        )
     ),
 )
 DOCUMENTS: dict[str, type[Document]] = {schema_of(kind): kind for kind in _KINDS}

@@ -34,9 +34,9 @@ _KINDS: Registry[Any] = Registry(
         "check": "excite.safety.verdict:CheckReport",
         "identification": "excite.documents.identification:Identification",
         "campaign": "excite.documents.campaign:Campaign",
-        "signals": "excite.documents.results:Signals",
-        "diagnosis": "excite.documents.diagnosis:Diagnosis",
-        "human": "excite.documents.results:Human",
+        "signals": "excite.logs.signals.trace:SignalTrace",
+        "diagnosis": "excite.diagnosis.answer.answer:Diagnosis",
+        "human": "excite.human.measure:MeasuredPerson",
         "doctor": "excite.documents.results:Doctor",
     },
 )

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from benchmarks.blind.answers import read_entry
 from benchmarks.blind.board import score_board
 from benchmarks.blind.command import app
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect, JointGap
+from benchmarks.blind.documents import Answer, HiddenEffect, JointGap
 from benchmarks.blind.score import score_entry
 from excite.errors import InputError
 from excite.results import write_json

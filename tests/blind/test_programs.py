@@ -16,11 +16,11 @@ from benchmarks.blind.answers import read_entry
 from benchmarks.blind.arm_case import arm_of
 from benchmarks.blind.case import build_case
 from benchmarks.blind.command import app
+from benchmarks.blind.documents import HiddenEffect
 from benchmarks.blind.draw import Draft
 from benchmarks.blind.entry import mujoco_sysid
 from benchmarks.blind.entry.alone import arm_log
 from benchmarks.blind.entry.mujoco_sysid import TrialFit, fitted_by_sysid
-from benchmarks.blind.hidden_effects import HiddenEffect
 from benchmarks.blind.make import load_answers
 from excite.errors import LogError
 from excite.logs.files import save_log

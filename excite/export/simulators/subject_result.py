@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.units import unit_at
 from excite.diagnosis.simulator.augmented_plant import in_no_description
 from excite.documents.campaign import Campaign
-from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of
 from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
@@ -75,7 +75,7 @@ def read_subject(
     """
     file = _result_document(result)
     schema = read_json(file, remedy=_AGAIN).get("schema")
-    if schema == schema_of(Diagnosis):
+    if schema == Diagnosis.SCHEMA:
         return diagnosed_subject(file, folder, robot)
     if schema == schema_of(Campaign):
         document = read_document(file, Campaign, remedy=_AGAIN).identification

@@ -49,7 +49,7 @@ def perform_exercise(body: Body, seconds: float = 60.0, rate_hz: float = 100.0, 
             np.sin(2 * np.pi * (f * time + p))
             for f, p in zip(rng.uniform(low, high, 4), rng.uniform(0, 1, 4), strict=True)
         ]
-        return amplitude * np.sum(parts, axis=0) / 2.0
+        return np.asarray(amplitude * np.sum(parts, axis=0) / 2.0)
 
     def put(name: str, values: Array) -> None:
         angles[:, JOINT_NAMES.index(name)] = values
@@ -111,7 +111,7 @@ def _wandering_noise(n: int, rate: float, seconds: float, columns: int, rng: np.
     kernel = np.hanning(int(2 * seconds * rate))
     noise = rng.standard_normal((n + len(kernel), columns))
     smooth = np.column_stack([fftconvolve(column, kernel, "valid")[:n] for column in noise.T])
-    return smooth / np.sqrt((kernel**2).sum())
+    return np.asarray(smooth / np.sqrt((kernel**2).sum()))
 
 
 def balance_pelvis(body: Body, time: Array, angles: Array, share: Array) -> Performance:
