@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -117,7 +118,7 @@ def trial_kinematics(
     if robot.mechanism is not None:
         q, v, a = robot.mechanism.completed(q, v, a)
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
-    edge = max(3, settling_samples(rate, cutoff_hz))
+    edge = _filtered_edge(rate, cutoff_hz)
     valid[:edge] = valid[n - edge :] = False
     moves = robot.floating or bool((np.abs(joints.first) > settings.standstill_velocity).any())
     moving = slice(0, 0) if not moves else slice(0, n)
@@ -274,9 +275,8 @@ def filtered_rows(
     """
     rate, cutoff, n = kinematics.rate_hz, filters.cutoff_hz, len(kinematics.time)
     settling = settling_samples(rate, cutoff)
-    step = decimation_factor(rate, filters)
-    kept = kept_samples(n, step)
-    use = _erode_rows(use, kinematics.valid, settling)
+    kept = kept_samples(n, decimation_factor(rate, filters))
+    use = _erode_rows(use, settling // 2, _filtered_edge(rate, filters.kinematics_cutoff_hz))
     probe = source(slice(0, 1))
     block = max(4 * settling, int(_BLOCK_BYTES / (8 * probe[0].size)), 1)
     parts = []
@@ -297,12 +297,25 @@ def decimation_factor(rate_hz: float, filters: Filters) -> int:
     return decimation_step(rate_hz, filters.rate_hz)
 
 
-def _erode_rows(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:
-    """Take away what the filter's transient reaches: all of it at the ends, half of it at gaps."""
-    half = settling // 2
-    if half:
-        use = scipy.ndimage.binary_erosion(use, np.ones((2 * half + 1, 1), dtype=bool), border_value=0)
-    ends = np.flatnonzero(valid)
-    if len(ends):
-        use[: ends[0] + settling] = use[ends[-1] + 1 - settling :] = False
-    return use
+def _filtered_edge(rate_hz: float, cutoff_hz: float) -> int:
+    """Samples at either end that are not valid once positions have been filtered and differentiated."""
+    return max(3, settling_samples(rate_hz, cutoff_hz))
+
+
+def _erode_rows(use: NDArray[np.bool_], reach: int, edge: int) -> NDArray[np.bool_]:
+    """Take away what the filter brings in from unusable samples, and what both filters leave unsettled at the ends.
+
+    The filter of rows is linear up to its ends, so that ``F(Y) θ = F(τ)`` holds there too: only what the first filter
+    does to the kinematics is wrong. Kernels in a row are as wide as the root of the sum of the squares of their widths.
+
+    Args:
+        use: ``(n, n_channels)`` usable samples; those at the ends are none.
+        reach: of the filter of rows, one period of its cut-off [samples].
+        edge: samples at either end whose kinematics are not valid, two periods of their cut-off.
+    """
+    kept, end = np.zeros_like(use), len(use) - edge
+    window = np.ones((2 * reach + 1, 1), dtype=bool)
+    kept[edge:end] = scipy.ndimage.binary_erosion(use[edge:end], window, border_value=1)
+    both = math.ceil(math.hypot(reach, 0.5 * edge))
+    kept[:both] = kept[len(use) - both :] = False
+    return kept
