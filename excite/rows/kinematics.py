@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -118,7 +117,7 @@ def trial_kinematics(
     if robot.mechanism is not None:
         q, v, a = robot.mechanism.completed(q, v, a)
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
-    edge = _filtered_edge(rate, cutoff_hz)
+    edge = filtered_edge(rate, cutoff_hz)
     valid[:edge] = valid[n - edge :] = False
     moves = robot.floating or bool((np.abs(joints.first) > settings.standstill_velocity).any())
     moving = slice(0, 0) if not moves else slice(0, n)
@@ -275,21 +274,26 @@ def filtered_rows(
     """
     rate, cutoff, n = kinematics.rate_hz, filters.cutoff_hz, len(kinematics.time)
     settling = settling_samples(rate, cutoff)
-    kept = kept_samples(n, decimation_factor(rate, filters))
-    use = _erode_rows(use, settling // 2, _filtered_edge(rate, filters.kinematics_cutoff_hz))
+    step = decimation_factor(rate, filters)
+    kept = kept_samples(n, step)
+    # The filter is linear up to its ends: of samples that are right it makes rows that are. None is lost to it but
+    # those whose own half steps leave the samples.
+    first = filtered_edge(rate, filters.kinematics_cutoff_hz)
+    end = n - first
+    use = _erode_rows(use, settling // 2, slice(first, end if end - first > settling else first))
+    use[: first + step // 2] = use[max(end - step // 2, 0) :] = False
     probe = source(slice(0, 1))
     block = max(4 * settling, int(_BLOCK_BYTES / (8 * probe[0].size)), 1)
-    parts = []
-    for start in range(0, n, block):
-        inside = kept[(kept >= start) & (kept < start + block)]
-        if not use[inside].any():
-            parts.append(np.zeros((len(inside), *probe.shape[1:])))
+    values = np.zeros((len(kept), *probe.shape[1:]))
+    for start in range(first, end, block):
+        inside = (kept >= start) & (kept < min(start + block, end))
+        if not use[kept[inside]].any():
             continue
         # Neighbouring blocks overlap by twice the filter's transient, and a short rest joins the last one.
-        low, high = max(0, start - 2 * settling), min(n, start + block + 2 * settling)
-        low = min(low, max(0, high - 4 * settling - 1))
-        parts.append(lowpass(source(slice(low, high)), rate, cutoff, filters.order)[inside - low])
-    return TrialRows(np.concatenate(parts), kinematics.time[kept], use[kept])
+        low, high = max(first, start - 2 * settling), min(end, start + block + 2 * settling)
+        low = min(low, max(first, high - 4 * settling - 1))
+        values[inside] = lowpass(source(slice(low, high)), rate, cutoff, filters.order)[kept[inside] - low]
+    return TrialRows(values, kinematics.time[kept], use[kept])
 
 
 def decimation_factor(rate_hz: float, filters: Filters) -> int:
@@ -297,25 +301,14 @@ def decimation_factor(rate_hz: float, filters: Filters) -> int:
     return decimation_step(rate_hz, filters.rate_hz)
 
 
-def _filtered_edge(rate_hz: float, cutoff_hz: float) -> int:
+def filtered_edge(rate_hz: float, cutoff_hz: float) -> int:
     """Samples at either end that are not valid once positions have been filtered and differentiated."""
     return max(3, settling_samples(rate_hz, cutoff_hz))
 
 
-def _erode_rows(use: NDArray[np.bool_], reach: int, edge: int) -> NDArray[np.bool_]:
-    """Take away what the filter brings in from unusable samples, and what both filters leave unsettled at the ends.
-
-    The filter of rows is linear up to its ends, so that ``F(Y) θ = F(τ)`` holds there too: only what the first filter
-    does to the kinematics is wrong. Kernels in a row are as wide as the root of the sum of the squares of their widths.
-
-    Args:
-        use: ``(n, n_channels)`` usable samples; those at the ends are none.
-        reach: of the filter of rows, one period of its cut-off [samples].
-        edge: samples at either end whose kinematics are not valid, two periods of their cut-off.
-    """
-    kept, end = np.zeros_like(use), len(use) - edge
+def _erode_rows(use: NDArray[np.bool_], reach: int, inside: slice) -> NDArray[np.bool_]:
+    """Usable samples ``inside`` the ends that the filter does not bring unusable ones into, ``(n, n_channels)``."""
+    kept = np.zeros_like(use)
     window = np.ones((2 * reach + 1, 1), dtype=bool)
-    kept[edge:end] = scipy.ndimage.binary_erosion(use[edge:end], window, border_value=1)
-    both = math.ceil(math.hypot(reach, 0.5 * edge))
-    kept[:both] = kept[len(use) - both :] = False
+    kept[inside] = scipy.ndimage.binary_erosion(use[inside], window, border_value=1)
     return kept

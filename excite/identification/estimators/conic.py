@@ -137,6 +137,7 @@ def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> Coni
     # Rows and blocks have unit length already; another scaling makes multipliers of redundant rows diverge.
     settings.equilibrate_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    settings.tol_infeas_abs = settings.tol_infeas_rel = tolerance
     weights = np.ones(n) if problem.weights is None else problem.weights
     solver = clarabel.DefaultSolver(
         sparse.diags(weights, format="csc"),
