@@ -279,21 +279,23 @@ def filtered_rows(
     # The filter is linear up to its ends: of samples that are right it makes rows that are. None is lost to it but
     # those whose own half steps leave the samples.
     first = filtered_edge(rate, filters.kinematics_cutoff_hz)
-    end = n - first
-    use = _erode_rows(use, settling // 2, slice(first, end if end - first > settling else first))
-    use[: first + step // 2] = use[max(end - step // 2, 0) :] = False
+    end, usable = n - first, np.zeros_like(use)
+    if end - first > settling:
+        window = np.ones((2 * (settling // 2) + 1, 1), dtype=bool)
+        usable[first:end] = scipy.ndimage.binary_erosion(use[first:end], window, border_value=1)
+        usable[: first + step // 2] = usable[end - step // 2 :] = False
     probe = source(slice(0, 1))
     block = max(4 * settling, int(_BLOCK_BYTES / (8 * probe[0].size)), 1)
     values = np.zeros((len(kept), *probe.shape[1:]))
     for start in range(first, end, block):
         inside = (kept >= start) & (kept < min(start + block, end))
-        if not use[kept[inside]].any():
+        if not usable[kept[inside]].any():
             continue
         # Neighbouring blocks overlap by twice the filter's transient, and a short rest joins the last one.
         low, high = max(first, start - 2 * settling), min(end, start + block + 2 * settling)
         low = min(low, max(first, high - 4 * settling - 1))
         values[inside] = lowpass(source(slice(low, high)), rate, cutoff, filters.order)[kept[inside] - low]
-    return TrialRows(values, kinematics.time[kept], use[kept])
+    return TrialRows(values, kinematics.time[kept], usable[kept])
 
 
 def decimation_factor(rate_hz: float, filters: Filters) -> int:
@@ -304,11 +306,3 @@ def decimation_factor(rate_hz: float, filters: Filters) -> int:
 def filtered_edge(rate_hz: float, cutoff_hz: float) -> int:
     """Samples at either end that are not valid once positions have been filtered and differentiated."""
     return max(3, settling_samples(rate_hz, cutoff_hz))
-
-
-def _erode_rows(use: NDArray[np.bool_], reach: int, inside: slice) -> NDArray[np.bool_]:
-    """Usable samples ``inside`` the ends that the filter does not bring unusable ones into, ``(n, n_channels)``."""
-    kept = np.zeros_like(use)
-    window = np.ones((2 * reach + 1, 1), dtype=bool)
-    kept[inside] = scipy.ndimage.binary_erosion(use[inside], window, border_value=1)
-    return kept
