@@ -286,23 +286,17 @@ def adapt_problem(
     if not np.isfinite(best).all():
         return Adaptation((), own.alpha or 1.0, 1.0), own
     chosen: tuple[str, ...] = ()
-    weights = () if own.alpha is not None else (1.0 / _STEP, _STEP)
-    own = replace(own, alpha=own.alpha or 1.0)
-    known: dict[tuple[tuple[str, ...], float], Array] = {}
-    while True:
-        # The one change that helps most, until none does: which terms help depends on the weight, and the other way.
-        steps = [((*chosen, term), own.alpha) for term in addable if term not in chosen]
-        steps += [(chosen, own.alpha * w) for w in weights if _WEIGHTS[0] < own.alpha * w < _WEIGHTS[1]]
-        for terms, alpha in steps:
-            key = (tuple(sorted(terms)), alpha)
-            if key not in known:
-                known[key] = trial.left(terms, replace(own, alpha=alpha))
-        better = [step for step in steps if _is_better(known[tuple(sorted(step[0])), step[1]], best)]
-        if not better:
+    rest = list(addable)
+    while rest:
+        tried = {term: trial.left((*chosen, term), own) for term in rest}
+        term = min(rest, key=lambda name: float(tried[name].mean()))
+        if not _is_better(tried[term], best):
             break
-        chosen, alpha = min(better, key=lambda step: float(known[tuple(sorted(step[0])), step[1]].mean()))
-        own, best = replace(own, alpha=alpha), known[tuple(sorted(chosen)), alpha]
-    return Adaptation(chosen, own.alpha, float(np.exp(best.mean() - first.mean()))), own
+        chosen, best = (*chosen, term), tried[term]
+        rest.remove(term)
+    if own.alpha is None:
+        own, best = _choose_weight(trial, chosen, own, best)
+    return Adaptation(chosen, own.alpha or 1.0, float(np.exp(best.mean() - first.mean()))), own
 
 
 def predicts_better(
@@ -352,6 +346,22 @@ def beats_nominal(
         for row, parameters in zip(left, (problem.prior, found), strict=True):
             row[b] = np.log(np.mean((problem.residual(parameters)[out] / std[out]) ** 2))
     return _is_better(left[1], left[0])
+
+
+def _choose_weight(
+    trial: _Trial, terms: tuple[str, ...], settings: AdaptiveSettings, best: Array
+) -> tuple[AdaptiveSettings, Array]:
+    """Settings with the best weight of the nominal model: down in steps as long as that helps, else up."""
+    alpha = 1.0
+    for factor in (1.0 / _STEP, _STEP):
+        while _WEIGHTS[0] < alpha * factor < _WEIGHTS[1]:
+            found = trial.left(terms, replace(settings, alpha=alpha * factor))
+            if not _is_better(found, best):
+                break
+            alpha, best = alpha * factor, found
+        if alpha != 1.0:
+            break
+    return replace(settings, alpha=alpha), best
 
 
 def _is_better(found: Array, best: Array) -> bool:

@@ -12,9 +12,9 @@ from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.log import Trial
 from excite.logs.signals.base_pose import continuous_quaternions
+from excite.logs.signals.butterworth import settling_samples
 from excite.logs.signals.clock import Clock, find_clock
 from excite.logs.signals.resample import average_periods, replace_outliers, resample_noisy, resample_smooth
-from excite.rows.kinematics import filtered_edge
 from excite.rows.saturation import flags_at
 from excite.rows.settings import Filters, ProblemSettings
 
@@ -112,7 +112,9 @@ def _average_periods(prepared: Prepared, settings: ProblemSettings, filters: Fil
     rate = count / period
     n = int((trial.time[-1] - trial.time[0]) * rate + 1e-6) + 1
     grid = np.minimum(trial.time[0] + np.arange(n) / rate, trial.time[-1])
-    margin = filtered_edge(rate, filters.kinematics_cutoff_hz)
+    margin = (
+        3 + settling_samples(rate, filters.kinematics_cutoff_hz) + settling_samples(rate, filters.cutoff_hz)
+    )
     place = np.arange(-margin, count + margin)
     kept: list[tuple[int, Array]] = []
 

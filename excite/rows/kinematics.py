@@ -117,7 +117,7 @@ def trial_kinematics(
     if robot.mechanism is not None:
         q, v, a = robot.mechanism.completed(q, v, a)
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
-    edge = filtered_edge(rate, cutoff_hz)
+    edge = max(3, settling_samples(rate, cutoff_hz))
     valid[:edge] = valid[n - edge :] = False
     moves = robot.floating or bool((np.abs(joints.first) > settings.standstill_velocity).any())
     moving = slice(0, 0) if not moves else slice(0, n)
@@ -276,26 +276,20 @@ def filtered_rows(
     settling = settling_samples(rate, cutoff)
     step = decimation_factor(rate, filters)
     kept = kept_samples(n, step)
-    # The filter is linear up to its ends: of samples that are right it makes rows that are. None is lost to it but
-    # those whose own half steps leave the samples.
-    first = filtered_edge(rate, filters.kinematics_cutoff_hz)
-    end, usable = n - first, np.zeros_like(use)
-    if end - first > settling:
-        window = np.ones((2 * (settling // 2) + 1, 1), dtype=bool)
-        usable[first:end] = scipy.ndimage.binary_erosion(use[first:end], window, border_value=1)
-        usable[: first + step // 2] = usable[end - step // 2 :] = False
+    use = _erode_rows(use, kinematics.valid, settling)
     probe = source(slice(0, 1))
     block = max(4 * settling, int(_BLOCK_BYTES / (8 * probe[0].size)), 1)
-    values = np.zeros((len(kept), *probe.shape[1:]))
-    for start in range(first, end, block):
-        inside = (kept >= start) & (kept < min(start + block, end))
-        if not usable[kept[inside]].any():
+    parts = []
+    for start in range(0, n, block):
+        inside = kept[(kept >= start) & (kept < start + block)]
+        if not use[inside].any():
+            parts.append(np.zeros((len(inside), *probe.shape[1:])))
             continue
         # Neighbouring blocks overlap by twice the filter's transient, and a short rest joins the last one.
-        low, high = max(first, start - 2 * settling), min(end, start + block + 2 * settling)
-        low = min(low, max(first, high - 4 * settling - 1))
-        values[inside] = lowpass(source(slice(low, high)), rate, cutoff, filters.order)[kept[inside] - low]
-    return TrialRows(values, kinematics.time[kept], usable[kept])
+        low, high = max(0, start - 2 * settling), min(n, start + block + 2 * settling)
+        low = min(low, max(0, high - 4 * settling - 1))
+        parts.append(lowpass(source(slice(low, high)), rate, cutoff, filters.order)[inside - low])
+    return TrialRows(np.concatenate(parts), kinematics.time[kept], use[kept])
 
 
 def decimation_factor(rate_hz: float, filters: Filters) -> int:
@@ -303,6 +297,12 @@ def decimation_factor(rate_hz: float, filters: Filters) -> int:
     return decimation_step(rate_hz, filters.rate_hz)
 
 
-def filtered_edge(rate_hz: float, cutoff_hz: float) -> int:
-    """Samples at either end that are not valid once positions have been filtered and differentiated."""
-    return max(3, settling_samples(rate_hz, cutoff_hz))
+def _erode_rows(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:
+    """Take away what the filter's transient reaches: all of it at the ends, half of it at gaps."""
+    half = settling // 2
+    if half:
+        use = scipy.ndimage.binary_erosion(use, np.ones((2 * half + 1, 1), dtype=bool), border_value=0)
+    ends = np.flatnonzero(valid)
+    if len(ends):
+        use[: ends[0] + settling] = use[ends[-1] + 1 - settling :] = False
+    return use
