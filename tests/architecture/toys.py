@@ -142,8 +142,8 @@ class ToyEstimator(Estimator[WlsSettings]):
     use = "tests"
     settings_class = WlsSettings
 
-    def estimate(self, problem, settings):
-        return replace(find_estimator("wls").estimate(problem, settings), method=self.name)
+    def solve(self, rows, settings):
+        return replace(find_estimator("wls").solve(rows, settings), method=self.name)
 """,
         (
             (

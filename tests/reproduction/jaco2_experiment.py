@@ -9,7 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.identification.constraints.cones import com_ellipsoids
 from excite.identification.constraints.linear import default_bounds
-from excite.identification.estimators.quadratic import Cls1Settings
+from excite.identification.estimators.hqp import Cls1Settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.problem import IdentificationProblem, build_problem
