@@ -131,6 +131,32 @@ def form_row(form, of_wrench, t, out):
 
 
 @LazyKernel
+def lower_ratio(
+    plane, nominal, of_wrench, t, up, down, n_bodies, mass, n_loads, best, rounding, form, row
+):  # fmt: skip
+    """The least ratio of one plane at one sample where it is below ``best``, else that; ``form (6,)`` and ``row`` are
+    scratch."""
+    while True:
+        # What each component alone rises bounds what the plane does, at little cost.
+        most, value = 0.0, 0.0
+        for i in range(6):
+            form[i] = plane[i] + (best if i == 2 else 0.0)
+            value += form[i] * nominal[i]
+            most += form[i] * up[i] if form[i] > 0.0 else -form[i] * down[i]
+        if not value + most > 0.0:
+            return best
+        form_row(form, of_wrench, t, row)
+        above = value + rise_of_row(row, 0, 1.0, n_bodies, mass, n_loads)
+        if not above > rounding * nominal[2]:
+            return best
+        # What the ratio is for the parameters that are worst: it is less than the best so far, and occurs.
+        ratio = best - above / (nominal[2] + rise_of_other(row, of_wrench, t, 2, n_bodies, mass, n_loads))
+        if not ratio < best:
+            return best
+        best = ratio
+
+
+@LazyKernel
 def least_ratio(planes, nominal, of_wrench, n_bodies, mass, n_loads, best, rounding):
     """The least ``−plane·w/f_z`` over samples, planes and the set, and the sample at which it is.
 
@@ -156,26 +182,11 @@ def least_ratio(planes, nominal, of_wrench, n_bodies, mass, n_loads, best, round
                 here -= plane[i] * nominal[t, i]
             if here / nominal[t, 2] < best:
                 best, sample = here / nominal[t, 2], t
-            while True:
-                # What each component alone rises bounds what the plane does, at little cost.
-                most, value = 0.0, 0.0
-                for i in range(6):
-                    form[i] = plane[i] + (best if i == 2 else 0.0)
-                    value += form[i] * nominal[t, i]
-                    most += form[i] * up[i] if form[i] > 0.0 else -form[i] * down[i]
-                if not value + most > 0.0:
-                    break
-                form_row(form, of_wrench, t, row)
-                above = value + rise_of_row(row, 0, 1.0, n_bodies, mass, n_loads)
-                if not above > rounding * nominal[t, 2]:
-                    break
-                # What the ratio is for the parameters that are worst: it is less than the best so far, and occurs.
-                ratio = best - above / (
-                    nominal[t, 2] + rise_of_other(row, of_wrench, t, 2, n_bodies, mass, n_loads)
-                )
-                if not ratio < best:
-                    break
-                best, sample = ratio, t
+            lower = lower_ratio(
+                plane, nominal[t], of_wrench, t, up, down, n_bodies, mass, n_loads, best, rounding, form, row
+            )
+            if lower < best:
+                best, sample = lower, t
     return best, sample
 
 

@@ -125,7 +125,8 @@ class _WrenchRoom:
 
     def look(self, rows: WrenchRows, part: slice) -> None:
         """Take some of ``samples``, whose rows these are, into account."""
-        assert self._facing is not None
+        if self._facing is None:
+            return
         some, about = self.samples[part], self._facing.about
         phase = self._facing.phase[part]
         for k in range(phase[0], phase[-1] + 1):
