@@ -56,10 +56,10 @@ def judge_robustness(sweep: Sweep, parameters: ParameterSet, *, decides: bool = 
         for one in looks.values():
             part = slice(*np.searchsorted(one.samples, [at[0], at[-1] + 1]))
             if one.is_known and part.stop - part.start == len(at):
-                one.look(of_block, part)
+                one.take_rows(of_block, part)
             elif one.is_known and part.stop > part.start:
                 among = np.searchsorted(at, one.samples[part])
-                one.look(WrenchRows(*(rows_of[among] for rows_of in of_block)), part)
+                one.take_rows(WrenchRows(*(rows_of[among] for rows_of in of_block)), part)
     worst = {name: one.worst if one.is_known else None for name, one in looks.items()}
     return Robustness(_stated_set(robot), worst, decides)
 
@@ -101,7 +101,7 @@ class _TorqueRoom:
             self.is_known = not (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any()
             self._shares = _shares(sweep)
 
-    def look(self, rows: WrenchRows, part: slice) -> None:
+    def take_rows(self, rows: WrenchRows, part: slice) -> None:
         """Take some of ``samples``, whose rows these are, into account."""
         at, shares = self.samples[part], None if self._shares is None else self._shares[part]
         moved = Moved(self._fine.q[at], self._fine.v[at], self._fine.a[at])
@@ -123,7 +123,7 @@ class _WrenchRoom:
         self._best, self._at, self.is_known = np.inf, -1, facing is not None
         self.samples = np.zeros(0, dtype=np.intp) if facing is None else facing.samples
 
-    def look(self, rows: WrenchRows, part: slice) -> None:
+    def take_rows(self, rows: WrenchRows, part: slice) -> None:
         """Take some of ``samples``, whose rows these are, into account."""
         if self._facing is None:
             return
