@@ -1,4 +1,4 @@
-"""The controller formats by name. A new one is one file beside this one and one line here."""
+"""The formats of controllers and of simulators by name. A new one is one file and one line here."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from excite.registry import Registry
 
 if TYPE_CHECKING:
     from excite.export.exporter import Exporter
+    from excite.export.models.model_format import ModelFormat
 
 EXPORTERS: Registry[Exporter] = Registry(
     "format",
@@ -24,5 +25,17 @@ EXPORTERS: Registry[Exporter] = Registry(
         "unitree": "excite.export.humanoids:UnitreeExporter",
         "openhrp": "excite.export.humanoids:OpenHrpExporter",
         "opensim": "excite.export.humanoids:OpenSimExporter",
+    },
+)
+
+MODEL_FORMATS: Registry[ModelFormat] = Registry(
+    "model format",
+    {
+        "urdf": "excite.export.models.urdf:UrdfFormat",
+        "mjcf": "excite.export.models.mjcf:MjcfFormat",
+        "isaaclab": "excite.export.models.labs:IsaacLabFormat",
+        "mjlab": "excite.export.models.labs:MjlabFormat",
+        "usda": "excite.export.models.usd:UsdaFormat",
+        "sdf": "excite.export.models.sdf:SdfFormat",
     },
 )

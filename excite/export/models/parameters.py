@@ -51,6 +51,14 @@ Found = Identification | ModelParameters
 """What has ``robot``, ``links``, ``parameters`` and ``identified``."""
 
 
+def model_parameters(found: Found, *, drives: bool = True) -> ModelParameters:
+    """What a model is written of; without ``drives`` of the bodies alone."""
+    identified = found.identified
+    if not drives:
+        identified = replace(identified, drive_names=(), drives=np.zeros(0))
+    return ModelParameters(found.robot, identified)
+
+
 # One segment's identified parameters, given to the links of a file that it consists of.
 
 # Share of a pseudo-inertia's largest eigenvalue that rounding may leave below zero.
@@ -195,7 +203,7 @@ def inconsistent_links(robot: Robot, parameters: Array) -> tuple[str, ...]:
     return tuple(segment.link for segment, flag in zip(robot.segments, bad, strict=True) if flag)
 
 
-def changed_segments(robot: Robot, identification: Found, *, force: bool) -> tuple[int, ...]:
+def changed_segments(robot: Robot, found: ModelParameters, *, force: bool) -> tuple[int, ...]:
     """Segments whose identified parameters are not the model's own, checked.
 
     Raises:
@@ -203,15 +211,15 @@ def changed_segments(robot: Robot, identification: Found, *, force: bool) -> tup
         InconsistentModelError: a changed segment is no body, and ``force`` is not set.
     """
     links = tuple(segment.link for segment in robot.segments)
-    if identification.links != links:
+    if found.links != links:
         raise InputError(
-            f"was made for {identification.robot}",
+            f"was made for {found.robot}",
             source="identification",
             remedy=f"hand over the robot that it was made for, not {robot.name}",
         )
-    new, old = identification.parameters.reshape(-1, 10), robot.nominal_parameters.reshape(-1, 10)
+    new, old = found.parameters.reshape(-1, 10), robot.nominal_parameters.reshape(-1, 10)
     changed = tuple(int(k) for k in np.flatnonzero((new != old).any(axis=1)))
-    bad = set(inconsistent_links(robot, identification.parameters)) & {links[k] for k in changed}
+    bad = set(inconsistent_links(robot, found.parameters)) & {links[k] for k in changed}
     if bad and not force:
         raise InconsistentModelError([link for link in links if link in bad])
     return changed

@@ -17,12 +17,13 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of
 from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
+from excite.export.models.model_format import JOINT_TERMS, Lost, Subject
 from excite.export.models.parameters import Found, ModelParameters, with_servos
-from excite.export.simulators.model_format import JOINT_TERMS, Lost, Subject
 from excite.formats.documents import read_json
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import FILE_ORDER, central_inertia_matrices
 from excite.logs.robot import robot_for_log
+from excite.results import Name, Stated, Unbounded, stated
 from excite.robot.load import load_robot
 from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot
@@ -283,38 +284,35 @@ COLUMNS = ("place", "parameter", "unit", "before", "after", "change")
 
 
 @dataclass(frozen=True)
-class Change:
-    """One parameter before and after [SI].
+class Change(Stated):
+    """A parameter before and after [SI].
 
     Attributes:
         place: link or joint.
         parameter: ``mass``, ``com_x`` … (of the link, in its joint's frame), ``Ixx`` … about the centre of mass, or a
             joint's ``viscous``, ``coulomb``, ``armature``.
         unit: its unit.
-        before: of the nominal model.
-        after: as found; equal to ``before`` where it was not.
+        before: of the nominal model [unit].
+        after: as it was found [unit]; equal to ``before`` where it was not.
     """
 
-    place: str
-    parameter: str
-    unit: str
-    before: float
-    after: float
+    place: Name
+    parameter: Name
+    unit: Name
+    before: Unbounded
+    after: Unbounded
 
     @property
-    def change(self) -> float:
-        """After minus before."""
+    @stated
+    def change(self) -> Unbounded:
+        """After minus before [unit]."""
         return self.after - self.before
 
     @property
+    @stated
     def percent(self) -> float | None:
-        """The change in per cent of what was before; None where that was zero."""
+        """The change in per cent of what was before; null where that was zero."""
         return 100.0 * self.change / abs(self.before) if self.before else None
-
-    def to_json(self) -> dict[str, Any]:
-        """Its entry in a document."""
-        values = {name: getattr(self, name) for name in COLUMNS}
-        return values | {"percent": self.percent}
 
 
 def list_changes(subject: Subject) -> tuple[Change, ...]:
