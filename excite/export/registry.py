@@ -19,7 +19,7 @@ EXPORTERS: Registry[Exporter] = Registry(
         "ros2-yaml": "excite.export.ros2:Ros2YamlExporter",
         "mcap": "excite.export.ros2:McapExporter",
         "ur-script": "excite.export.arms:UrScriptExporter",
-        "mujoco-keyframes": "excite.export.mujoco:KeyframesExporter",
+        "mujoco-keyframes": "excite.export.keyframes:KeyframesExporter",
         "lerobot": "excite.export.plain_tables:LeRobotExporter",
         "franka": "excite.export.arms:FrankaExporter",
         "unitree": "excite.export.humanoids:UnitreeExporter",

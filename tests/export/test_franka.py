@@ -124,7 +124,7 @@ def test_a_research_3_slows_down_towards_its_ends() -> None:
 
 
 def test_other_arms_are_refused_in_one_line(tmp_path: Path) -> None:
-    for name, said in (("ur10", "is no chain of seven"), ("iiwa14", "does not say which arm of Franka")):
+    for name, said in (("ur10", "is no chain of 7"), ("iiwa14", "does not say which arm of Franka")):
         robot = load_robot(name)
         ready = load_motion(sorted((library_folder(name) / "motions").glob("*.parquet"))[0], robot)
         with pytest.raises(InputError, match=said) as caught:

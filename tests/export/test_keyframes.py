@@ -95,8 +95,8 @@ def test_a_model_without_the_robots_joints_is_one_line(tmp_path: Path) -> None:
     other.write_text(other_model(robot).replace("elbow_joint", "knee"))
     broken.write_text("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>")
     for model, said in (
-        (other, "model: has no joint 'elbow_joint' of robot 'ur10'"),
-        (broken, "MuJoCo cannot compile it"),
+        (other, "has no joint 'elbow_joint' of robot 'ur10'"),
+        (broken, "MuJoCo refuses it"),
         (tmp_path / "none.xml", "no such file"),
     ):
         with pytest.raises(InputError, match=said) as caught:

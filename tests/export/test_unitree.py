@@ -10,7 +10,6 @@ import pytest
 
 from excite.errors import InputError, MotionError
 from excite.export.export import export_motion
-from excite.export.humanoids import motor_places
 from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
@@ -95,13 +94,14 @@ def test_a_robot_that_nobody_knows_says_its_order_or_is_refused(tmp_path: Path) 
     verdict = check_file(robot, path)
     assert verdict.safe, verdict.violations
     for wrong, what in (
-        (order.replace("elbow_joint", "-"), "has 0 places for joint 'elbow_joint'"),
-        (order + ",elbow_joint", "has 2 places"),
-        (order + ",knee", "names 'knee', which robot 'ur10' does not have"),
+        (order.replace("elbow_joint", "-"), "elbow_joint"),
+        (order + ",elbow_joint", "elbow_joint"),
+        (order + ",knee", "knee"),
     ):
-        with pytest.raises(InputError, match=what):
-            motor_places(robot, wrong)
-    assert motor_places(robot, "model") == {joint: k for k, joint in enumerate(robot.joint_names)}
+        with pytest.raises(InputError, match=f"motors: names not each joint of robot 'ur10' once: '{what}'"):
+            export_motion(motion, robot, "unitree", tmp_path / "b", settings={"motors": wrong, **GAINS})
+    own = export_motion(motion, robot, "unitree", tmp_path / "c", settings={"motors": "model", **GAINS})
+    assert lines(own)[0]["motors"] == {str(k): joint for k, joint in enumerate(robot.joint_names)}
     text = path.read_text()
     for spoilt in (text.replace('"index": 6', '"index": 7', 1), text + "{}\n", text.splitlines()[0] + "\n"):
         path.write_text(spoilt)

@@ -74,7 +74,7 @@ class LabFormat(ModelFormat):
         self._model = self.bodies()
 
     @abstractmethod
-    def text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
+    def write_text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
         """The configuration.
 
         Args:
@@ -84,10 +84,10 @@ class LabFormat(ModelFormat):
         """
 
     @abstractmethod
-    def actuators(self, found: Recorded) -> Iterable[Recorded]:
+    def read_actuators(self, found: Recorded) -> Iterable[Recorded]:
         """Those of a configuration."""
 
-    def fields(self, *, delayed: bool) -> Mapping[str, str]:
+    def actuator_fields(self, *, delayed: bool) -> Mapping[str, str]:
         """Keywords of an actuator by term; those of limits may depend on who runs the servo."""
         return self.held
 
@@ -102,20 +102,20 @@ class LabFormat(ModelFormat):
             "model": f"Path(__file__).resolve().parent / {Path(model.main).name!r}",
             "delay": "" if late is None else _DELAY.format(late=late, step=PHYSICS_DT),
         }
-        text = self.text(subject, words, late)
+        text = self.write_text(subject, words, late)
         return Rendered({f"{module}.py": text.encode(), **model.files}, (*model.notes, *delay_note(late)))
 
     def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
         """The model by its reader, and the configuration run without the library."""
         found = record_configuration(rendered.files[rendered.main], self._variable(subject), self.library)
-        groups = [actuator.arguments for actuator in self.actuators(found)]
+        groups = [actuator.arguments for actuator in self.read_actuators(found)]
         delayed = any(self.held["delay"] in group for group in groups)
         given = {
             term: np.array([self._value(groups, joint, name) for joint in subject.robot.joint_names])
-            for term, name in self.fields(delayed=delayed).items()
+            for term, name in self.actuator_fields(delayed=delayed).items()
         }
         given["delay"] = given["delay"] * PHYSICS_DT
-        model = self._model.load(subject, rendered.ending(self.suffix), states)
+        model = self._model.load(subject, rendered.files_ending(self.suffix), states)
         for term in JOINT_TERMS:
             given[term] = np.where(np.isfinite(given[term]), given[term], model.terms[term])
         more = {term: given[term] - model.terms[term] for term in JOINT_TERMS}
@@ -271,19 +271,21 @@ class IsaacLabFormat(LabFormat):
     tolerance = UsdaFormat.tolerance
     library, ending, bodies, suffix, patterns = "isaaclab", "cfg", UsdaFormat, ".usda", "joint_names_expr"
 
-    def fields(self, *, delayed: bool) -> Mapping[str, str]:
+    def actuator_fields(self, *, delayed: bool) -> Mapping[str, str]:
         """See :class:`LabFormat`."""
         return {**self.held, "torque_limit": "actuator_effort_limit"} if delayed else self.held
 
-    def actuators(self, found: Recorded) -> Iterable[Recorded]:
+    def read_actuators(self, found: Recorded) -> Iterable[Recorded]:
         """See :class:`LabFormat`."""
         groups: Mapping[str, Recorded] = found.arguments["actuators"]
         return groups.values()
 
-    def text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
+    def write_text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
         """See :class:`LabFormat`."""
         delayed = late is not None
-        fields = {term: name for term, name in self.fields(delayed=delayed).items() if term != "delay"}
+        fields = {
+            term: name for term, name in self.actuator_fields(delayed=delayed).items() if term != "delay"
+        }
         tables, given = {}, []
         for term, name in fields.items():
             known = zip(subject.robot.joint_names, subject.written(term), strict=True)
@@ -376,12 +378,12 @@ class MjlabFormat(LabFormat):
     lacks: ClassVar[Mapping[str, str]] = {"velocity_limit": MjcfFormat.lacks["velocity_limit"]}
     library, ending, bodies, suffix, patterns = "mjlab", "mjlab", MjcfFormat, ".xml", "target_names_expr"
 
-    def actuators(self, found: Recorded) -> Iterable[Recorded]:
+    def read_actuators(self, found: Recorded) -> Iterable[Recorded]:
         """See :class:`LabFormat`."""
         several: Iterable[Recorded] = found.arguments["articulation"].arguments["actuators"]
         return several
 
-    def text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
+    def write_text(self, subject: Subject, words: Mapping[str, str], late: float | None) -> str:
         """See :class:`LabFormat`; a servo without gains, which no robot.yaml gave, pulls nothing."""
         rows: list[list[str]] = [[] for _ in subject.robot.joint_names]
         for term, name in self.held.items():

@@ -148,9 +148,9 @@ def write_mjcf(
         if template.resolve().parent != Path(path).resolve().parent and [*edit.text.root.everywhere("mesh")]:
             notes.append(f"mesh paths are relative: put it beside {template.name}")
         model = compile_mjcf(content, template)
-        taken, ten = segment_bodies(robot, model, names or {}), found.parameters.reshape(-1, 10)
+        taken, ten = segment_bodies(robot, model, names or {}), found.inertial.reshape(-1, 10)
         error = max((segment_difference(taken[k], ten[k]) for k in edit.segments), default=0.0)
-    states = random_states(robot, found.parameters)
+    states = random_states(robot, found.inertial)
     in_motion = states.error(mujoco_torques(robot, model, states, names, drives=False))
     if template is None:
         error = in_motion

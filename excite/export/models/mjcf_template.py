@@ -15,8 +15,8 @@ from excite.errors import InputError
 from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.export.models.parameters import (
     Member,
-    ModelParameters,
     changed_segments,
+    drive_attributes,
     moved_pseudo,
     split_segment,
 )
@@ -24,6 +24,7 @@ from excite.export.models.verification import mujoco_places, random_states
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.formats.documents import MAX_XML_BYTES
 from excite.formats.file import read_bytes
+from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.robot import Robot
@@ -70,7 +71,7 @@ def segment_bodies(robot: Robot, model: mujoco.MjModel, names: Mapping[str, str]
     members: list[list[Member]] = [[] for _ in robot.segments]
     poses = []
     for q, v in list(zip(states.q, states.v, strict=True))[:3]:
-        data.qpos[:], data.qvel[:] = place.state(robot, q, v)
+        data.qpos[:], data.qvel[:] = place.mujoco_state(robot, q, v)
         mujoco.mj_kinematics(model, data)
         kinematics = robot.model.createData()
         pin.forwardKinematics(robot.model, kinematics, q)
@@ -179,7 +180,7 @@ class MjcfTemplate:
     members: list[list[Member]]
     names: Mapping[str, str]
 
-    def edited(self, robot: Robot, found: ModelParameters) -> TemplateEdit:
+    def edited(self, robot: Robot, found: IdentifiedParameters) -> TemplateEdit:
         """Its text with the inertials, friction and rotor inertia that were found.
 
         Raises:
@@ -187,7 +188,7 @@ class MjcfTemplate:
             InputError: the identification is of another robot, or the text includes another that has the bodies.
         """
         changed = changed_segments(robot, found, force=False)
-        ten = found.parameters.reshape(-1, 10)
+        ten = found.inertial.reshape(-1, 10)
         text = XmlText(self.content, self.file)
         bodies = {str(body.attributes.get("name")): body for body in text.root.everywhere("body")}
         other = [k for k in range(len(ten)) if segment_difference(self.members[k], ten[k]) > _SAME_INERTIA]
@@ -205,25 +206,13 @@ class MjcfTemplate:
                     )
                 set_inertial(text, bodies[body], parameters, body)
                 written.append(body)
-        notes += self._set_drives(text, robot, found.identified.by_drive())
-        return TemplateEdit(text, segments, tuple(written), tuple(notes))
-
-    def _set_drives(self, text: XmlText, robot: Robot, found: Mapping[str, float]) -> list[str]:
-        """Put what was identified into its joints; what was not stays the file's own."""
         joints = {str(joint.attributes.get("name")): joint for joint in text.root.everywhere("joint")}
-        notes = []
         for name in robot.joint_names:
-            joint = joints.get(self.names.get(name, name))
-            values = {}
-            for term, attribute in DRIVE_ATTRIBUTES.items():
-                value = found.get(f"{term}.{name}")
-                if value is not None and value < 0.0:
-                    notes.append(f"{name}: {term} was identified as {value:.3g}, below zero; not written")
-                elif value is not None:
-                    values[attribute] = number_text(value)
-            if joint is not None and values:
-                text.set(joint, **values)
-        return notes
+            values = drive_attributes(found, name, DRIVE_ATTRIBUTES, notes)
+            # What was not found stays the file's own.
+            if values and self.names.get(name, name) in joints:
+                text.set(joints[self.names.get(name, name)], **values)
+        return TemplateEdit(text, segments, tuple(written), tuple(notes))
 
 
 def read_template(robot: Robot, file: Path, names: Mapping[str, str]) -> MjcfTemplate:

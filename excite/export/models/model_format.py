@@ -15,10 +15,11 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.export.models.mjcf_template import MjcfTemplate, read_template
-from excite.export.models.parameters import ModelParameters, inconsistent_links
+from excite.export.models.parameters import inconsistent_links
 from excite.export.models.verification import States, pinocchio_torques
 from excite.export.models.xml_text import Element, XmlText
 from excite.formats.documents import elements_of
+from excite.identification.identified_parameters import IdentifiedParameters
 from excite.results import Name, Stated
 from excite.robot.robot import Robot
 from excite.simulation.drives import Drives, nominal_drives
@@ -53,7 +54,7 @@ class Rendered:
         """Name of the file that a simulator opens."""
         return next(iter(self.files))
 
-    def ending(self, suffix: str) -> Rendered:
+    def files_ending(self, suffix: str) -> Rendered:
         """Its files of one kind alone."""
         return Rendered({name: content for name, content in self.files.items() if name.endswith(suffix)})
 
@@ -72,7 +73,7 @@ class LoadedModel:
     terms: Mapping[str, Array]
 
     @property
-    def drives(self) -> dict[str, Array]:
+    def joint_terms(self) -> dict[str, Array]:
         """Terms of the joints alone."""
         return {name: self.terms[name] for name in JOINT_TERMS if name in self.terms}
 
@@ -164,7 +165,7 @@ class Subject:
     """
 
     robot: Robot
-    found: ModelParameters
+    found: IdentifiedParameters
     folder: Path
     template: Path | None = None
     beyond: tuple[Lost, ...] = ()
@@ -175,12 +176,12 @@ class Subject:
     @property
     def parameters(self) -> Array:
         """Inertial parameters, ``(10·n_segments,)``, pinocchio's order, joint frames [SI]."""
-        return self.found.parameters
+        return self.found.inertial
 
     @property
     def drives(self) -> dict[str, float]:
         """Parameters of the drives by name, such as ``viscous.JOINT`` [SI]."""
-        return self.found.identified.by_drive()
+        return self.found.by_drive()
 
     @property
     def stem(self) -> str:
@@ -228,10 +229,9 @@ class Subject:
         """The same with other values; what is not in ``drives`` keeps its own."""
         own = self.drives | dict(drives)
         values = np.array(list(own.values()))
-        identified = replace(
-            self.found.identified, inertial=parameters, drive_names=tuple(own), drives=values
+        return self.varied(
+            found=replace(self.found, inertial=parameters, drive_names=tuple(own), drives=values)
         )
-        return self.varied(found=replace(self.found, identified=identified))
 
     def varied(self, **changes: Any) -> Subject:
         """The same with other attributes than the template, whose reading takes long and is kept."""

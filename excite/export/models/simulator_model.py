@@ -159,7 +159,7 @@ class _Trial:
         states = self.states
         self.regressor = joint_torque_regressor(self.robot.model, states.q, states.v, states.a)
         own = self._load(subject)
-        self.base, self.drives = own.torques, own.drives
+        self.base, self.drives = own.torques, own.joint_terms
         # What is written as a whole was read once; changes are of what torques depend on.
         self.subject = subject.varied(shapes=False)
         self.largest = max(float(np.abs(self.base).max()), 1e-9)

@@ -24,9 +24,9 @@ from excite.export.models.model_format import (
 from excite.export.models.parameters import (
     Found,
     Member,
-    ModelParameters,
     centred_body,
     changed_segments,
+    drive_attributes,
     model_parameters,
     moved_pseudo,
     parameters_of,
@@ -45,6 +45,7 @@ from excite.export.models.verification import (
 from excite.export.models.xml_text import MOMENTS, UPPER, Element, XmlText, moment_texts, number_text
 from excite.formats.documents import MAX_XML_BYTES, parse_xml
 from excite.formats.file import read_bytes
+from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
@@ -114,7 +115,7 @@ def write_urdf(
     file, found = model_file(robot), model_parameters(identification, drives=drives)
     edit = edited_urdf(robot, found, force=force)
     notes = [*edit.notes, *_held_note(robot), *_mesh_note(edit.text, file, path)]
-    content, states = edit.text.edited(), random_states(robot, found.parameters)
+    content, states = edit.text.edited(), random_states(robot, found.inertial)
     in_mujoco = None
     try:
         in_mujoco = states.error(mujoco_torques(robot, urdf_in_mujoco(robot, content), states, drives=False))
@@ -140,7 +141,7 @@ class UrdfEdit:
     notes: tuple[str, ...]
 
 
-def edited_urdf(robot: Robot, found: ModelParameters, *, force: bool) -> UrdfEdit:
+def edited_urdf(robot: Robot, found: IdentifiedParameters, *, force: bool) -> UrdfEdit:
     """The robot's URDF as its author left it, edited; arguments and errors as of :func:`write_urdf`."""
     changed = changed_segments(robot, found, force=force)
     file = model_file(robot)
@@ -156,7 +157,7 @@ def edited_urdf(robot: Robot, found: ModelParameters, *, force: bool) -> UrdfEdi
     _unchanged_since_loading(robot, members, file)
     notes = complete_limits(text, robot)
     written: list[str] = []
-    ten = found.parameters.reshape(-1, 10)
+    ten = found.inertial.reshape(-1, 10)
     for segment in changed:
         split = split_segment(ten[segment], members[segment])
         if split.note:
@@ -164,7 +165,10 @@ def edited_urdf(robot: Robot, found: ModelParameters, *, force: bool) -> UrdfEdi
         for link, parameters in split.shares.items():
             _set_inertial(text, links[link], parameters, link, file)
             written.append(link)
-    notes += set_dynamics(text, found.identified.by_drive())
+    for joint in text.root.named("joint"):
+        _set_dynamics(
+            text, joint, drive_attributes(found, str(joint.attributes.get("name")), UrdfFormat.held, notes)
+        )
     return UrdfEdit(text, tuple(written), tuple(notes))
 
 
@@ -276,36 +280,13 @@ def _mesh_note(text: XmlText, file: Path, path: Path) -> list[str]:
 # What a written URDF says of its joints' drives: friction, and the limits that readers insist on.
 
 
-def set_dynamics(text: XmlText, found: Mapping[str, float]) -> list[str]:
-    """Put friction into ``<dynamics>``; what no passive joint has is left as it was.
-
-    Args:
-        text: of a URDF, edited in place.
-        found: friction by name, such as ``viscous.JOINT``; other parameters are passed over.
-
-    Returns:
-        What was not written, a sentence each.
-    """
-    joints = {str(joint.attributes.get("name")): joint for joint in text.root.named("joint")}
-    notes = []
-    for name, joint in joints.items():
-        values = {}
-        for term, attribute in UrdfFormat.held.items():
-            value = found.get(f"{term}.{name}")
-            if value is not None and value < 0.0:
-                notes.append(
-                    f"{name}: {term} friction was identified as {value:.3g}, below zero; not written"
-                )
-            elif value is not None:
-                values[attribute] = number_text(value)
-        if not values:
-            continue
-        if joint.named("dynamics"):
-            text.set(joint.named("dynamics")[0], **values)
-        else:
-            inside = " ".join(f'{key}="{value}"' for key, value in values.items())
-            text.insert_first(joint, f"<dynamics {inside}/>")
-    return notes
+def _set_dynamics(text: XmlText, joint: Element, values: Mapping[str, str]) -> None:
+    """Put friction into ``<dynamics>``; what no passive joint has is left as it was."""
+    if values and joint.named("dynamics"):
+        text.set(joint.named("dynamics")[0], **values)
+    elif values:
+        inside = " ".join(f'{key}="{value}"' for key, value in values.items())
+        text.insert_first(joint, f"<dynamics {inside}/>")
 
 
 def complete_limits(text: XmlText, robot: Robot) -> list[str]:

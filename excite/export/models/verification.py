@@ -135,14 +135,14 @@ class MujocoPlaces:
     start: Array
     n_dof: int
 
-    def state(self, robot: Robot, q: Array, v: Array) -> tuple[Array, Array]:
+    def mujoco_state(self, robot: Robot, q: Array, v: Array) -> tuple[Array, Array]:
         """MuJoCo's ``qpos`` and ``qvel`` for the robot's ``q`` and ``v`` (base twist in the base frame)."""
         qpos, qvel = self.start.copy(), np.zeros(self.n_dof)
         qpos[self.q] += position_to_mujoco(q, floating=robot.floating)
         qvel[self.v] = velocity_to_mujoco(q, v, floating=robot.floating)
         return qpos, qvel
 
-    def acceleration(self, robot: Robot, q: Array, v: Array, a: Array) -> Array:
+    def mujoco_acceleration(self, robot: Robot, q: Array, v: Array, a: Array) -> Array:
         """MuJoCo's ``qacc`` likewise."""
         base, qacc = a.copy(), np.zeros(self.n_dof)
         if robot.floating:
@@ -234,8 +234,8 @@ def mujoco_torques(
         model.dof_damping[:] = model.dof_armature[:] = 0.0
     torque = []
     for q, v, a in zip(states.q, states.v, states.a, strict=True):
-        data.qpos[:], data.qvel[:] = place.state(robot, q, v)
-        data.qacc[:] = place.acceleration(robot, q, v, a)
+        data.qpos[:], data.qvel[:] = place.mujoco_state(robot, q, v)
+        data.qacc[:] = place.mujoco_acceleration(robot, q, v, a)
         mujoco.mj_inverse(model, data)
         force = data.qfrc_inverse[place.v].copy()
         if robot.floating:
