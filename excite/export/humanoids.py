@@ -74,7 +74,8 @@ class OpenHrpExporter(Exporter):
         names = self.robot.joint_names
         if not self.word("joints"):
             return list(range(len(names)))
-        return np.argsort(self.joint_order(names, "joints")).tolist()
+        order = self.joint_order(names, "joints")
+        return sorted(range(len(names)), key=order.__getitem__)
 
 
 def _zmp_in_base(robot: Robot, motion: Motion, rotations: Array) -> Array:

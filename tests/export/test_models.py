@@ -128,17 +128,6 @@ def test_a_wrong_number_in_the_file_would_be_noticed(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_mjcf_made_here_holds_the_parameters(robot: Robot, tmp_path: Path) -> None:
-    parameters = scattered(robot)
-    written = write_mjcf(robot, identification_of(robot, parameters), tmp_path / "identified.xml")
-    assert written.mujoco_error <= 1e-9
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "identified.xml"))
-    for segment, ten in zip(robot.segments, parameters.reshape(-1, 10), strict=True):
-        body = model.body(segment.link)
-        assert body.mass[0] == pytest.approx(ten[0], abs=1e-8)
-        np.testing.assert_allclose(ten[0] * body.ipos, ten[1:4], rtol=1e-9, atol=1e-12)
-
-
 def template_of(robot: Robot, path: Path) -> Path:
     """MuJoCo's own conversion of a URDF, with links kept that are fixed to others."""
     root = ElementTree.parse(model_file(robot)).getroot()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -166,8 +166,8 @@ def model_spec(subject: Subject) -> mujoco.MjSpec:
     """A model made from the robot, with a servo a joint; a delay is the time constant of a filter of its command."""
     import mujoco
 
-    terms = ("viscous", "coulomb", "armature", "kp", "kd", "torque_limit")
-    drives = replace(subject.declared, **{term: subject.written(term) for term in terms})
+    terms: dict[str, Any] = {term: subject.written(term) for term in MjcfFormat.held if term != "delay"}
+    drives = replace(subject.declared, **terms)
     spec = build_spec(subject.robot, subject.parameters, drives, World())
     late = subject.servo("delay")
     for name, constant in zip(subject.robot.joint_names, late, strict=True):

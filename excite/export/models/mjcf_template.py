@@ -62,7 +62,12 @@ def segment_bodies(robot: Robot, model: mujoco.MjModel, names: Mapping[str, str]
     import mujoco
 
     place = mujoco_places(robot, model, names)
-    own = {int(model.dof_bodyid[v]): joint for v, joint in _last_dofs(robot, place.v)}
+    joints = list(robot.model.joints)[1:]
+    # The body of every joint's last coordinate.
+    own = {
+        int(model.dof_bodyid[place.v[joint.idx_v + joint.nv - 1]]): index
+        for index, joint in enumerate(joints, start=1)
+    }
     carrier = [0] * model.nbody
     for body in range(1, model.nbody):
         carrier[body] = own.get(body, carrier[int(model.body_parentid[body])])
@@ -99,12 +104,6 @@ def segment_bodies(robot: Robot, model: mujoco.MjModel, names: Mapping[str, str]
                 f"no body moves with link {robot.segments[segment].link!r}", source="MuJoCo model"
             )
     return members
-
-
-def _last_dofs(robot: Robot, v: Array) -> list[tuple[int, int]]:
-    """Place in MuJoCo's velocities, and index in the robot's model, of every joint's last coordinate."""
-    joints = list(robot.model.joints)[1:]
-    return [(int(v[joint.idx_v + joint.nv - 1]), index) for index, joint in enumerate(joints, start=1)]
 
 
 def _base_placement(robot: Robot, model: mujoco.MjModel, pose: _Pose, names: Mapping[str, str]) -> pin.SE3:

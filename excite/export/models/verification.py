@@ -171,7 +171,7 @@ def mujoco_places(
     import mujoco
 
     def joint(name: str) -> int:
-        return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
 
     def lacking(what: str) -> InputError:
         remedy = "give a model of the same robot, or map its names to the model's"
