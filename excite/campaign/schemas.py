@@ -34,15 +34,9 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Identification, Campaign, Diagnosis, Doctor, Human, Signals, Journal),
-    *(BlindAnswers, BlindAnswer),
-    *(
-        model_of(result)
-        for result in (
-            *(PlanDocument, RefusalsDocument, CheckReport, RankReport, Simulation, Truth),
-            *(ExportReport, SimulatorModel),
-        )
-    ),
+    *(Identification, Campaign, Diagnosis, Doctor, Human, Signals, Journal, BlindAnswers, BlindAnswer),
+    *map(model_of, (PlanDocument, RefusalsDocument, CheckReport, RankReport, Simulation, Truth)),
+    *map(model_of, (ExportReport, SimulatorModel)),
 )
 DOCUMENTS: dict[str, type[Document]] = {schema_of(kind): kind for kind in _KINDS}
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -107,11 +107,10 @@ def _first_remark(motion: Motion) -> str:
 # libfranka's ``rate_limiting.h`` (0.9.2 for the Franka Emika Robot, which is also called Panda; 0.13 and
 # later for the Franka Research 3). A command that is beyond one of them in one millisecond ends the motion.
 
-PERIOD_S = 1e-3
+RATE_HZ = 1000.0
+PERIOD_S = 1.0 / RATE_HZ
 # libfranka compares with limits that are smaller by this.
 _EPSILON = 1e-3
-# Milliseconds of standing still before the first and after the last sample, as the robot starts and ends.
-_STILL = 3
 
 
 @dataclass(frozen=True)
@@ -176,7 +175,8 @@ def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -
         q: ``(n, 7)`` positions, one a millisecond [rad].
         joints: their names.
     """
-    still = np.vstack([np.tile(q[0], (_STILL, 1)), q, np.tile(q[-1], (_STILL, 1))])
+    # Three milliseconds of standing still before the first and after the last sample: jerk is of third order.
+    still = np.pad(q, ((3, 3), (0, 0)), mode="edge")
     v = np.diff(still, axis=0) / PERIOD_S
     a = np.diff(v, axis=0) / PERIOD_S
     jerk = np.diff(a, axis=0) / PERIOD_S
@@ -190,15 +190,13 @@ def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -
         beyond = np.abs(values) > limit - _EPSILON
         for joint in np.flatnonzero(beyond.any(axis=0)):
             row = int(np.argmax(beyond[:, joint]))
-            time = max(0.0, (row + len(still) - len(values) - _STILL) * PERIOD_S)
+            time = max(0.0, (row + len(still) - len(values) - 3) * PERIOD_S)
             most = float(np.broadcast_to(limit, values.shape)[row, joint])
             found.append(Violation(kind, time, joints[joint], float(abs(values[row, joint])), most))
     return tuple(found)
 
 
 # Rows of positions, velocities and accelerations at 1 kHz for arms of Franka.
-
-RATE_HZ = 1000.0
 
 
 class FrankaExporter(Exporter):

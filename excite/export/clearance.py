@@ -31,8 +31,6 @@ from excite.simulation.rehearsal import rehearsed_verdict
 # polynomials go through positions, velocities and accelerations: twice that is another motion.
 _LOST = {"position": 1e-4, "velocity": 0.005, "acceleration": 0.05}
 _WHOLE = {"position": "range", "velocity": "limit", "acceleration": "limit"}
-# Instants at which both are compared, for each sample of the finer of the two.
-_COMPARED = 4
 
 # What no file holds, or of which nothing can be said: not written for any reason.
 _UNWRITABLE = {"shape", "joint_order", "not_finite", "time_not_increasing", "too_few_samples"}
@@ -180,7 +178,8 @@ def rate_loss(robot: Robot, motion: Motion, written: Motion) -> dict[str, np.nda
         limit and acceleration limit.
     """
     limits = robot.limits
-    n = _COMPARED * max(motion.n_samples, written.n_samples)
+    # Four instants for each sample of the finer of the two.
+    n = 4 * max(motion.n_samples, written.n_samples)
     time = np.linspace(0.0, min(motion.duration, written.duration), n)
     there = interpolate_motion(written, robot, written.time[0] + time)
     here = interpolate_motion(motion, robot, motion.time[0] + time)

@@ -104,6 +104,7 @@ class Exporter(ABC):
         summary: one line for help texts.
         settings: what can be said of the format beside the motion.
         rates_hz: rates that the controller runs at, the usual one first; empty where it takes any.
+        usual_hz: rate where none is asked for; None for the motion's own samples.
         readable: whether ``excite check`` reads what is written; not so of formats that hold no motion any more.
         exact: whether it reads the very numbers, of all of q, v and a.
         chain: of how many joints that turn, in a chain on a fixed base, the robot has to be; None for any robot.
@@ -125,6 +126,7 @@ class Exporter(ABC):
     summary: ClassVar[str]
     settings: ClassVar[tuple[Setting, ...]] = ()
     rates_hz: ClassVar[tuple[float, ...]] = ()
+    usual_hz: ClassVar[float | None] = None
     readable: ClassVar[bool] = True
     exact: ClassVar[bool] = True
     holds_base: ClassVar[bool] = True
@@ -146,7 +148,7 @@ class Exporter(ABC):
     def rate(self, motion: Motion, asked_hz: float | None) -> float | None:
         """Rate of the file [Hz], None for the motion's own samples; raises InputError for one that is never run."""
         if asked_hz is None:
-            return self.rates_hz[0] if self.rates_hz else None
+            return self.rates_hz[0] if self.rates_hz else self.usual_hz
         if self.rates_hz and asked_hz not in self.rates_hz:
             known = " or ".join(f"{rate:g}" for rate in self.rates_hz)
             raise InputError(

@@ -154,8 +154,6 @@ KNOWN = (QUADRUPED, G1, H1)
 
 # Sequences of Unitree's LowCmd: what every motor is commanded at every instant.
 
-# At which the vendor's examples of low-level control publish.
-_RATE_HZ = 500.0
 _WHOSE = f"all motors, or of each in their order, with commas; {MODEL}: of the robot's description"
 # Beyond what any of the vendor's motors takes.
 _GAINS = {
@@ -178,6 +176,8 @@ class UnitreeExporter(Exporter):
     name = "unitree"
     suffix = ".jsonl"
     summary = "Unitree LowCmd sequence in JSON lines: q, dq, kp, kd, tau by motor index"
+    # At which the vendor's examples of low-level control publish.
+    usual_hz = 500.0
     exact = False
     holds_base = False
     settings = (
@@ -187,10 +187,6 @@ class UnitreeExporter(Exporter):
         Setting("kp", "", f"position gain [N·m/rad] of {_WHOSE}", example="60"),
         Setting("kd", "", f"velocity gain [N·m·s/rad] of {_WHOSE}", example="2"),
     )
-
-    def rate(self, motion: Motion, asked_hz: float | None) -> float | None:
-        """The rate of the vendor's examples where none is asked for."""
-        return _RATE_HZ if asked_hz is None else asked_hz
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError where nobody says which motor a joint is, or with what gains it is to run."""

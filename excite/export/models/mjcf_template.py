@@ -36,8 +36,9 @@ if TYPE_CHECKING:
 
 # Bodies of a MuJoCo model that a robot's segments consist of.
 
-# How far apart frames of one body may lie in the file and in the robot from one posture to another [m, rad].
-_SAME_FRAME = 1e-4
+# How far apart frames of one body may lie in the file and in the robot from one posture to another [m, rad], and how
+# far, relatively, bodies' inertia may be from what was found and be left alone. MuJoCo writes six digits.
+_SAME = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,7 @@ def segment_bodies(robot: Robot, model: mujoco.MjModel, names: Mapping[str, str]
         # A body without a name is still named in notes and errors.
         name = model.body(body).name or f"body number {body}"
         apart = max(float(np.linalg.norm(pin.log6(inside[0].actInv(other)).vector)) for other in inside)
-        if apart > _SAME_FRAME:
+        if apart > _SAME:
             raise InputError(
                 f"body {name!r} does not move with joint {robot.model.names[carrier[body]]!r}",
                 source="MuJoCo model",
@@ -140,8 +141,6 @@ def segment_difference(members: list[Member], total: Array) -> float:
 
 # A MuJoCo model of a robot as its author wrote it, and its text with other inertials and friction.
 
-# Bodies of a template that are nearer to the identified parameters, relatively, are left alone.
-_SAME_INERTIA = 1e-4
 _ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
 DRIVE_ATTRIBUTES = {"viscous": "damping", "coulomb": "frictionloss", "armature": "armature"}
 
@@ -190,7 +189,7 @@ class MjcfTemplate:
         ten = found.inertial.reshape(-1, 10)
         text = XmlText(self.content, self.file)
         bodies = {str(body.attributes.get("name")): body for body in text.root.everywhere("body")}
-        other = [k for k in range(len(ten)) if segment_difference(self.members[k], ten[k]) > _SAME_INERTIA]
+        other = [k for k in range(len(ten)) if segment_difference(self.members[k], ten[k]) > _SAME]
         segments = tuple(sorted({*changed, *other}))
         notes, written = [], []
         for segment in segments:

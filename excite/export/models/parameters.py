@@ -245,8 +245,6 @@ _NAMES = {
     "inertia": ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
 }
 _UNITS = {"mass": "kg", "first_moment": "kg·m", "inertia": "kg·m²"}
-_CLEAR = 2.0
-_MEASURED = 0.5
 
 
 @dataclass(frozen=True)
@@ -281,8 +279,8 @@ class Difference:
     @property
     def clear(self) -> bool:
         """Whether the data determined it (by more than half) and it moved by more than two deviations."""
-        measured = self.determined is not None and self.determined > _MEASURED
-        return measured and self.std is not None and abs(self.change) > _CLEAR * self.std
+        measured = self.determined is not None and self.determined > 0.5
+        return measured and self.std is not None and abs(self.change) > 2.0 * self.std
 
 
 @dataclass(frozen=True)

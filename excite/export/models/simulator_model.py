@@ -79,7 +79,6 @@ def lost_in(model_format: ModelFormat, subject: Subject) -> tuple[Lost, ...]:
 # more, and that body another mass, first moment or inertia in turn, so that what is written is always a body;
 # its size is such that each part of it moves the torques well above their rounding.
 
-_SEED = 11
 # Torque of the added bodies, as share of the largest: large enough to be seen above rounding of single precision, and
 # small enough that nothing of the model is lost in it.
 _SHARE = 0.2
@@ -87,10 +86,6 @@ _SHARE = 0.2
 _MISSED = 0.01
 # A parameter whose whole torque is below this many times the format's rounding is not seen, in any format.
 _ABOVE_ROUNDING = 200.0
-# Single precision, which some formats have, as share of a number.
-_ROUNDED = 1e-6
-# Length of a body that has none of its own [m].
-_LENGTH = 0.1
 
 
 @dataclass(frozen=True)
@@ -200,7 +195,8 @@ class _Trial:
         n = len(self.robot.segments)
         ten = self.subject.parameters.reshape(n, 10)
         heavy = ten[:, 0] > 0.0
-        length = np.full(n, _LENGTH)
+        # Of a body that has none of its own: 0.1 m.
+        length = np.full(n, 0.1)
         spread = np.abs(ten[:, [4, 6, 9]]).max(axis=1)
         length[heavy] = np.clip(np.sqrt(spread[heavy] / ten[heavy, 0]), 1e-3, 1.0)
         body = np.zeros((n, 10))
@@ -216,7 +212,7 @@ class _Trial:
     def joints(self, term: str) -> dict[str, str]:
         """What a change of a term of each joint does; one that the format does not hold has to change nothing."""
         own = self.subject.written(term)
-        step = _SHARE * self.largest * np.random.default_rng(_SEED).uniform(0.5, 1.0, self.robot.n_joints)
+        step = _SHARE * self.largest * np.random.default_rng(11).uniform(0.5, 1.0, self.robot.n_joints)
         names = [f"{term}.{joint}" for joint in self.robot.joint_names]
         before, after = (
             self._load(
@@ -235,7 +231,7 @@ class _Trial:
     def servos(self, term: str) -> dict[str, str]:
         """Whether a known term of each joint's servo is read as written, and follows a change."""
         own = self.subject.servo(term)
-        more = np.random.default_rng(_SEED).uniform(1.2, 1.5, self.robot.n_joints)
+        more = np.random.default_rng(11).uniform(1.2, 1.5, self.robot.n_joints)
         late = term == "delay"
         # All joints have one delay, and a change of it is several steps.
         changed = own + 10.0 * max(self.format.delay_step_s, 1e-3) if late else own * more
@@ -245,7 +241,11 @@ class _Trial:
             seen = self._load(self.subject.varied(servo_values=told)).terms[term]
             room = 0.5 * self.format.delay_step_s if late else 0.0
             off = np.maximum(
-                off, np.abs(seen - values) - room - _MISSED * np.abs(values - own) - _ROUNDED * np.abs(values)
+                off,
+                np.abs(seen - values)
+                - room
+                - _MISSED * np.abs(values - own)
+                - 4.0 * float(np.finfo(np.float32).eps) * np.abs(values),
             )
         known = zip(self.robot.joint_names, np.isfinite(own), off, strict=True)
         return {f"{term}.{joint}": _FELT if far <= 0.0 else _DEAF for joint, there, far in known if there}

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-9
 """How far, relative to the largest torque, a written model's inverse dynamics may be off."""
 
-_STATES = 20
-_SEED = 7
 _FREE = "excite_root"
 
 
@@ -60,12 +58,12 @@ class States:
 
 def random_states(robot: Robot, parameters: Array) -> States:
     """States all over the joints' turn, and the torques of ``parameters`` ``(10·n_segments,)`` in them."""
-    random = np.random.default_rng(_SEED)
-    q = random.uniform(-np.pi, np.pi, size=(_STATES, robot.model.nq))
+    random, n = np.random.default_rng(7), 20
+    q = random.uniform(-np.pi, np.pi, size=(n, robot.model.nq))
     if robot.floating:
-        q[:, 3:7] = random.normal(size=(_STATES, 4))
+        q[:, 3:7] = random.normal(size=(n, 4))
         q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-    v, a = random.normal(size=(2, _STATES, robot.model.nv))
+    v, a = random.normal(size=(2, n, robot.model.nv))
     return States(q, v, a, joint_torque_regressor(robot.model, q, v, a) @ parameters)
 
 
