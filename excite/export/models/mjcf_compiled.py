@@ -21,7 +21,7 @@ def compile_mjcf(content: bytes, template: Path | None) -> mujoco.MjModel:
         return compile_text(content, None)
     folder = template.resolve().parent
     return in_child(
-        "excite.export.models.mjcf:compile_text",
+        "excite.export.models.mjcf_compiled:compile_text",
         content,
         folder,
         template,

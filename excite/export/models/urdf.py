@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -42,7 +42,7 @@ from excite.export.models.verification import (
     urdf_in_mujoco,
     write_verified,
 )
-from excite.export.models.xml_text import MOMENTS, UPPER, Element, XmlText, moment_texts, number_text
+from excite.export.models.xml_text import Element, XmlText, moment_texts, number_text
 from excite.formats.documents import MAX_XML_BYTES, parse_xml
 from excite.formats.file import read_bytes
 from excite.identification.identified_parameters import IdentifiedParameters
@@ -50,6 +50,7 @@ from excite.identification.inertia import pseudo_inertia_matrices
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
+from excite.robot.urdf.inertia import read_inertial
 from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING, WORLD, declare_world
@@ -146,14 +147,14 @@ def edited_urdf(robot: Robot, found: IdentifiedParameters, *, force: bool) -> Ur
     changed = changed_segments(robot, found, force=force)
     file = model_file(robot)
     # Without the bare link from which a free base floats.
-    loaded = {link.get("name") for link in parse_urdf(file).findall("link")}
+    loaded = {str(link.get("name")): link for link in parse_urdf(file).findall("link")}
     content = read_bytes(file, limit=MAX_XML_BYTES, error=RobotError)
     text = XmlText(content, file)
     if declare_world(parse_xml(content, file, RobotError)):
         text.insert_first(text.root, f'<link name="{WORLD}"/>')
     links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
     links = {name: link for name, link in links.items() if name in loaded}
-    members = _segment_members(robot, links, file)
+    members = _segment_members(robot, {name: loaded[name] for name in links}, file)
     _unchanged_since_loading(robot, members, file)
     notes = complete_limits(text, robot)
     written: list[str] = []
@@ -172,7 +173,7 @@ def edited_urdf(robot: Robot, found: IdentifiedParameters, *, force: bool) -> Ur
     return UrdfEdit(text, tuple(written), tuple(notes))
 
 
-def _segment_members(robot: Robot, links: dict[str, Element], file: Path) -> list[list[Member]]:
+def _segment_members(robot: Robot, links: dict[str, ElementTree.Element], file: Path) -> list[list[Member]]:
     """Links of each segment, the moving one first."""
     members: list[list[Member]] = [[] for _ in robot.segments]
     for name, link in links.items():
@@ -187,37 +188,12 @@ def _segment_members(robot: Robot, links: dict[str, Element], file: Path) -> lis
     return members
 
 
-def _stated_inertial(link: Element, file: Path) -> Array | None:
-    """A link's own parameters as its inertial states them."""
-    for inertial in link.named("inertial"):
-        mass, com, rpy, inertia = _inertial_values(inertial, file)
-        turn = pin.rpy.rpyToMatrix(*rpy)
-        return np.asarray(pin.Inertia(mass, com, turn @ inertia @ turn.T).toDynamicParameters())
-    return None
-
-
-class _Inertial(NamedTuple):
-    """Mass, centre, roll-pitch-yaw and inertia ``(3, 3)`` as an ``<inertial>`` states them."""
-
-    mass: float
-    com: Array
-    rpy: Array
-    inertia: Array
-
-
-def _inertial_values(inertial: Element, file: Path) -> _Inertial:
-    parts = {}
-    for child in inertial.children:
-        parts[child.tag] = ElementTree.Element(child.tag, dict(child.attributes))
-    origin = parts.get("origin", ElementTree.Element("origin"))
-    com, rpy = (
-        np.array(read_numbers(origin, key, 3, file, "origin", default="0 0 0")) for key in ("xyz", "rpy")
-    )
-    six = [read_numbers(parts["inertia"], key, 1, file, "inertia")[0] for key in MOMENTS]
-    inertia = np.zeros((3, 3))
-    inertia[UPPER] = six
-    inertia.T[UPPER] = six
-    return _Inertial(read_numbers(parts["mass"], "value", 1, file, "mass")[0], com, rpy, inertia)
+def _stated_inertial(link: ElementTree.Element, file: Path) -> Array | None:
+    """A link's own parameters as its inertial states them; zero of a frame, None where it says nothing."""
+    found = read_inertial(link, file)
+    if found is None:
+        return None if link.find("inertial") is None else np.zeros(10)
+    return np.asarray(pin.Inertia(found.mass, found.centre, found.moments).toDynamicParameters())
 
 
 def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file: Path) -> None:
@@ -249,8 +225,9 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, fi
         )
         return
     inertial = found[0]
-    turn = pin.rpy.rpyToMatrix(*_inertial_values(inertial, file).rpy)
     origin = inertial.named("origin")
+    stated = ElementTree.Element("origin", dict(origin[0].attributes) if origin else {})
+    turn = pin.rpy.rpyToMatrix(*read_numbers(stated, "rpy", 3, file, "origin", default="0 0 0"))
     if origin:
         text.set(origin[0], xyz=number_text(*body.com))
     else:

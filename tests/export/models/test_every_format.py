@@ -295,3 +295,13 @@ def test_a_result_without_numbers_is_one_line(tmp_path: Path) -> None:
     file.write_text(json.dumps(document))
     with pytest.raises(InputError, match=r"forearm_link.*a parameter is null"):
         excite.write_simulator_model(given.folder, "usda", tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", MODEL_FORMATS)
+def test_a_joint_that_the_robot_holds_still_is_no_joint_of_the_model(name: str, tmp_path: Path) -> None:
+    """Panda's fingers are held: what is made anew has no such joint, what is kept of its author has it."""
+    given = known("panda", tmp_path)
+    assert given.robot.description.locked_joints
+    proof = excite.write_simulator_model(tmp_path, name, tmp_path / "out").proof
+    assert proof.torque_error <= MODEL_FORMATS[name].tolerance
+    assert proof.felt + len(proof.unseen) >= 10 * len(given.robot.segments)
