@@ -43,7 +43,7 @@ _PUBLIC = {
     "Log": "excite.logs.log",
     "load_log": "excite.logs.files",
     "save_log": "excite.logs.files",
-    "write_simulator_model": "excite.export.simulators.write",
+    "write_simulator_model": "excite.export.models.simulator_model",
     "identify": "excite.identification.identify",
     "Identification": "excite.identification.result",
     "write_models": "excite.export.models.write",

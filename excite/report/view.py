@@ -20,7 +20,7 @@ from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.document import model_of, read_document
 from excite.documents.plan import PlanDocument
 from excite.errors import InputError
-from excite.export.resolve_robot import robot_beside
+from excite.export.export import robot_beside
 from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
 from excite.logs.log import Trial

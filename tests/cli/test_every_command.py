@@ -21,8 +21,7 @@ from excite.cli.session.command_help import EXAMPLES
 from excite.cli.session.output import command_line, emit_result
 from excite.excitation.optimisation.objective import CRITERIA
 from excite.excitation.selection import SELECTIONS
-from excite.export.registry import EXPORTERS
-from excite.export.simulators.registry import MODEL_FORMATS
+from excite.export.registry import EXPORTERS, MODEL_FORMATS
 from excite.human.body import ANTHROPOMETRY
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.motion import files

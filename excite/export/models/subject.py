@@ -17,12 +17,14 @@ from excite.documents.campaign import Campaign
 from excite.documents.document import read_document, schema_of
 from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
-from excite.export.models.parameters import Found, ModelParameters, with_servos
-from excite.export.simulators.model_format import JOINT_TERMS, Lost, Subject
+from excite.export.models.model_format import JOINT_TERMS, Lost, Subject
+from excite.export.models.parameters import model_parameters, with_servos
 from excite.formats.documents import read_json
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import FILE_ORDER, central_inertia_matrices
+from excite.identification.result import Identification as IdentificationResult
 from excite.logs.robot import robot_for_log
+from excite.results import Name, Stated, Unbounded, stated
 from excite.robot.load import load_robot
 from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot
@@ -33,7 +35,7 @@ _AGAIN = "write it again with excite identify … --out DIR"
 
 
 def subject_of(
-    result: str | Path | Found,
+    result: str | Path | IdentificationResult,
     folder: Path,
     *,
     robot: str | Robot | None = None,
@@ -43,19 +45,20 @@ def subject_of(
     if isinstance(result, str | Path):
         name = str(robot.source) if isinstance(robot, Robot) else robot
         return read_subject(Path(result), folder, robot=name, template=template)
+    found = model_parameters(result)
     if isinstance(robot, Robot):
         loaded = robot
     else:
         loaded = load_robot(robot or result.robot)
         if template is None and robot is not None and Path(robot).is_file() and is_mjcf(Path(robot)):
             template = Path(robot)
-    if result.links != tuple(segment.link for segment in loaded.segments):
+    if found.links != tuple(segment.link for segment in loaded.segments):
         raise InputError(
             f"is of another robot than {loaded.name}",
             source="identification",
             remedy="give the robot that it was made for, robot=",
         )
-    return Subject(loaded, ModelParameters(loaded.name, result.identified), folder, template)
+    return Subject(loaded, found, folder, template)
 
 
 def read_subject(
@@ -104,7 +107,7 @@ def read_subject(
     if document.torque_delay is not None:
         why = "how late torques were logged is no part of the robot: correct the log"
         beyond = (Lost("torque_delay", loaded.name, document.torque_delay.value_s, why),)
-    found = ModelParameters(document.robot, _identified_parameters_of(document, loaded, file))
+    found = _identified_parameters_of(document, loaded, file)
     return Subject(loaded, found, folder, template, beyond)
 
 
@@ -246,7 +249,7 @@ def diagnosed_subject(file: Path, folder: Path, nominal: str | None) -> Subject:
     beyond = tuple(
         Lost("effect", robot.name, None, text) for text in document.applied.left_out if text != said
     )
-    return Subject(robot, ModelParameters(robot.name, identified), folder, None, beyond, late)
+    return Subject(robot, identified, folder, None, beyond, late)
 
 
 def _stated_delay(document: Diagnosis) -> tuple[float | None, str]:
@@ -283,43 +286,40 @@ COLUMNS = ("place", "parameter", "unit", "before", "after", "change")
 
 
 @dataclass(frozen=True)
-class Change:
-    """One parameter before and after [SI].
+class Change(Stated):
+    """A parameter before and after [SI].
 
     Attributes:
         place: link or joint.
         parameter: ``mass``, ``com_x`` … (of the link, in its joint's frame), ``Ixx`` … about the centre of mass, or a
             joint's ``viscous``, ``coulomb``, ``armature``.
         unit: its unit.
-        before: of the nominal model.
-        after: as found; equal to ``before`` where it was not.
+        before: of the nominal model [unit].
+        after: as it was found [unit]; equal to ``before`` where it was not.
     """
 
-    place: str
-    parameter: str
-    unit: str
-    before: float
-    after: float
+    place: Name
+    parameter: Name
+    unit: Name
+    before: Unbounded
+    after: Unbounded
 
     @property
-    def change(self) -> float:
-        """After minus before."""
+    @stated
+    def change(self) -> Unbounded:
+        """After minus before [unit]."""
         return self.after - self.before
 
     @property
+    @stated
     def percent(self) -> float | None:
-        """The change in per cent of what was before; None where that was zero."""
+        """The change in per cent of what was before; null where that was zero."""
         return 100.0 * self.change / abs(self.before) if self.before else None
-
-    def to_json(self) -> dict[str, Any]:
-        """Its entry in a document."""
-        values = {name: getattr(self, name) for name in COLUMNS}
-        return values | {"percent": self.percent}
 
 
 def list_changes(subject: Subject) -> tuple[Change, ...]:
     """All parameters of bodies and joints, before and after."""
-    before = _body_values(subject.found.identified.nominal)
+    before = _body_values(subject.found.nominal)
     after = _body_values(subject.parameters)
     rows = [
         Change(segment.link, name, unit, float(before[k, j]), float(after[k, j]))

@@ -12,10 +12,17 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.export.models.xml_text import number_text
-from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered, Subject
-from excite.export.simulators.tree import Body, Joint, Tree, described_tree
-from excite.export.simulators.urdf import LoadedUrdf
+from excite.export.models.model_format import (
+    SERVO_TERMS,
+    LoadedModel,
+    ModelFormat,
+    Rendered,
+    Subject,
+    load_urdf,
+)
+from excite.export.models.tree import Body, Joint, Tree, described_tree
+from excite.export.models.verification import States
+from excite.export.models.xml_text import moment_texts, number_text
 from excite.formats.documents import elements_of
 from excite.robot.shapes.shape import Shape
 from excite.robot.urdf.sdf import convert_sdf
@@ -26,24 +33,21 @@ from excite.simulation.true_parameters import PrincipalInertia
 VERSION = "1.10"
 """Of SDF; poses relative to named frames need 1.7, ``continuous`` and capsules 1.8 or later."""
 
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
-_SERVOS = {"torque_limit": "effort", "velocity_limit": "velocity"}
-_NO_SERVO = "SDF describes no servo; set it in the controller's plug-in"
-
 
 class SdfFormat(ModelFormat):
     """A link for each body that moves, other links as frames of it; convex shapes lie beside it as OBJ files."""
 
     name = "sdf"
     summary = f"SDF {VERSION}, a model made anew with the robot's convex shapes (Gazebo, Drake)"
-    terms = ("viscous", "coulomb")
-    servo_terms = ("torque_limit", "velocity_limit")
+    held: ClassVar[Mapping[str, str]] = {
+        "viscous": "damping",
+        "coulomb": "friction",
+        "torque_limit": "effort",
+        "velocity_limit": "velocity",
+    }
     lacks: ClassVar[Mapping[str, str]] = {
         "armature": "SDF has no rotor inertia: joints accelerate more easily than the robot's",
-        "kp": _NO_SERVO,
-        "kd": _NO_SERVO,
-        "delay": _NO_SERVO,
+        **dict.fromkeys(("kp", "kd", "delay"), "SDF describes no servo; set it in the controller's plug-in"),
     }
 
     def render(self, subject: Subject) -> Rendered:
@@ -71,10 +75,10 @@ class SdfFormat(ModelFormat):
         text = b'<?xml version="1.0"?>\n' + ElementTree.tostring(root) + b"\n"
         return Rendered({f"{subject.stem}.sdf": text, **dict(_mesh_files(tree))}, tree.notes)
 
-    def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
+    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
         """Read as an SDF of somebody else is, as the URDF that it says, by pinocchio."""
         text = convert_sdf(elements_of(rendered.files[rendered.main]), Path(rendered.main))
-        return LoadedUrdf(subject.robot, text.encode(), _SERVOS)
+        return load_urdf(subject.robot, text, states)
 
 
 def _write_link(model: Element, body: Body, carrier: Joint | None) -> None:
@@ -96,8 +100,8 @@ def _write_inertial(link: Element, own: PrincipalInertia) -> None:
     SubElement(inertial, "mass").text = number_text(own.mass)
     inertia = SubElement(inertial, "inertia")
     full = own.rotation @ np.diag(own.moments) @ own.rotation.T
-    for name, value in zip(_MOMENTS, full[_UPPER[0], _UPPER[1]], strict=True):
-        SubElement(inertia, name).text = number_text(value)
+    for name, value in moment_texts(full).items():
+        SubElement(inertia, name).text = value
 
 
 def _write_joint(model: Element, joint: Joint, tree: Tree) -> None:
@@ -109,13 +113,11 @@ def _write_joint(model: Element, joint: Joint, tree: Tree) -> None:
     SubElement(element, "child").text = tree.bodies[joint.child].name
     axis = SubElement(element, "axis")
     SubElement(axis, "xyz").text = number_text(*joint.axis)
-    limit = SubElement(axis, "limit")
+    limit, dynamics = SubElement(axis, "limit"), SubElement(axis, "dynamics")
     SubElement(limit, "lower").text, SubElement(limit, "upper").text = (number_text(v) for v in joint.range)
-    SubElement(limit, "effort").text = number_text(joint.servo.get("torque_limit", np.inf))
-    SubElement(limit, "velocity").text = number_text(joint.servo.get("velocity_limit", np.inf))
-    dynamics = SubElement(axis, "dynamics")
-    SubElement(dynamics, "damping").text = number_text(joint.terms["viscous"])
-    SubElement(dynamics, "friction").text = number_text(joint.terms["coulomb"])
+    for term, name in SdfFormat.held.items():
+        inside = limit if term in SERVO_TERMS else dynamics
+        SubElement(inside, name).text = number_text(joint.terms.get(term, np.inf))
 
 
 def _write_geometry(geometry: Element, shape: Shape) -> None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,24 +12,25 @@ from excite.arrays import Array
 from excite.atomic import all_or_nothing, write_bytes, write_text
 from excite.display import Row, Tabled, count
 from excite.errors import NoSolutionError
-from excite.export.models.parameters import ASSUMED, InconsistentModelError
-from excite.export.models.verification import States, random_states
-from excite.export.simulators.model_format import (
+from excite.export.models.model_format import (
     JOINT_TERMS,
     SERVO_TERMS,
+    LoadedModel,
     Lost,
     ModelFormat,
     Subject,
     with_friction,
 )
-from excite.export.simulators.registry import MODEL_FORMATS
-from excite.export.simulators.subject_result import COLUMNS, Change, list_changes, subject_of
+from excite.export.models.parameters import ASSUMED, InconsistentModelError
+from excite.export.models.subject import COLUMNS, Change, list_changes, subject_of
+from excite.export.models.verification import States, random_states
+from excite.export.registry import MODEL_FORMATS
 from excite.formats.tables import csv_text
 from excite.identification.result import Identification
 from excite.logs.robot import is_bare
 from excite.regressor.columns import PARAMETERS
 from excite.regressor.kernels import joint_torque_regressor
-from excite.results import write_json
+from excite.results import HIDDEN, FilePath, Name, Positive, Stated, write_json
 from excite.robot.robot import Robot
 
 # What a format has no place for: said beside the files, not left for the simulation to show.
@@ -52,32 +52,23 @@ _BELOW_ZERO = "was found below zero, which no joint can be: what the model had b
 
 def lost_in(model_format: ModelFormat, subject: Subject) -> tuple[Lost, ...]:
     """All that was found of a robot and that its files in a format do not hold."""
-    found = [
-        item for name, value in subject.drives.items() for item in _lost_terms(model_format, name, value)
-    ]
-    return (*found, *_lost_servo_terms(model_format, subject), *subject.beyond, *model_format.lost(subject))
-
-
-def _lost_servo_terms(model_format: ModelFormat, subject: Subject) -> list[Lost]:
-    """Terms of servos that are known and not held, one entry for all joints."""
+    found: list[Lost] = []
+    for name, value in subject.drives.items():
+        term, _, joint = name.partition(".")
+        if value == 0.0:
+            continue
+        if term not in JOINT_TERMS:
+            found.append(Lost(term, joint, value, _NOWHERE.get(term, "no robot model has it")))
+        elif value < 0.0:
+            found.append(Lost(term, joint, value, _BELOW_ZERO))
+        elif term not in model_format.held:
+            found.append(Lost(term, joint, value, model_format.lacks[term]))
     held = model_format.servo(subject)
-    return [
-        Lost(term, "every joint", subject.delay_s if term == "delay" else None, model_format.lacks[term])
-        for term in SERVO_TERMS
-        if term not in held and term in model_format.lacks and np.isfinite(subject.servo(term)).any()
-    ]
-
-
-def _lost_terms(model_format: ModelFormat, name: str, value: float) -> list[Lost]:
-    term, _, joint = name.partition(".")
-    if value == 0.0:
-        return []
-    if term not in JOINT_TERMS:
-        return [Lost(term, joint, value, _NOWHERE.get(term, "no robot model has it"))]
-    if value < 0.0:
-        return [Lost(term, joint, value, _BELOW_ZERO)]
-    lacks: Mapping[str, str] = model_format.lacks
-    return [] if term in model_format.terms else [Lost(term, joint, value, lacks[term])]
+    for term in SERVO_TERMS:
+        if term not in held and term in model_format.lacks and np.isfinite(subject.servo(term)).any():
+            late = subject.delay_s if term == "delay" else None
+            found.append(Lost(term, "every joint", late, model_format.lacks[term]))
+    return (*found, *subject.beyond)
 
 
 # Proof that what is read of the files hears every parameter: each is changed, and its torques have to follow.
@@ -88,7 +79,6 @@ def _lost_terms(model_format: ModelFormat, name: str, value: float) -> list[Lost
 # more, and that body another mass, first moment or inertia in turn, so that what is written is always a body;
 # its size is such that each part of it moves the torques well above their rounding.
 
-_SEED = 11
 # Torque of the added bodies, as share of the largest: large enough to be seen above rounding of single precision, and
 # small enough that nothing of the model is lost in it.
 _SHARE = 0.2
@@ -96,29 +86,23 @@ _SHARE = 0.2
 _MISSED = 0.01
 # A parameter whose whole torque is below this many times the format's rounding is not seen, in any format.
 _ABOVE_ROUNDING = 200.0
-# Single precision, which some formats have, as share of a number.
-_ROUNDED = 1e-6
-# Length of a body that has none of its own [m].
-_LENGTH = 0.1
 
 
 @dataclass(frozen=True)
-class Proof:
-    """What was changed, and what the files made of it.
+class Proof(Stated):
+    """What became of the torques, read from the files, when each parameter was changed.
 
     Attributes:
-        error: largest difference of torques from those that were found, relative to the largest.
+        torque_error: of the files, against what was found, relative to the largest torque.
         felt: number of parameters whose change the torques, or a servo's settings, followed.
-        unseen: names of those that no torque depends on, such as the mass of a link that turns about a vertical axis.
-        deaf: names of those that the files hold and that torques do not follow: there are none in what is written.
-        not_held: names of those that change nothing, as the format says.
+        unseen: parameters that no torque depends on, such as the mass of a link that turns about a vertical axis.
+        not_held: parameters that the format does not have, and that change nothing.
     """
 
-    error: float
+    torque_error: Positive
     felt: int
-    unseen: tuple[str, ...]
-    deaf: tuple[str, ...]
-    not_held: tuple[str, ...]
+    unseen: tuple[Name, ...]
+    not_held: tuple[Name, ...]
 
 
 def prove_taken(model_format: ModelFormat, subject: Subject) -> Proof:
@@ -154,7 +138,7 @@ def prove_taken(model_format: ModelFormat, subject: Subject) -> Proof:
     felt, unseen, not_held = (
         tuple(name for name, what in found.items() if what == one) for one in (_FELT, _UNSEEN, _NOT_HELD)
     )
-    return Proof(error, len(felt), unseen, (), not_held)
+    return Proof(error, len(felt), unseen, not_held)
 
 
 # What torques do where a parameter changes.
@@ -169,15 +153,15 @@ class _Trial:
         self.states: States = random_states(self.robot, subject.parameters)
         states = self.states
         self.regressor = joint_torque_regressor(self.robot.model, states.q, states.v, states.a)
-        self.base, self.drives = self._torques(subject)
+        own = self._load(subject)
+        self.base, self.drives = own.torques, own.joint_terms
         # What is written as a whole was read once; changes are of what torques depend on.
         self.subject = subject.varied(shapes=False)
         self.largest = max(float(np.abs(self.base).max()), 1e-9)
         self.floor = _ABOVE_ROUNDING * model_format.tolerance * self.largest
 
-    def _torques(self, subject: Subject) -> tuple[Array, dict[str, Array]]:
-        loaded = self.format.load(subject, self.format.render(subject))
-        return loaded.torques(self.states), dict(loaded.drives)
+    def _load(self, subject: Subject) -> LoadedModel:
+        return self.format.load(subject, self.format.render(subject), self.states)
 
     def error(self) -> float:
         """Relative error of the torques as read, against the found parameters; what was not found is the file's."""
@@ -192,13 +176,13 @@ class _Trial:
         """What a change of each inertial parameter does."""
         added, steps = self._added()
         parameters = self.subject.parameters
-        plain, _ = self._torques(self.subject.but(parameters + added.ravel(), {}))
+        plain = self._load(self.subject.but(parameters + added.ravel(), {})).torques
         found: dict[str, str] = {}
         columns = self.regressor.reshape(*self.regressor.shape[:2], -1, 10)
         for k, name in enumerate(PARAMETERS):
             more = added.copy()
             more[:, k] += steps[:, k]
-            changed, _ = self._torques(self.subject.but(parameters + more.ravel(), {}))
+            changed = self._load(self.subject.but(parameters + more.ravel(), {})).torques
             parts = columns[..., k] * steps[:, k]
             missed = float(np.abs(changed - plain - parts.sum(axis=2)).max())
             for segment, own in zip(self.robot.segments, np.abs(parts).max(axis=(0, 1)), strict=True):
@@ -211,7 +195,8 @@ class _Trial:
         n = len(self.robot.segments)
         ten = self.subject.parameters.reshape(n, 10)
         heavy = ten[:, 0] > 0.0
-        length = np.full(n, _LENGTH)
+        # Of a body that has none of its own: 0.1 m.
+        length = np.full(n, 0.1)
         spread = np.abs(ten[:, [4, 6, 9]]).max(axis=1)
         length[heavy] = np.clip(np.sqrt(spread[heavy] / ten[heavy, 0]), 1e-3, 1.0)
         body = np.zeros((n, 10))
@@ -227,62 +212,69 @@ class _Trial:
     def joints(self, term: str) -> dict[str, str]:
         """What a change of a term of each joint does; one that the format does not hold has to change nothing."""
         own = self.subject.written(term)
-        step = _SHARE * self.largest * np.random.default_rng(_SEED).uniform(0.5, 1.0, self.robot.n_joints)
+        step = _SHARE * self.largest * np.random.default_rng(11).uniform(0.5, 1.0, self.robot.n_joints)
         names = [f"{term}.{joint}" for joint in self.robot.joint_names]
         before, after = (
-            self._torques(self.subject.but(self.subject.parameters, dict(zip(names, values, strict=True))))[0]
+            self._load(
+                self.subject.but(self.subject.parameters, dict(zip(names, values, strict=True)))
+            ).torques
             for values in (own, own + step)
         )
         zero = np.zeros_like(self.states.torque)
         wanted = with_friction(self.robot, zero, self.states, {term: step})
         far = np.abs(after - before - wanted)[:, self.robot.n_base_v :].max(axis=0)
         followed = far <= _MISSED * np.abs(wanted[:, self.robot.n_base_v :]).max(axis=0)
-        held = term in self.format.terms
+        held = term in self.format.held
         right = _FELT if held else _NOT_HELD
         return {name: right if good == held else _DEAF for name, good in zip(names, followed, strict=True)}
 
     def servos(self, term: str) -> dict[str, str]:
         """Whether a known term of each joint's servo is read as written, and follows a change."""
         own = self.subject.servo(term)
-        more = np.random.default_rng(_SEED).uniform(1.2, 1.5, self.robot.n_joints)
+        more = np.random.default_rng(11).uniform(1.2, 1.5, self.robot.n_joints)
         late = term == "delay"
         # All joints have one delay, and a change of it is several steps.
         changed = own + 10.0 * max(self.format.delay_step_s, 1e-3) if late else own * more
         off = np.zeros(self.robot.n_joints)
         for values in (own, changed):
-            other = self.subject.with_servo(term, values)
-            seen = self.format.load(other, self.format.render(other)).servos[term]
+            told = {**self.subject.servo_values, term: values}
+            seen = self._load(self.subject.varied(servo_values=told)).terms[term]
             room = 0.5 * self.format.delay_step_s if late else 0.0
             off = np.maximum(
-                off, np.abs(seen - values) - room - _MISSED * np.abs(values - own) - _ROUNDED * np.abs(values)
+                off,
+                np.abs(seen - values)
+                - room
+                - _MISSED * np.abs(values - own)
+                - 4.0 * float(np.finfo(np.float32).eps) * np.abs(values),
             )
         known = zip(self.robot.joint_names, np.isfinite(own), off, strict=True)
         return {f"{term}.{joint}": _FELT if far <= 0.0 else _DEAF for joint, there, far in known if there}
 
 
-SCHEMA = "excite.model/1"
 CHANGES, LOST, DOCUMENT = "changes.csv", "lost.csv", "model.json"
 
 
 @dataclass(frozen=True, repr=False)
-class SimulatorModel(Tabled):
+class SimulatorModel(Tabled, Stated):
     """A robot that was written for a simulator.
 
     Attributes:
-        format: name of the format.
+        format: format of the files.
         robot: name of the robot.
         folder: where the files are.
-        files: their names, the one that a simulator opens first.
-        changes: all parameters, before and after.
-        lost: what the format has no place for.
+        files: relative to this document's folder; the first is the one to open.
+        changes: all parameters of bodies and joints, before and after.
+        lost: what was found and is not in the files.
         notes: what a user of the files should know, one sentence each.
-        proof: that what is read again follows every parameter.
+        proof: that the files are understood as they are meant.
     """
 
-    format: str
-    robot: str
-    folder: Path
-    files: tuple[str, ...]
+    SCHEMA = "excite.model/1"
+
+    format: Name
+    robot: Name
+    folder: Path = field(metadata=HIDDEN)
+    files: tuple[FilePath, ...]
     changes: tuple[Change, ...]
     lost: tuple[Lost, ...]
     notes: tuple[str, ...]
@@ -292,36 +284,13 @@ class SimulatorModel(Tabled):
 
     def rows(self, table: str) -> Sequence[Row]:
         """See :class:`~excite.display.Tabled`: all parameters before and after, or what the format has no place for."""
-        if table == "changes":
-            return [row.to_json() for row in self.changes]
-        return [asdict(item) for item in self.lost]
+        return [row.row() for row in (self.changes if table == "changes" else self.lost)]
 
     def summary(self) -> str:
         """What was written, proved and lost, in one line."""
         lost = f", {len(self.lost)} lost" if self.lost else ""
         where = self.folder / self.files[0]
         return f"{self.robot} as {self.format} in {where}: {count(self.proof.felt, 'parameter')} proved{lost}"
-
-    def to_json(self) -> dict[str, Any]:
-        """The document ``excite.model/1``; names of files are relative to the folder."""
-        return {
-            "schema": SCHEMA,
-            "format": self.format,
-            "robot": self.robot,
-            "files": list(self.files),
-            "changes": [row.to_json() for row in self.changes],
-            "lost": [
-                {"parameter": item.parameter, "where": item.where, "value": item.value, "why": item.why}
-                for item in self.lost
-            ],
-            "notes": list(self.notes),
-            "proof": {
-                "torque_error": self.proof.error,
-                "felt": self.proof.felt,
-                "unseen": list(self.proof.unseen),
-                "not_held": list(self.proof.not_held),
-            },
-        }
 
 
 def write_simulator_model(
@@ -339,7 +308,7 @@ def write_simulator_model(
     Args:
         result: an identification; or what ``excite identify``, ``campaign`` or ``diagnose --apply`` wrote: its folder,
             or the document in it.
-        format_name: one of :data:`~excite.export.simulators.registry.MODEL_FORMATS`.
+        format_name: one of :data:`~excite.export.registry.MODEL_FORMATS`.
         out: folder to write to.
         robot: the robot that the result is of, where the result does not say or it lies elsewhere now.
         template: its MuJoCo model, whose text ``mjcf`` keeps, where the robot is not named by that.
@@ -378,10 +347,11 @@ def write_simulator_model(
     with all_or_nothing():
         for name, content in rendered.files.items():
             write_bytes(folder / name, content)
-        changes = [[getattr(row, name) for name in COLUMNS] for row in written.changes]
-        write_text(folder / CHANGES, csv_text(COLUMNS, changes))
-        lost = [(item.parameter, item.where, item.value, item.why) for item in written.lost]
-        write_text(folder / LOST, csv_text(("parameter", "where", "value", "why"), lost))
+        for name, columns in ((CHANGES, COLUMNS), (LOST, ("parameter", "where", "value", "why"))):
+            rows = written.rows(name.removesuffix(".csv"))
+            write_text(
+                folder / name, csv_text(columns, [[row[column] for column in columns] for row in rows])
+            )
         write_json(written.to_json(), folder / DOCUMENT)
     return written
 
@@ -391,9 +361,9 @@ def _servo_lines(model_format: ModelFormat, subject: Subject) -> list[str]:
 
 
 def _describe_off(proof: Proof, tolerance: float) -> list[str]:
-    if proof.error <= tolerance:
+    if proof.torque_error <= tolerance:
         return []
     return [
-        f"its torques are {proof.error:.1e} of the largest off those found: that is what the file has of its own,"
-        " such as springs or bodies that were left alone"
+        f"its torques are {proof.torque_error:.1e} of the largest off those found: that is what the file has of its"
+        " own, such as springs or bodies that were left alone"
     ]

@@ -14,103 +14,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.export.models.mjcf import MjcfTemplate, read_template
-from excite.export.models.parameters import ModelParameters, inconsistent_links
-from excite.export.models.verification import States
+from excite.export.models.mjcf_template import MjcfTemplate, read_template
+from excite.export.models.parameters import inconsistent_links
+from excite.export.models.verification import States, pinocchio_torques
 from excite.export.models.xml_text import Element, XmlText
+from excite.formats.documents import elements_of
+from excite.identification.identified_parameters import IdentifiedParameters
+from excite.results import Name, Stated
 from excite.robot.robot import Robot
 from excite.simulation.drives import Drives, nominal_drives
-
-
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """The files of a robot in a format.
-
-    Attributes:
-        files: contents by name in the folder, the one that a simulator opens first.
-        notes: what a user of them should know, one sentence each.
-        mesh_root: where relative paths in them start while nothing is written yet.
-    """
-
-    files: Mapping[str, bytes]
-    notes: tuple[str, ...] = ()
-
-    @property
-    def main(self) -> str:
-        """Name of the file that a simulator opens."""
-        return next(iter(self.files))
-
-
-class LoadedModel(ABC):
-    """A robot as it was read again from files, by a reader that shares nothing with their writer.
-
-    Attributes:
-        drives: terms of joints that the files hold, ``(n_joints,)`` each in the robot's order.
-        servos: terms of servos that they hold, likewise.
-    """
-
-    def __init__(self, drives: Mapping[str, Array], servos: Mapping[str, Array] | None = None) -> None:
-        self.drives = drives
-        self.servos = servos or {}
-
-    @abstractmethod
-    def torques(self, states: States) -> Array:
-        """Inverse dynamics with all friction and rotor inertia, ``(n, nv)`` in the robot's layout."""
-
-
-class ModelFormat(ABC):
-    """A format for identified robots.
-
-    Attributes:
-        name: what users type.
-        summary: one line for help texts.
-        terms: which of :data:`~excite.export.simulators.model_format.JOINT_TERMS` it holds.
-        servo_terms: which of :data:`~excite.export.simulators.model_format.SERVO_TERMS` it holds.
-        lacks: by term that it does not hold, what that means in the simulator.
-        tolerance: how far torques of what is read again may be off, relative to the largest.
-        delay_step_s: what delays in it are whole multiples of; zero where any is held [s].
-    """
-
-    name: ClassVar[str]
-    summary: ClassVar[str]
-    terms: ClassVar[tuple[str, ...]] = ("viscous", "coulomb", "armature")
-    servo_terms: ClassVar[tuple[str, ...]] = ()
-    lacks: ClassVar[Mapping[str, str]] = {}
-    tolerance: ClassVar[float] = 1e-9
-    delay_step_s: ClassVar[float] = 0.0
-
-    @abstractmethod
-    def render(self, subject: Subject) -> Rendered:
-        """The files.
-
-        Raises:
-            InputError: the format takes no such robot.
-        """
-
-    @abstractmethod
-    def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
-        """The robot as the format's reader understands the files; raises InputError where it refuses them.
-
-        Args:
-            subject: for the robot's names and joints; none of its values.
-            rendered: the files.
-        """
-
-    def lost(self, subject: Subject) -> tuple[Lost, ...]:
-        """What was found and the format holds in no way of its own, beside what :mod:`lost` says of every format."""
-        return ()
-
-    def servo(self, subject: Subject) -> tuple[str, ...]:
-        """Terms of servos that files of this subject hold."""
-        return self.servo_terms
-
-    def exact(self, subject: Subject) -> bool:
-        """Whether torques have to be the found ones, and not only change as they do."""
-        return True
-
-
-# What is written for a simulator: a robot, the parameters that were found for it, and where the files will
-# stand.
 
 JOINT_TERMS = {"viscous": "N·m·s/rad", "coulomb": "N·m", "armature": "kg·m²"}
 """What simulators know of a joint beside its bodies, and its unit; the rest of what is identified they do not have."""
@@ -125,19 +37,110 @@ SERVO_TERMS = {
 """What simulators know of the servo of a joint; of sliding joints with N and m in place of N·m and rad."""
 
 
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """The files of a robot in a format.
+
+    Attributes:
+        files: contents by name in the folder, the one that a simulator opens first.
+        notes: what a user of them should know, one sentence each.
+    """
+
+    files: Mapping[str, bytes]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def main(self) -> str:
+        """Name of the file that a simulator opens."""
+        return next(iter(self.files))
+
+    def files_ending(self, suffix: str) -> Rendered:
+        """Its files of one kind alone."""
+        return Rendered({name: content for name, content in self.files.items() if name.endswith(suffix)})
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedModel:
+    """A robot as it was read again from files, by a reader that shares nothing with their writer.
+
+    Attributes:
+        torques: its inverse dynamics with all friction and rotor inertia, ``(n, nv)`` in the robot's layout.
+        terms: those of :data:`JOINT_TERMS` and :data:`SERVO_TERMS` that the files hold, ``(n_joints,)`` each in the
+            robot's order; NaN where a joint has none.
+    """
+
+    torques: Array
+    terms: Mapping[str, Array]
+
+    @property
+    def joint_terms(self) -> dict[str, Array]:
+        """Terms of the joints alone."""
+        return {name: self.terms[name] for name in JOINT_TERMS if name in self.terms}
+
+
+class ModelFormat(ABC):
+    """A format for identified robots.
+
+    Attributes:
+        name: what users type.
+        summary: one line for help texts.
+        held: by term of :data:`JOINT_TERMS` and :data:`SERVO_TERMS` that it holds, what it is called there.
+        lacks: by term that it does not hold, what that means in the simulator.
+        tolerance: how far torques of what is read again may be off, relative to the largest.
+        delay_step_s: what delays in it are whole multiples of; zero where any is held [s].
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    held: ClassVar[Mapping[str, str]]
+    lacks: ClassVar[Mapping[str, str]] = {}
+    tolerance: ClassVar[float] = 1e-9
+    delay_step_s: ClassVar[float] = 0.0
+
+    @abstractmethod
+    def render(self, subject: Subject) -> Rendered:
+        """The files.
+
+        Raises:
+            InputError: the format takes no such robot.
+        """
+
+    @abstractmethod
+    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
+        """The robot as the format's reader understands the files; raises InputError where it refuses them.
+
+        Args:
+            subject: for the robot's names and joints; none of its values.
+            rendered: the files.
+            states: in which its torques are asked for.
+        """
+
+    def servo(self, subject: Subject) -> tuple[str, ...]:
+        """Terms of servos that files of this subject hold."""
+        return tuple(term for term in SERVO_TERMS if term in self.held)
+
+    def exact(self, subject: Subject) -> bool:
+        """Whether torques have to be the found ones, and not only change as they do."""
+        return True
+
+
+# What is written for a simulator: a robot, the parameters that were found for it, and where the files will
+# stand.
+
+
 @dataclass(frozen=True)
-class Lost:
-    """Something that a format has no place for.
+class Lost(Stated):
+    """Something that was found and that the format has no place for.
 
     Attributes:
         parameter: its name, such as ``armature``.
         where: joint, link or the whole robot.
-        value: what was found [SI]; None where it is no number.
-        why: what the format lacks, and what that means.
+        value: as it was found [SI]; null where it is no number.
+        why: what the format lacks, and what to do.
     """
 
-    parameter: str
-    where: str
+    parameter: Name
+    where: Name
     value: float | None
     why: str
 
@@ -162,7 +165,7 @@ class Subject:
     """
 
     robot: Robot
-    found: ModelParameters
+    found: IdentifiedParameters
     folder: Path
     template: Path | None = None
     beyond: tuple[Lost, ...] = ()
@@ -173,12 +176,12 @@ class Subject:
     @property
     def parameters(self) -> Array:
         """Inertial parameters, ``(10·n_segments,)``, pinocchio's order, joint frames [SI]."""
-        return self.found.parameters
+        return self.found.inertial
 
     @property
     def drives(self) -> dict[str, float]:
         """Parameters of the drives by name, such as ``viscous.JOINT`` [SI]."""
-        return self.found.identified.by_drive()
+        return self.found.by_drive()
 
     @property
     def stem(self) -> str:
@@ -196,7 +199,13 @@ class Subject:
         return nominal_drives(self.robot)
 
     def written(self, name: str) -> Array:
-        """A term of all joints for a file that is made anew: as found, else as the robot's description has it."""
+        """A term of all joints for a file that is made anew, one of :data:`JOINT_TERMS` or :data:`SERVO_TERMS`.
+
+        Those of joints are as found, else as the robot's description has them; those of servos are NaN where they are
+        not known.
+        """
+        if name in SERVO_TERMS:
+            return self.servo(name)
         found = self.term(name)
         return np.asarray(np.where(np.isfinite(found), found, getattr(self.declared, name)))
 
@@ -220,14 +229,9 @@ class Subject:
         """The same with other values; what is not in ``drives`` keeps its own."""
         own = self.drives | dict(drives)
         values = np.array(list(own.values()))
-        identified = replace(
-            self.found.identified, inertial=parameters, drive_names=tuple(own), drives=values
+        return self.varied(
+            found=replace(self.found, inertial=parameters, drive_names=tuple(own), drives=values)
         )
-        return self.varied(found=replace(self.found, identified=identified))
-
-    def with_servo(self, name: str, values: Array) -> Subject:
-        """The same with another term of the servos, ``(n_joints,)``."""
-        return self.varied(servo_values={**self.servo_values, name: values})
 
     def varied(self, **changes: Any) -> Subject:
         """The same with other attributes than the template, whose reading takes long and is kept."""
@@ -241,10 +245,10 @@ class Subject:
         return inconsistent_links(self.robot, self.parameters)
 
 
-# Torques of joints beside their bodies'.
+# Readers' parts that several formats have.
 
 
-def with_friction(robot: Robot, bodies: Array, states: States, drives: Mapping[str, Array]) -> Array:
+def with_friction(robot: Robot, bodies: Array, states: States, terms: Mapping[str, Array]) -> Array:
     """Torques of bodies and drives together, ``(n, nv)``.
 
     Each joint adds viscous·v + coulomb·sign(v) + armature·a.
@@ -253,14 +257,34 @@ def with_friction(robot: Robot, bodies: Array, states: States, drives: Mapping[s
         robot: the robot.
         bodies: torques of the bodies, ``(n, nv)``.
         states: velocities and accelerations.
-        drives: terms, ``(n_joints,)`` each; one that is left out is zero.
+        terms: of the joints, ``(n_joints,)`` each; one that is left out is zero, others than those three are not read.
     """
     total, base = bodies.copy(), robot.n_base_v
     v, a = states.v[:, base:], states.a[:, base:]
-    columns = {"viscous": v, "coulomb": np.sign(v), "armature": a}
-    for term, values in drives.items():
-        total[:, base:] += columns[term] * values
+    for term, column in {"viscous": v, "coulomb": np.sign(v), "armature": a}.items():
+        if term in terms:
+            total[:, base:] += column * terms[term]
     return total
+
+
+# By term that a URDF holds: the element of a joint, its attribute there, and what one that is missing stands for.
+URDF_TERMS = {
+    "viscous": ("dynamics", "damping", 0.0),
+    "coulomb": ("dynamics", "friction", 0.0),
+    "torque_limit": ("limit", "effort", np.nan),
+    "velocity_limit": ("limit", "velocity", np.nan),
+}
+
+
+def load_urdf(robot: Robot, text: bytes | str, states: States) -> LoadedModel:
+    """A URDF by pinocchio, the terms that its joints state by the XML's own words."""
+    joints = {joint.get("name"): joint for joint in elements_of(text).findall("joint")}
+    terms = {}
+    for term, (tag, attribute, default) in URDF_TERMS.items():
+        elements = (joints[name].find(tag) for name in robot.joint_names)
+        values = [default if one is None else float(one.get(attribute, default)) for one in elements]
+        terms[term] = np.array(values)
+    return LoadedModel(with_friction(robot, pinocchio_torques(robot, text, states), states, terms), terms)
 
 
 # Paths in a model's text that still name the same files where the text stands in another folder.

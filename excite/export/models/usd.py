@@ -6,23 +6,19 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.export.simulators.model_format import (
-    JOINT_TERMS,
-    SERVO_TERMS,
-    LoadedModel,
-    ModelFormat,
-    Rendered,
-    Subject,
-)
-from excite.export.simulators.tree import Body, Joint, LoadedTree, ReadBody, ReadJoint, Tree, described_tree
-from excite.robot.robot import Robot
+from excite.export.models.model_format import LoadedModel, ModelFormat, Rendered, Subject, with_friction
+from excite.export.models.tree import Body, Joint, Tree, described_tree
+from excite.export.models.verification import States, pinocchio_torques
+from excite.export.models.xml_text import moment_texts, number_text
 from excite.robot.shapes.shape import Shape
+from excite.robot.urdf.tree import WORLD as _WORLD
 
 # USD as text, its own grammar: prims with metadata and attributes, and the shapes of a body.
 
@@ -130,45 +126,24 @@ def shape_prim(shape: Shape) -> Prim:
     )
 
 
-# Names of USD's attributes for joints, and the unit that each counts in.
-
 DEGREE = np.pi / 180.0
-
-PHYSX = {
-    "armature": "physxJointAxis:{axis}:armature",
-    "coulomb": "physxJointAxis:{axis}:dynamicFrictionEffort",
-    "viscous": "physxJointAxis:{axis}:viscousFrictionCoefficient",
-    "velocity_limit": "physxJointAxis:{axis}:maxJointVelocity",
-}
-"""PhysX's own, of an articulation's joint; ``axis`` is angular or linear."""
-
-STATIC = "physxJointAxis:{axis}:staticFrictionEffort"
-"""PhysX's friction at rest, which it wants no smaller than that of motion."""
-
-NEWTON = {
-    "armature": "newton:armature",
-    "coulomb": "newton:friction",
-    "viscous": "newton:damping",
-    "velocity_limit": "newton:velocityLimit",
-}
-"""Newton's, which its solvers read, and PhysX where its own are not there."""
-
-DRIVE = {
-    "kp": "drive:{axis}:physics:stiffness",
-    "kd": "drive:{axis}:physics:damping",
-    "torque_limit": "drive:{axis}:physics:maxForce",
-}
-"""USD physics' drive."""
-
 # Of a hinge USD counts angles in degrees: gains and viscous friction are for each degree, speeds in degrees.
-_PER_ANGLE, _ANGLE = ("kp", "kd", "viscous"), ("velocity_limit",)
+_HINGE_UNITS = {"kp": DEGREE, "kd": DEGREE, "viscous": DEGREE, "velocity_limit": 1.0 / DEGREE}
+# Terms that stand a second time: for Newton's solvers, and as the friction at rest, which PhysX wants no smaller than
+# that of motion.
+_AGAIN = (
+    ("armature", "newton:armature"),
+    ("coulomb", "newton:friction"),
+    ("viscous", "newton:damping"),
+    ("velocity_limit", "newton:velocityLimit"),
+    ("coulomb", "physxJointAxis:{axis}:staticFrictionEffort"),
+)
+_SCHEMAS = {"drive": "PhysicsDriveAPI", "physxJointAxis": "PhysxJointAxisAPI"}
 
 
 def unit_factor(term: str, *, slides: bool) -> float:
     """What a value in SI is multiplied by to be in USD's unit."""
-    if slides:
-        return 1.0
-    return DEGREE if term in _PER_ANGLE else 1.0 / DEGREE if term in _ANGLE else 1.0
+    return 1.0 if slides else _HINGE_UNITS.get(term, 1.0)
 
 
 def prim_name(name: str, taken: Collection[str] = ()) -> str:
@@ -213,6 +188,11 @@ class _ReadPrim:
         """Whether a schema is applied to it."""
         return f'"{schema}"' in self.says.get("apiSchemas", "")
 
+    @property
+    def joint(self) -> str:
+        """Name of a joint as the robot's description has it."""
+        return self.says.get("excite:joint", self.path.rpartition("/")[2]).strip('"')
+
 
 def _read_prims(text: str) -> list[_ReadPrim]:
     if not text.startswith("#usda 1.0"):
@@ -231,59 +211,56 @@ def _read_prims(text: str) -> list[_ReadPrim]:
     return found
 
 
-def read_usda(robot: Robot, text: str) -> LoadedTree:
-    """The articulation of a USD text; raises InputError where its joints are not the robot's."""
-    prims = _read_prims(text)
-    bodies = {prim.path: _read_body(prim) for prim in prims if prim.has("PhysicsRigidBodyAPI")}
-    joints = {_joint_name(prim): prim for prim in prims if prim.kind in _JOINTS}
-    missing = [name for name in robot.joint_names if name not in joints]
-    if missing:
-        raise InputError(f"joint {missing[0]!r} is not in it", source="written model")
-    own = [joints[name] for name in robot.joint_names]
-    return LoadedTree(
-        robot,
-        bodies,
-        [_read_joint(name, prim) for name, prim in joints.items()],
-        {term: _read_term(own, term) for term in JOINT_TERMS},
-        {term: _read_term(own, term) for term in SERVO_TERMS if term != "delay"},
-    )
+def urdf_of(prims: Sequence[_ReadPrim]) -> bytes:
+    """The bodies and joints of an articulation as URDF: a link for each body, called by its path."""
+    robot = ElementTree.Element("robot", name="articulation")
+    ElementTree.SubElement(robot, "link", name=_WORLD)
+    for prim in prims:
+        if prim.has("PhysicsRigidBodyAPI"):
+            link = ElementTree.SubElement(robot, "link", name=prim.path)
+            # Without mass properties it is a base that is held, whose mass nothing feels.
+            if prim.has("PhysicsMassAPI"):
+                _add_inertial(link, prim)
+    for prim in (prim for prim in prims if prim.kind in _JOINTS):
+        outer, inner = (
+            pin.SE3(
+                prim.rotation(f"physics:localRot{side}"), prim.numbers(f"physics:localPos{side}", "0 0 0")
+            )
+            for side in (0, 1)
+        )
+        joint = ElementTree.SubElement(robot, "joint", name=prim.joint, type=_JOINTS[prim.kind])
+        for end, side in (("parent", 0), ("child", 1)):
+            path = prim.says.get(f"physics:body{side}", "").strip("<>")
+            ElementTree.SubElement(joint, end, link=path or _WORLD)
+        place = outer * inner.inverse()
+        rpy = pin.rpy.matrixToRpy(place.rotation)
+        ElementTree.SubElement(joint, "origin", xyz=number_text(*place.translation), rpy=number_text(*rpy))
+        if _JOINTS[prim.kind] != "fixed":
+            along = inner.rotation[:, "XYZ".index(prim.says.get("physics:axis", "X").strip('"'))]
+            ElementTree.SubElement(joint, "axis", xyz=number_text(*along))
+            ElementTree.SubElement(joint, "limit", lower="0", upper="0", effort="0", velocity="0")
+    if not any(parent.get("link") == _WORLD for parent in robot.iter("parent")):
+        robot.remove(robot[0])
+    return ElementTree.tostring(robot)
 
 
-def _joint_name(prim: _ReadPrim) -> str:
-    return prim.says.get("excite:joint", prim.path.rpartition("/")[2]).strip('"')
-
-
-def _read_body(prim: _ReadPrim) -> ReadBody:
-    """A body by its mass properties; without them a base that is held, whose mass nothing feels."""
-    if not prim.has("PhysicsMassAPI"):
-        return ReadBody(0.0, np.zeros(3), np.zeros((3, 3)))
+def _add_inertial(link: ElementTree.Element, prim: _ReadPrim) -> None:
     turn = prim.rotation("physics:principalAxes")
-    moments = np.diag(prim.numbers("physics:diagonalInertia"))
-    (mass,) = prim.numbers("physics:mass")
-    return ReadBody(float(mass), prim.numbers("physics:centerOfMass"), turn @ moments @ turn.T)
+    inertia = turn @ np.diag(prim.numbers("physics:diagonalInertia")) @ turn.T
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "origin", xyz=number_text(*prim.numbers("physics:centerOfMass")))
+    ElementTree.SubElement(inertial, "mass", value=number_text(*prim.numbers("physics:mass")))
+    ElementTree.SubElement(inertial, "inertia", moment_texts(inertia))
 
 
-def _read_joint(name: str, prim: _ReadPrim) -> ReadJoint:
-    poses = [
-        pin.SE3(prim.rotation(f"physics:localRot{side}"), prim.numbers(f"physics:localPos{side}", "0 0 0"))
-        for side in (0, 1)
-    ]
-    kind = _JOINTS[prim.kind]
-    axis = np.eye(3)["XYZ".index(prim.says.get("physics:axis", "X").strip('"'))] if kind != "fixed" else None
-    parent, child = (prim.says.get(f"physics:body{side}", "").strip("<>") for side in (0, 1))
-    return ReadJoint(name, kind, parent, child, poses[0], poses[1], axis)
-
-
-def _read_term(joints: list[_ReadPrim], term: str) -> Array:
+def _read_term(joints: Sequence[_ReadPrim], term: str, attribute: str) -> Array:
     """A term of all joints in SI; NaN where it or its schema is missing."""
-    schema, attribute = ("PhysxJointAxisAPI", PHYSX) if term in PHYSX else ("PhysicsDriveAPI", DRIVE)
     found = []
     for prim in joints:
         slides = prim.kind == "PhysicsPrismaticJoint"
         axis = "linear" if slides else "angular"
-        (value,) = (
-            prim.numbers(attribute[term].format(axis=axis)) if prim.has(f"{schema}:{axis}") else [np.nan]
-        )
+        there = prim.has(f"{_SCHEMAS[attribute.partition(':')[0]]}:{axis}")
+        (value,) = prim.numbers(attribute.format(axis=axis)) if there else [np.nan]
         found.append(float(value) / unit_factor(term, slides=slides))
     return np.array(found)
 
@@ -308,7 +285,15 @@ class UsdaFormat(ModelFormat):
 
     name = "usda"
     summary = "USD as text, an articulation made anew (Isaac Sim, Newton)"
-    servo_terms = ("kp", "kd", "torque_limit", "velocity_limit")
+    held: ClassVar[Mapping[str, str]] = {
+        "kp": "drive:{axis}:physics:stiffness",
+        "kd": "drive:{axis}:physics:damping",
+        "torque_limit": "drive:{axis}:physics:maxForce",
+        "armature": "physxJointAxis:{axis}:armature",
+        "coulomb": "physxJointAxis:{axis}:dynamicFrictionEffort",
+        "viscous": "physxJointAxis:{axis}:viscousFrictionCoefficient",
+        "velocity_limit": "physxJointAxis:{axis}:maxJointVelocity",
+    }
     lacks: ClassVar[Mapping[str, str]] = {"delay": "USD's drives have no delay; the format isaaclab has one"}
     # Single precision of masses, places and turns, in the torques of a whole robot: 3e-9 (Go2), 6e-9 (G1), 2e-8 (a
     # person), 3e-8 (UR10).
@@ -336,9 +321,14 @@ class UsdaFormat(ModelFormat):
         text = _HEAD.format(name=name) + "\n" + "\n".join(top.text()) + "\n"
         return Rendered({f"{subject.stem}.usda": text.encode()}, tree.notes)
 
-    def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
-        """Read by a reader of USD's text, in single precision where USD is."""
-        return read_usda(subject.robot, rendered.files[rendered.main].decode())
+    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
+        """Bodies and joints as URDF by pinocchio, terms by their attributes, in single precision where USD is."""
+        prims, robot = _read_prims(rendered.files[rendered.main].decode()), subject.robot
+        joints = {prim.joint: prim for prim in prims if prim.kind in _JOINTS}
+        own = [joints[name] for name in robot.joint_names]
+        terms = {term: _read_term(own, term, attribute) for term, attribute in self.held.items()}
+        bodies = pinocchio_torques(robot, urdf_of(prims), states)
+        return LoadedModel(with_friction(robot, bodies, states, terms), terms)
 
 
 def _prim_names(tree: Tree) -> list[str]:
@@ -391,13 +381,10 @@ def _joint_prim(joint: Joint, name: str, paths: list[str]) -> Prim:
         f"float physics:upperLimit = {format_single(upper)}",
         f'uniform token drive:{axis}:physics:type = "force"',
     ]
-    values = {**joint.terms, **joint.servo}
-    for table in (DRIVE, PHYSX, NEWTON):
-        for term, attribute in table.items():
-            if term in values:
-                value = format_single(values[term] * unit_factor(term, slides=joint.slides))
-                lines.append(f"float {attribute.format(axis=axis)} = {value}")
-    lines.append(f"float {STATIC.format(axis=axis)} = {format_single(joint.terms['coulomb'])}")
+    for term, attribute in (*UsdaFormat.held.items(), *_AGAIN):
+        if term in joint.terms:
+            value = format_single(joint.terms[term] * unit_factor(term, slides=joint.slides))
+            lines.append(f"float {attribute.format(axis=axis)} = {value}")
     # The name that the robot's description has, where USD takes no such name.
     if name != joint.name:
         lines.append(f'custom string excite:joint = "{joint.name}"')
