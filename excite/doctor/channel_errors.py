@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.inertial_prior import FLOOR
+from excite.doctor.inertial_prior import FLOOR, LEAST_GAIN, STRONG_ODDS, Judgement
 from excite.doctor.mistakes.joints import (
     BaseFrame,
     Clock,
@@ -39,10 +39,6 @@ from excite.logs.units import size_of
 # wrong clock spoils the prediction by far more. Every mistake is undone in turn; the one that brings most is
 # believed where it brings much, and the search goes on from there: mistakes come in company.
 
-# What each change has to bring: half the logarithm of the residual's power, summed over the channels [nat]. In 22 logs
-# of simulated arms with up to 18 effects each and 10 of real ones no change brings more than 0.10, or 0.14 where all
-# joints move as one; the mistakes that were put into such logs bring from 0.5 to 16.
-LEAST_GAIN = 0.35
 # A channel that gains from a change has to be explained by it; more than this share of its power left is none.
 _EXPLAINED = 0.5
 _GAINS = 0.3
@@ -63,7 +59,8 @@ class Misreading:
         mistake: what it is.
         before: share of the channels' power that nothing explains as they were, geometric mean.
         after: the same with it undone.
-        gain: sum over the channels of half the logarithm of what that brought [nat].
+        gain: logarithm of the likelihood ratio of the reading without it to that with it [nat].
+        sure: probability of the mistake beside all that were tried.
     """
 
     correction: Correction
@@ -71,12 +68,16 @@ class Misreading:
     before: float
     after: float
     gain: float
+    sure: float
 
 
 def misreadings(
     samples: S, reading: Reading, mistakes: Sequence[Mistake[S]]
 ) -> tuple[Reading, tuple[Misreading, ...]]:
     """Undo mistakes one after the other, each time the one that brings most.
+
+    Of k corrections that are tried each has prior odds of 1/k (Bonferroni): what is believed has posterior odds of
+    twenty to one at least, and matters.
 
     Args:
         samples: samples of the log.
@@ -89,16 +90,18 @@ def misreadings(
     found: list[Misreading] = []
     left = samples.judged(reading)
     while len(found) < _MOST:
-        best: tuple[float, Correction, Mistake[S], Array] | None = None
-        surprising: list[tuple[float, Correction, Mistake[S], Array]] = []
+        best: tuple[float, Correction, Mistake[S], Judgement] | None = None
+        surprising: list[tuple[float, Correction, Mistake[S], Judgement]] = []
         # Where hardly anything is left there is nothing to gain.
-        gainable = float((left[:-1] - 0.5 * np.log(FLOOR)).sum() + left[-1]) > LEAST_GAIN
+        gainable = float(left.counts @ (left.left - 0.5 * np.log(FLOOR))) + left.cost > STRONG_ODDS
         asked = mistakes if gainable else [mistake for mistake in mistakes if mistake.may_surprise]
-        for mistake, correction in _promising(samples, reading, asked):
-            then = samples.judged(correction.reading)
-            merit = float((left - then).sum()) - LEAST_GAIN * correction.changes
+        tried, promising = _promising(samples, reading, asked)
+        for mistake, correction in promising:
+            then = samples.judged(correction.reading, left.counts)
+            merit = left.odds(then) - correction.changes * float(np.log(tried))
             if (
-                merit > 0.0
+                merit > STRONG_ODDS
+                and left.gain(then) > LEAST_GAIN * correction.changes
                 and (best is None or merit > best[0])
                 and _explains(samples, correction, left, then)
             ):
@@ -109,36 +112,38 @@ def misreadings(
             best = max(surprising, key=lambda item: item[0])
         if best is None:
             break
-        _, correction, mistake, then = best
-        shares = [float(np.exp(2.0 * values[:-1].mean())) for values in (left, then)]
-        found.append(Misreading(correction, mistake, shares[0], shares[1], float((left - then).sum())))
-        reading, left = correction.reading, then
+        merit, correction, mistake, then = best
+        sure = float(1.0 / (1.0 + np.exp(-merit)))
+        shares = [float(np.exp(2.0 * values.left.mean())) for values in (left, then)]
+        found.append(Misreading(correction, mistake, shares[0], shares[1], left.odds(then), sure))
+        reading, left = correction.reading, samples.judged(correction.reading)
     return reading, tuple(found)
 
 
 def _promising(
     samples: S, reading: Reading, mistakes: Sequence[Mistake[S]]
-) -> list[tuple[Mistake[S], Correction]]:
-    """The best corrections of each mistake by the nominal bodies alone, which are quick to ask."""
+) -> tuple[int, list[tuple[Mistake[S], Correction]]]:
+    """How many corrections there are, and the best of each mistake by the nominal bodies alone, which are quick."""
     start = float(samples.left(reading).sum())
-    chosen = []
+    chosen, tried = [], 0
     for mistake in mistakes:
         gains = [
             (start - float(samples.left(item.reading).sum()), k, item)
             for k, item in enumerate(mistake.corrections(samples, reading))
         ]
+        tried += len(gains)
         chosen += [(mistake, item) for _, _, item in sorted(gains, reverse=True)[:_PROMISING]]
-    return chosen
+    return tried, chosen
 
 
-def _explains(samples: Samples, correction: Correction, left: Array, then: Array) -> bool:
+def _explains(samples: Samples, correction: Correction, left: Judgement, then: Judgement) -> bool:
     """Whether channels that gain, and those that were changed, are explained then.
 
     Where no channel was changed and none gains, likelier bodies are all that speaks for the change; of torques that
     nothing explains they say nothing.
     """
     changed = [name in correction.places and name not in correction.along for name in samples.channels]
-    return explained(left[:-1], then[:-1], np.array(changed))
+    return explained(left.left, then.left, np.array(changed))
 
 
 def explained(before: Array, after: Array, changed: NDArray[np.bool_]) -> bool:

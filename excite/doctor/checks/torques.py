@@ -51,7 +51,7 @@ class WeakTorques(Check):
         if parts is not None:
             return Outcome(log, (said_of_unit(samples, parts, reading),), frozenset({Doubt.SIZE}))
         gains, _ = samples.gains(reading)
-        weak = (samples.judged(reading)[:-1] > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
+        weak = (samples.judged(reading).left > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
         # What a spring or a cable takes hides the bodies' torque and is large; what a dead channel reads is small.
         read, needed = samples.measured_torque(reading).std(axis=0), samples.predicted(reading)[0].std(axis=0)
         weak &= read < _WEAK * needed

@@ -160,6 +160,7 @@ class Direction(Mistake[TorqueSamples]):
     """The model's axis and the robot's point opposite ways."""
 
     name = "direction"
+    of_posture = True
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         for j, joint in enumerate(samples.channels):
@@ -269,6 +270,7 @@ class Order(Mistake[TorqueSamples]):
     """Whole joints, or their positions alone, stand under another joint's name."""
 
     name = "order"
+    of_posture = True
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         n = len(samples.channels)

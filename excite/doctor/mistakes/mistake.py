@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
+from excite.doctor.inertial_prior import Judgement
 
 
 class Samples(Protocol):
@@ -57,8 +58,8 @@ class Samples(Protocol):
     def by_gravity(self, reading: Reading) -> Callable[[Array], Array]:
         """What is left, as a function of gravities ``(k, 3)`` [m/s²]: ``(k, n_channels)``."""
 
-    def judged(self, reading: Reading) -> Array:
-        """The same beside the likeliest bodies, and what these cost, ``(n_channels + 1,)``; slower."""
+    def judged(self, reading: Reading, counts: Array | None = None) -> Judgement:
+        """The same beside the likeliest bodies, by so many effective samples a channel; slower."""
 
 
 S = TypeVar("S", bound=Samples, contravariant=True)
