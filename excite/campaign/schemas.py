@@ -15,8 +15,9 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document, model_of, schema_of
 from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
-from excite.documents.results import Doctor, Export, Human, Journal, Model, Signals
+from excite.documents.results import Export, Human, Journal, Model, Signals
 from excite.errors import UnknownNameError
+from excite.finding import Examination
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.logs.log import LogHeader
@@ -32,11 +33,19 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Export, Identification, Campaign, Diagnosis, Doctor, Human, Model, Signals, Journal),
+    *(Export, Identification, Campaign, Diagnosis, Human, Model, Signals, Journal),
     *(BlindAnswers, BlindAnswer),
     *(
         model_of(result)
-        for result in (PlanDocument, RefusalsDocument, CheckReport, RankReport, Simulation, Truth)
+        for result in (
+            PlanDocument,
+            RefusalsDocument,
+            CheckReport,
+            Examination,
+            RankReport,
+            Simulation,
+            Truth,
+        )
     ),
 )
 DOCUMENTS: dict[str, type[Document]] = {schema_of(kind): kind for kind in _KINDS}

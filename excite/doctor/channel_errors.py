@@ -113,7 +113,8 @@ def misreadings(
         if best is None:
             break
         merit, correction, mistake, then = best
-        sure = float(1.0 / (1.0 + np.exp(-merit)))
+        # To the three digits of documents, in which only what was counted is certain.
+        sure = min(float(1.0 / (1.0 + np.exp(-merit))), 0.999)
         shares = [float(np.exp(2.0 * values.left.mean())) for values in (left, then)]
         found.append(Misreading(correction, mistake, shares[0], shares[1], left.odds(then), sure))
         reading, left = correction.reading, samples.judged(correction.reading)

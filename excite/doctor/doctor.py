@@ -47,6 +47,7 @@ def doctor(
         if any(found.kind == Weight.name and found.repaired for found in chart.findings):
             chart = _with_weight(nominal, chart, loaded.header.gravity)
         save_log(chart.log, repair)
+        chart = replace(chart, repaired=str(repair))
     return chart
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,32 +18,27 @@ from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import LEAST_GAIN, STRONG_ODDS, Judgement
 from excite.doctor.torque_samples import torque_samples
 from excite.errors import IllLogError
-from excite.finding import Finding, FindingList, list_names, merge_findings, worst_first
+from excite.finding import Examination, Finding, list_names, merge_findings, worst_first
 from excite.logs.log import Log, Trial
 from excite.progress import step
+from excite.results import HIDDEN
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
-SCHEMA = "excite.doctor/1"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Chart(FindingList):
+class Chart(Examination):
     """What the doctor found and made of a log.
 
     Attributes:
-        robot: name of the robot.
         log: the log, repaired where that is sound.
-        findings: what was found, worst first.
         doubts: what the log tells only about, repaired or not.
     """
 
-    robot: str
-    log: Log
-    findings: tuple[Finding, ...]
-    doubts: frozenset[Doubt] = frozenset()
+    log: Log = field(kw_only=True, metadata=HIDDEN)
+    doubts: frozenset[Doubt] = field(default=frozenset(), metadata=HIDDEN)
 
     @property
     def usable(self) -> bool:
@@ -61,29 +54,13 @@ class Chart(FindingList):
         source = None if self.log.folder is None else self.log.folder / "log.yaml"
         raise IllLogError(said, source=source, findings=worst)
 
-    def to_json(self, repaired: Path | None = None) -> dict[str, Any]:
-        """The document ``excite.doctor/1``; ``repaired`` is where the repaired log was written."""
-        return {
-            "schema": SCHEMA,
-            "robot": self.robot,
-            "healthy": self.healthy,
-            "findings": [finding.to_json() for finding in self.findings],
-            "repaired": None if repaired is None else str(repaired),
-        }
-
-    def summary(self, repaired: Path | None = None) -> str:
-        """One finding a paragraph, worst first: what, and what was done or is to be done."""
-        if not self.findings:
-            return "nothing wrong was found"
-        lines = []
-        for finding in self.findings:
-            state = "repaired" if finding.repaired else finding.severity
-            sure = "" if finding.sure == 1.0 else f", {100 * finding.sure:.0f} % sure"
-            lines += [f"{finding.kind} ({state}{sure}): {finding.text}", f"    {finding.remedy}"]
-        if not self.healthy:
-            last = "what is said to be repaired is so for identify and diagnose, too"
-            lines.append(last if repaired is None else f"repaired log written to {repaired}")
-        return "\n".join(lines)
+    def summary(self) -> str:
+        """One finding a paragraph, worst first, and which log holds what was repaired."""
+        found = super().summary()
+        if self.healthy:
+            return found
+        last = "what is said to be repaired is so for identify and diagnose, too"
+        return f"{found}\n{last if self.repaired is None else f'repaired log written to {self.repaired}'}"
 
 
 @one_blas_thread
@@ -108,7 +85,8 @@ def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> 
         log = outcome.log
         findings += outcome.findings
         doubts |= outcome.doubts
-    return Chart(robot.name, log, worst_first(merge_findings(tuple(findings))), frozenset(doubts))
+    found = worst_first(merge_findings(tuple(findings)))
+    return Chart(robot.name, found, log=log, doubts=frozenset(doubts))
 
 
 def _as_set(log: Log, settings: ProblemSettings) -> Log:

@@ -32,9 +32,9 @@ _PASSES = 3
 _RIDGE = 1e-12
 # Less than this share of a channel's power is no better explained: nominal inertias are off by some tenths.
 FLOOR = 1e-3
-# What a reading has to leave less of to matter: half the logarithm of the residual's power [nat], for each change. In 22
-# logs of simulated arms with up to 18 effects each and 10 of real ones no change brings more than 0.10, or 0.14 where
-# all joints move as one; the mistakes that were put into such logs bring from 0.5 to 16.
+# What a reading has to leave less of to matter: half the logarithm of the residual's power [nat], for each change. In
+# 22 logs of simulated arms with up to 18 effects each and 10 of real ones no change brings more than 0.10, or 0.14
+# where all joints move as one; the mistakes that were put into such logs bring from 0.5 to 16.
 LEAST_GAIN = 0.35
 # Odds at which one of several explanations that are as likely beforehand is strongly supported [nat]: twenty to one
 # (Kass and Raftery 1995, section 3.2).

@@ -28,26 +28,6 @@ from excite.documents.document import (
 )
 from excite.identification.judgement.judgement import ChannelFit
 
-# ``excite.doctor/1``: what is wrong with a log, worst first.
-
-
-class Doctor(Document):
-    """What was found in a log, and where the repaired one is."""
-
-    schema_: Literal["excite.doctor/1"] = Field(alias="schema", description="version of this document")
-    robot: Name = Field(description="name of the robot")
-    log_file: FilePath | None = Field(
-        default=None,
-        description="the log, relative to this document's folder; null where it was made in memory",
-    )
-    robot_file: FilePath | None = Field(
-        default=None, description="the nominal robot where another than the log's was given, likewise"
-    )
-    healthy: bool = Field(description="whether nothing was found that spoils results")
-    findings: Findings = Field(description="worst first")
-    repaired: FilePath | None = Field(default=None, description="folder of the repaired log")
-
-
 # ``excite.export/1``: the files that were written for a controller.
 
 

@@ -37,7 +37,7 @@ _KINDS: Registry[Any] = Registry(
         "signals": "excite.documents.results:Signals",
         "diagnosis": "excite.documents.diagnosis:Diagnosis",
         "human": "excite.documents.results:Human",
-        "doctor": "excite.documents.results:Doctor",
+        "doctor": "excite.finding:Examination",
     },
 )
 # Commands that write them, where these have another name.
