@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, permutations, product
 from typing import Any, TypeVar
 
@@ -15,20 +16,20 @@ from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.inertial_prior import FLOOR, LEAST_GAIN, STRONG_ODDS, Judgement
 from excite.doctor.mistakes.joints import (
-    BaseFrame,
-    Clock,
-    Degrees,
-    Direction,
-    Gravity,
-    Order,
-    PositionOrder,
-    PositionSign,
-    Revolutions,
-    TorqueOrder,
-    ZeroPosition,
+    find_base_frame,
+    find_clock,
+    find_degrees,
+    find_exchanged_positions,
+    find_gravity,
+    find_order,
+    find_position_sign,
+    find_revolutions,
+    find_torque_order,
+    find_turned_joints,
+    find_zeros,
 )
 from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake, Samples
-from excite.doctor.mistakes.torques import TorqueLate, TorqueScale, TorqueSign, Weight
+from excite.doctor.mistakes.torques import TORQUE_SCALE, find_delay, find_missing_weight, find_torque_sign
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.logs.units import size_of
@@ -175,47 +176,35 @@ def _groups(samples: WrenchSamples) -> list[tuple[tuple[int, ...], tuple[str, ..
     return [(tuple(range(len(names))), names), *groups] if len(names) > 1 else groups
 
 
-class WrenchSign(Mistake[WrenchSamples]):
+def find_wrench_sign(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Feet push up: a sensor that reads a pull has its sign turned, or says what the robot does to the ground."""
-
-    name = "wrench_sign"
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        parts = {"wrench": np.ones(6), "force": np.repeat([1.0, 0.0], 3), "moment": np.repeat([0.0, 1.0], 3)}
-        for sensors, names in _groups(samples):
-            for what, mask in parts.items():
-                other = reading.with_wrenches(sensors, np.diag(1.0 - 2.0 * mask))
-                text = f"the sign of the {what} of {' and '.join(names)} looks turned: what the ground feels"
-                yield Correction(self.name, other, text, names)
+    parts = {"wrench": np.ones(6), "force": np.repeat([1.0, 0.0], 3), "moment": np.repeat([0.0, 1.0], 3)}
+    for sensors, names in _groups(samples):
+        for what, mask in parts.items():
+            other = reading.with_wrenches(sensors, np.diag(1.0 - 2.0 * mask))
+            text = f"the sign of the {what} of {' and '.join(names)} looks turned: what the ground feels"
+            yield Correction(other, text, names)
 
 
-class WrenchOrder(Mistake[WrenchSamples]):
+def find_wrench_order(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Two sensors' columns exchanged: the other foot's."""
-
-    name = "wrench_order"
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        for i, j in combinations(range(len(samples.sensors)), 2):
-            order = reading.sensor_of.copy()
-            order[[i, j]] = order[[j, i]]
-            maps = reading.wrench_map.copy()
-            maps[[i, j]] = maps[[j, i]]
-            names = (samples.sensors[i], samples.sensors[j])
-            text = f"wrenches of {names[0]} and {names[1]} look exchanged"
-            yield Correction(self.name, replace(reading, sensor_of=order, wrench_map=maps), text, names)
+    for i, j in combinations(range(len(samples.sensors)), 2):
+        order = reading.sensor_of.copy()
+        order[[i, j]] = order[[j, i]]
+        maps = reading.wrench_map.copy()
+        maps[[i, j]] = maps[[j, i]]
+        names = (samples.sensors[i], samples.sensors[j])
+        text = f"wrenches of {names[0]} and {names[1]} look exchanged"
+        yield Correction(replace(reading, sensor_of=order, wrench_map=maps), text, names)
 
 
-class WrenchAxes(Mistake[WrenchSamples]):
+def find_wrench_axes(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Axes under other names, with or without a sign: columns in another order, or a frame turned by quarters."""
-
-    name = "wrench_axes"
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        for sensors, names in _groups(samples):
-            for said, matrix in _axes():
-                other = reading.with_wrenches(sensors, np.asarray(np.kron(np.eye(2), matrix), dtype=float))
-                text = f"axes of {' and '.join(names)} look exchanged: x, y, z are columns {said}"
-                yield Correction(self.name, other, text, names)
+    for sensors, names in _groups(samples):
+        for said, matrix in _axes():
+            other = reading.with_wrenches(sensors, np.asarray(np.kron(np.eye(2), matrix), dtype=float))
+            text = f"axes of {' and '.join(names)} look exchanged: x, y, z are columns {said}"
+            yield Correction(other, text, names)
 
 
 def _axes() -> Iterator[tuple[str, Array]]:
@@ -229,54 +218,46 @@ def _axes() -> Iterator[tuple[str, Array]]:
         yield said, matrix
 
 
-class WrenchUnit(Mistake[WrenchSamples]):
+def find_wrench_unit(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Forces and moments in units other than newtons and metres: the whole weight is known to some tenths."""
-
-    name = "wrench_unit"
-    may_surprise = True
-    leaves = frozenset({Doubt.SIZE})
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        everywhere = tuple(range(len(samples.sensors)))
-        factor = samples.weight_ratio(reading)
-        if factor <= 0.0 or 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
-            yield from self._of_moments(samples, reading)
-            return
-        surprise = abs(float(np.log(factor)))
-        near = {name: n for name, n in _FORCES.items() if n > 1.0 and abs(np.log(factor * n)) < _NEAR}
-        for force, newtons in near.items():
-            for lever, metres in _LEVERS.items():
-                other = reading.with_wrenches(everywhere, _scaled(newtons, metres))
-                # The moments' unit is told by how the fit is; a price keeps the one that goes with the force.
-                worse = float(samples.left(other)[3:].sum())
-                unit = f"{force} and {force}·{lever}"
-                text = f"wrenches weigh {factor:.3g} times what the robot does: they look like {unit}"
-                figures = {"newtons": newtons, "newton_metres": newtons * metres}
-                yield Correction(
-                    self.name, other, text, samples.sensors, figures, surprise=surprise - 0.01 * worse
-                )
-        if not near:
-            text = f"wrenches weigh {factor:.3g} times what the robot does: another unit, or another robot"
-            other = reading.with_wrenches(everywhere, np.eye(6) / factor)
-            yield Correction(
-                self.name,
-                other,
-                text,
-                samples.sensors,
-                {"factor": factor},
-                surprise=surprise,
-                ask=THE_UNIT,
-                as_logged=lambda read: read.with_wrenches(everywhere, factor * np.eye(6)),
-                certain=False,
-            )
-
-    def _of_moments(self, samples: WrenchSamples, reading: Reading) -> Iterator[Correction]:
-        """Moments alone in another unit."""
+    everywhere = tuple(range(len(samples.sensors)))
+    factor = samples.weight_ratio(reading)
+    if factor <= 0.0 or 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
+        yield from _of_moments(samples, reading)
+        return
+    surprise = abs(float(np.log(factor)))
+    near = {name: n for name, n in _FORCES.items() if n > 1.0 and abs(np.log(factor * n)) < _NEAR}
+    for force, newtons in near.items():
         for lever, metres in _LEVERS.items():
-            if metres != 1.0:
-                other = reading.with_wrenches(range(len(samples.sensors)), _scaled(1.0, metres))
-                text = f"moments of {' and '.join(samples.sensors)} look like N·{lever}"
-                yield Correction(self.name, other, text, samples.sensors, {"newton_metres": metres})
+            other = reading.with_wrenches(everywhere, _scaled(newtons, metres))
+            # The moments' unit is told by how the fit is; a price keeps the one that goes with the force.
+            worse = float(samples.left(other)[3:].sum())
+            unit = f"{force} and {force}·{lever}"
+            text = f"wrenches weigh {factor:.3g} times what the robot does: they look like {unit}"
+            figures = {"newtons": newtons, "newton_metres": newtons * metres}
+            yield Correction(other, text, samples.sensors, figures, surprise=surprise - 0.01 * worse)
+    if not near:
+        text = f"wrenches weigh {factor:.3g} times what the robot does: another unit, or another robot"
+        other = reading.with_wrenches(everywhere, np.eye(6) / factor)
+        yield Correction(
+            other,
+            text,
+            samples.sensors,
+            {"factor": factor},
+            surprise=surprise,
+            ask=THE_UNIT,
+            as_logged=lambda read: read.with_wrenches(everywhere, factor * np.eye(6)),
+            certain=False,
+        )
+
+
+def _of_moments(samples: WrenchSamples, reading: Reading) -> Iterator[Correction]:
+    """Moments alone in another unit."""
+    for lever, metres in _LEVERS.items():
+        if metres != 1.0:
+            other = reading.with_wrenches(range(len(samples.sensors)), _scaled(1.0, metres))
+            text = f"moments of {' and '.join(samples.sensors)} look like N·{lever}"
+            yield Correction(other, text, samples.sensors, {"newton_metres": metres})
 
 
 def _scaled(newtons: float, metres: float) -> Array:
@@ -287,66 +268,67 @@ def _scaled(newtons: float, metres: float) -> Array:
 # Contact wrenches that were zeroed while the robot stood on the sensors: what they carried then is off them.
 
 
-class ZeroedWrenches(Mistake[WrenchSamples]):
+def find_zeroed_wrenches(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Constants that bring the nominal weight back; how sensors share it is told as far as their levers change."""
-
-    name = "zeroed_wrenches"
-    leaves = frozenset({Doubt.SIZE})
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        ratio = samples.weight_ratio(reading)
-        # Nearer to no weight than to all of it.
-        if reading.wrench_added.any() or abs(ratio) > 0.5:
-            return
-        added = samples.best_constants(reading)
-        weight = float(np.linalg.norm(added[:, :3].sum(axis=0)))
-        text = (
-            f"wrenches weigh {ratio:.2g} times what the robot does, and its weight with constants of together "
-            f"{weight:.0f} N: they were zeroed under load"
-        )
-        other = replace(reading, wrench_added=reading.wrench_added + added)
-        yield Correction(
-            self.name,
-            other,
-            text,
-            samples.sensors,
-            {"weight_ratio": ratio, "added_n": weight},
-            certain=False,
-            mends="the nominal weight was added to them; zero sensors that carry nothing",
-        )
+    ratio = samples.weight_ratio(reading)
+    # Nearer to no weight than to all of it.
+    if reading.wrench_added.any() or abs(ratio) > 0.5:
+        return
+    added = samples.best_constants(reading)
+    weight = float(np.linalg.norm(added[:, :3].sum(axis=0)))
+    text = (
+        f"wrenches weigh {ratio:.2g} times what the robot does, and its weight with constants of together "
+        f"{weight:.0f} N: they were zeroed under load"
+    )
+    other = replace(reading, wrench_added=reading.wrench_added + added)
+    yield Correction(
+        other,
+        text,
+        samples.sensors,
+        {"weight_ratio": ratio, "added_n": weight},
+        certain=False,
+        mends="the nominal weight was added to them; zero sensors that carry nothing",
+    )
 
 
 # All mistakes in how channels are called, by the equations that betray them.
 
+# Which rows are tried is told by what they need; each yields what it finds and what it changes.
+
+_UNITS_AND_SIGNS: tuple[Mistake[Samples], ...] = (
+    Mistake("degrees", find_degrees, of_posture=True),
+    Mistake("revolutions", find_revolutions, of_posture=True),
+    Mistake("position_sign", find_position_sign, of_posture=True),
+)
+_DELAY = Mistake[Samples]("torque_late", find_delay, leaves=frozenset({Doubt.DELAY}))
+_GRAVITY = Mistake[Samples]("gravity", find_gravity, leaves=frozenset({Doubt.GRAVITY}))
+_ZERO = Mistake[Samples]("zero_position", find_zeros, leaves=frozenset({Doubt.POSITION}), of_posture=True)
+
 OF_TORQUES: tuple[Mistake[TorqueSamples], ...] = (
-    TorqueSign(),
-    TorqueOrder(),
-    TorqueScale(),
-    Degrees(),
-    Revolutions(),
-    PositionSign(),
-    Direction(),
-    Order(),
-    ZeroPosition(),
-    Gravity(),
-    Weight(),
-    Clock(),
-    TorqueLate(),
+    Mistake("torque_sign", find_torque_sign),
+    Mistake("torque_order", find_torque_order),
+    TORQUE_SCALE,
+    *_UNITS_AND_SIGNS,
+    Mistake("direction", find_turned_joints, of_posture=True),
+    Mistake("order", find_order, of_posture=True),
+    _ZERO,
+    _GRAVITY,
+    Mistake("compensated", find_missing_weight),
+    Mistake("clock", find_clock, leaves=frozenset({Doubt.CLOCK})),
+    _DELAY,
 )
 
 OF_WRENCHES: tuple[Mistake[WrenchSamples], ...] = (
-    WrenchSign(),
-    WrenchOrder(),
-    WrenchAxes(),
-    WrenchUnit(),
-    ZeroedWrenches(),
-    BaseFrame(),
-    Degrees(),
-    Revolutions(),
-    PositionSign(),
-    PositionOrder(),
+    Mistake("wrench_sign", find_wrench_sign),
+    Mistake("wrench_order", find_wrench_order),
+    Mistake("wrench_axes", find_wrench_axes),
+    Mistake("wrench_unit", find_wrench_unit, leaves=frozenset({Doubt.SIZE}), may_surprise=True),
+    Mistake("zeroed_wrenches", find_zeroed_wrenches, leaves=frozenset({Doubt.SIZE})),
+    Mistake("base_pose", find_base_frame, of_posture=True),
+    *_UNITS_AND_SIGNS,
+    Mistake("order", find_exchanged_positions, of_posture=True),
     # One alone shows in how a robot stands.
-    ZeroPosition(together=0),
-    Gravity(),
-    TorqueLate(),
+    replace(_ZERO, corrections=partial(find_zeros, together=0)),
+    _GRAVITY,
+    _DELAY,
 )

@@ -12,7 +12,6 @@ from excite.doctor.channel_mapping import Reading
 from excite.doctor.check import Check, Outcome
 from excite.doctor.checks.torques import of_unknown_unit
 from excite.doctor.inertial_prior import STRONG_ODDS
-from excite.doctor.mistakes.joints import Clock
 from excite.doctor.mistakes.mistake import Mistake
 from excite.doctor.mistakes.torques import OtherMachine, carried_load, other_machine
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
@@ -107,7 +106,7 @@ def _other_machine(
     """
     if len(found) < 2:
         return None
-    clock = any(item.mistake.name == Clock.name and item.correction.ask for item in found)
+    clock = any(item.mistake.name == "clock" and item.correction.ask for item in found)
     other = other_machine(samples, stated, mended.tick if clock else stated.tick)
     then = samples.judged(mended, samples.judged(stated).counts)
     return other if float(then.counts @ (other.left - then.left)) - then.cost < STRONG_ODDS else None
@@ -123,7 +122,7 @@ def _as_logged(reading: Reading, found: tuple[Misreading, ...]) -> Reading:
 
 def _of_another_machine(found: tuple[Misreading, ...], what: str, other: OtherMachine) -> Finding:
     """One model that is another machine's instead of several mistakes."""
-    kinds = dict.fromkeys(item.correction.kind.replace("_", " ") for item in found)
+    kinds = dict.fromkeys(item.mistake.name.replace("_", " ") for item in found)
     before, after = percent(min(100.0, 100.0 * found[0].before)), percent(100.0 * other.share)
     size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long"
     text = (
@@ -155,7 +154,7 @@ def _finding(item: Misreading, what: str) -> Finding:
     else:
         remedy = f"it was put right as far as the {what} tell; correct the log"
     return Finding(
-        correction.kind,
+        item.mistake.name,
         text,
         {**correction.figures, "left_before": item.before, "left_after": item.after},
         correction.places,

@@ -12,7 +12,7 @@ from excite.doctor.channel_errors import misreadings
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.check import Check, Outcome
 from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.torques import ModelParts, TorqueScale, parts_in
+from excite.doctor.mistakes.torques import TORQUE_SCALE, ModelParts, parts_in
 from excite.doctor.model_comparison import drive_fit
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.errors import LogError
@@ -169,7 +169,7 @@ def of_unknown_unit(samples: TorqueSamples, reading: Reading) -> ModelParts | No
     needed = samples.predicted(reading).torque.std(axis=0)
     if parts.told.sum() < 2 or needed[parts.told].sum() <= 0.5 * needed.sum() or parts.largest > _TOO_SMALL:
         return None
-    return None if misreadings(samples, reading, (TorqueScale(),))[1] else parts
+    return None if misreadings(samples, reading, (TORQUE_SCALE,))[1] else parts
 
 
 def said_of_unit(samples: TorqueSamples, parts: ModelParts, reading: Reading) -> Finding:

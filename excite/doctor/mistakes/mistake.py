@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +78,6 @@ class Correction:
     """A log read otherwise.
 
     Attributes:
-        kind: kind of the finding.
         reading: the channels with the mistake undone.
         text: what looks wrong, in words.
         places: joints or channels concerned.
@@ -94,7 +92,6 @@ class Correction:
         mends: what was done, where more is to be said of it than that it was put right.
     """
 
-    kind: str
     reading: Reading
     text: str
     places: tuple[str, ...]
@@ -108,26 +105,21 @@ class Correction:
     mends: str = ""
 
 
-class Mistake(ABC, Generic[S]):
-    """A way to call channels wrongly.
+@dataclass(frozen=True)
+class Mistake(Generic[S]):
+    """A way to call channels wrongly: a row of a table.
 
     Attributes:
         name: kind of its findings.
+        corrections: of samples of the log and of the reading so far, other mistakes undone: readings in which it is
+            undone, the plausible ones.
+        leaves: what is known only about where it could not be undone exactly.
         of_posture: whether it is one of how joints or base were recorded, which those that were computed do not have.
         may_surprise: whether it has corrections that are believed though likely bodies explain the log as it is.
-        leaves: what is known only about where it could not be undone exactly.
     """
 
-    name: ClassVar[str]
-    leaves: ClassVar[frozenset[Doubt]] = frozenset()
-    of_posture: ClassVar[bool] = False
-    may_surprise: ClassVar[bool] = False
-
-    @abstractmethod
-    def corrections(self, samples: S, reading: Reading) -> Iterable[Correction]:
-        """Readings in which it is undone, the plausible ones.
-
-        Args:
-            samples: samples of the log.
-            reading: the reading so far, other mistakes undone.
-        """
+    name: str
+    corrections: Callable[[S, Reading], Iterable[Correction]]
+    leaves: frozenset[Doubt] = frozenset()
+    of_posture: bool = False
+    may_surprise: bool = False
