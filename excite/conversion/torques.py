@@ -442,7 +442,7 @@ def settled_by_torques(
         return None
     odds = [left[0].odds(one) for one in left]
     best, second = np.argsort(odds)[:-3:-1]
-    gain = odds[best] - odds[second]
+    gain = left[second].posterior(left[best])
     none = np.zeros(len(left[0].left), dtype=bool)
     if gain < STRONG_ODDS or not explained(left[second].left, left[best].left, none):
         return None

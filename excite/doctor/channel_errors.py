@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.inertial_prior import FLOOR, LEAST_GAIN, STRONG_ODDS, Judgement
+from excite.doctor.inertial_prior import FLOOR, STRONG_ODDS, Judgement
 from excite.doctor.mistakes.joints import (
     find_base_frame,
     find_clock,
@@ -99,10 +99,9 @@ def misreadings(
         tried, promising = _promising(samples, reading, asked)
         for mistake, correction in promising:
             then = samples.judged(correction.reading, left.counts)
-            merit = left.odds(then) - correction.changes * float(np.log(tried))
+            merit = left.posterior(then, tried=tried, changes=correction.changes)
             if (
                 merit > STRONG_ODDS
-                and left.gain(then) > LEAST_GAIN * correction.changes
                 and (best is None or merit > best[0])
                 and _explains(samples, correction, left, then)
             ):

@@ -87,9 +87,14 @@ class Judgement:
         """Logarithm of another reading's likelihood per this one's, by this one's effective samples [nat]."""
         return float(self.counts @ (self.left - other.left)) + self.cost - other.cost
 
-    def gain(self, other: Judgement) -> float:
-        """How much less another reading leaves, over all channels, and what its bodies cost less a sample [nat]."""
-        return float((self.left - other.left).sum() + (self.cost - other.cost) / self.counts.mean())
+    def posterior(self, other: Judgement, *, tried: int = 1, changes: int = 1) -> float:
+        """The same times prior odds of one in so many that were tried for each of so many changes [nat].
+
+        Minus infinity where another reading leaves, and its bodies cost a sample, less by so little as not to matter.
+        """
+        gain = float((self.left - other.left).sum() + (self.cost - other.cost) / self.counts.mean())
+        matters = gain > LEAST_GAIN * changes
+        return self.odds(other) - changes * float(np.log(tried)) if matters else -np.inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -389,7 +389,7 @@ def _in_radians_by_others(robot: Robot, log: Log, which: NDArray[np.bool_]) -> b
         reading = Reading.as_stated(log)
         turned = replace(reading, unit=np.where(which, 1.0 / _DEGREE, reading.unit))
         found = samples.judged(reading)
-        return found.odds(samples.judged(turned, found.counts)) < STRONG_ODDS
+        return found.posterior(samples.judged(turned, found.counts)) < STRONG_ODDS
     compared = velocity_ratios(log)
     return compared is not None and bool(
         (np.abs(np.log(np.maximum(compared[0][which], 1e-9))) < np.log(_SAME)).all()
