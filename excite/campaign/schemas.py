@@ -15,10 +15,10 @@ from excite.documents.campaign import Campaign
 from excite.documents.document import Document, model_of, schema_of
 from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
-from excite.documents.results import Doctor
 from excite.errors import UnknownNameError
 from excite.export.export import ExportReport
 from excite.export.models.simulator_model import SimulatorModel
+from excite.finding import Examination
 from excite.human.measure import MeasuredPerson
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
@@ -36,7 +36,7 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Identification, Campaign, Doctor),
+    *(Identification, Campaign),
     *(
         model_of(result)
         for result in (
@@ -44,6 +44,7 @@ _KINDS: tuple[type[Document], ...] = (
             PlanDocument,
             RefusalsDocument,
             CheckReport,
+            Examination,
             RankReport,
             Simulation,
             Truth,

@@ -76,7 +76,7 @@ def command(
     loaded = load_log(log, model)
     nominal = model or nominal_robot(loaded)
     chart = doctor(loaded, nominal, repair=repair)
-    document = chart.to_json(repaired=repair)
+    document = chart.to_json()
     if out is not None:
         document |= stated_origin(robot or "", log, out)
         _save_findings(nominal, loaded, chart, document, out)
@@ -85,7 +85,7 @@ def command(
         then = command_line("identify", robot or own, repair or log, "--out", "result")
         if not chart.log.header.measures_forces:
             then = command_line("diagnose", repair or log, "--out", "diagnosis")
-        emit_result(chart.summary(repaired=repair), document, as_json=as_json, then=then)
+        emit_result(chart.summary(), document, as_json=as_json, then=then)
     chart.check_usable()
 
 

@@ -18,7 +18,7 @@ from excite.conversion.recordings import nested_folders, read_recordings, source
 from excite.conversion.sources.lerobot import recordings_of_episodes
 from excite.display import Row, count
 from excite.errors import InputError, LogError
-from excite.finding import Finding, FindingList, list_names, worst_first
+from excite.finding import EpisodeFindings, Examination, Finding, list_names, worst_first
 from excite.formats.lerobot import is_data_set, read_data_set
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
@@ -70,38 +70,25 @@ class Episode:
         weights = {"fatal": 1e6, "spoils": 1e3}
         return sum(weights.get(found.severity, 1.0) * len(found.places or ("",)) for found in self.findings)
 
-    def to_json(self) -> dict[str, Any]:
+    @property
+    def entry(self) -> EpisodeFindings:
         """Its entry under ``episodes``."""
         told = self.measures if self.measures is not None else {}
-        return {
-            "episode": self.name,
-            "verdict": self.verdict,
-            "findings": [found.to_json() for found in self.findings],
-            **{name: _number(getattr(self, name)) for name in ("seconds", "step_s", "gap_s")},
-            "measures": {
-                name: dict(zip(self.joints, map(_number, values), strict=True))
-                for name, values in told.items()
-            },
-        }
+        return EpisodeFindings(
+            self.name,
+            self.verdict,
+            self.findings,
+            self.seconds,
+            self.step_s,
+            self.gap_s,
+            {name: dict(zip(self.joints, map(float, values), strict=True)) for name, values in told.items()},
+        )
 
 
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+@dataclass(frozen=True, eq=False, repr=False)
+class EpisodeChart(Examination):
+    """What was found in a data set."""
 
-
-@dataclass(frozen=True, eq=False)
-class EpisodeChart(FindingList):
-    """What was found in a data set.
-
-    Attributes:
-        name: of its folder.
-        episodes: worst first.
-        findings: of all episodes.
-    """
-
-    name: str
-    episodes: tuple[Episode, ...]
-    findings: tuple[Finding, ...]
     tables = ("findings", "episodes")  # type: ignore[assignment]
 
     def rows(self, table: str) -> Sequence[Row]:
@@ -110,37 +97,22 @@ class EpisodeChart(FindingList):
             return super().rows(table)
         return [
             {
-                "episode": one.name,
+                "episode": one.episode,
                 "verdict": one.verdict,
                 "where": list_names(tuple(dict.fromkeys(p for f in one.findings for p in f.places))),
                 "seconds": round(one.seconds, 2),
                 "gap_s": round(one.gap_s, 3),
             }
-            for one in self.episodes
+            for one in self.episodes or ()
         ]
-
-    def to_json(self) -> dict[str, Any]:
-        """The document ``excite.doctor/1``, with an entry an episode."""
-        return {
-            "schema": "excite.doctor/1",
-            "robot": self.name,
-            "healthy": self.healthy,
-            "findings": [found.to_json() for found in self.findings],
-            "repaired": None,
-            "episodes": [one.to_json() for one in self.episodes],
-        }
 
     def to_csv(self) -> str:
         """The episodes as a table to be sorted, a measure of a joint a column."""
         text = io.StringIO()
         rows = [
             dict(row)
-            | {
-                f"{name}.{joint}": value
-                for name, of in one.to_json()["measures"].items()
-                for joint, value in of.items()
-            }
-            for row, one in zip(self.rows("episodes"), self.episodes, strict=True)
+            | {f"{name}.{joint}": value for name, of in one.measures.items() for joint, value in of.items()}
+            for row, one in zip(self.rows("episodes"), self.episodes or (), strict=True)
         ]
         writer = csv.DictWriter(
             text, dict.fromkeys(name for row in rows for name in row), lineterminator="\n"
@@ -151,10 +123,12 @@ class EpisodeChart(FindingList):
 
     def summary(self) -> str:
         """A line for each episode in which something was found, and how many are well."""
-        bad = [one for one in self.episodes if one.findings]
-        width = max((len(one.name) for one in bad), default=0)
-        lines = [f"{one.name:{width}}  {'; '.join(found.text for found in one.findings)}" for one in bad]
-        return "\n".join([*lines, f"{count(len(self.episodes), 'episode')}, {len(bad)} with something wrong"])
+        bad = [one for one in self.episodes or () if one.findings]
+        width = max((len(one.episode) for one in bad), default=0)
+        lines = [f"{one.episode:{width}}  {'; '.join(found.text for found in one.findings)}" for one in bad]
+        return "\n".join(
+            [*lines, f"{count(len(self.episodes or ()), 'episode')}, {len(bad)} with something wrong"]
+        )
 
 
 def is_of_episodes(path: Path) -> bool:
@@ -199,7 +173,11 @@ def examine_episodes(path: Path, *, jobs: Jobs = 1, progress: Progress = silent)
     done = [next(judged) if one.joints == joints else _without_joints(one, joints) for one in episodes]
     done.sort(key=lambda one: -one.badness)
     findings = tuple(replace(found, trials=(one.name,)) for one in done for found in one.findings)
-    return EpisodeChart(path.name, tuple(done), worst_first((*_drifts(joints, table), *findings)))
+    return EpisodeChart(
+        path.name,
+        worst_first((*_drifts(joints, table), *findings)),
+        episodes=tuple(one.entry for one in done),
+    )
 
 
 def _tasks(path: Path) -> list[Path]:

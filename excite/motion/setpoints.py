@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import MotionError
 
-Curve = Literal["quintic", "cubic", "linear", "spline"]
-"""Between samples: quintic and cubic polynomials that meet them and their derivatives, straight lines, or nothing that
+StatedCurve = Literal["linear", "hold"]
+"""Curves that no column tells, which a file may state: straight lines, or each row held until the next one."""
+Curve = Literal["quintic", "cubic", "spline"] | StatedCurve
+"""Between samples: quintic and cubic polynomials that meet them and their derivatives, a stated curve, or nothing that
 a controller would run: a spline through positions, of which v and a are derivatives."""
 # Slowest sampling at which a spline through positions still says what a controller would do [Hz]; what is slower and
 # states velocities is a goal.
@@ -52,7 +54,7 @@ def stated_curve(names: Sequence[str], time: Array, *, goal: bool, floating: boo
 def sampled_curve(
     columns: Mapping[str, Array], joints: Sequence[str], curve: Curve, path: Path
 ) -> dict[str, Array]:
-    """Columns of a cubic or linear curve at 200 Hz, with its own derivatives; others as they are.
+    """Columns of a cubic, linear or held curve at 200 Hz, with its own derivatives; others as they are.
 
     At a setpoint acceleration or velocity jumps from the value of one polynomial to that of the next. The samples
     stand half a step before and after, between which the jump happens: so fast it comes to a controller of that rate.
@@ -66,9 +68,12 @@ def sampled_curve(
     Raises:
         MotionError: it lasts longer than any motion.
     """
-    if curve not in ("cubic", "linear"):
+    if curve not in ("cubic", "linear", "hold"):
         return dict(columns)
     time = columns["time"]
+    q = np.column_stack([columns[f"q.{joint}"] for joint in joints])
+    if curve == "hold":
+        time, q = _held(time, q)
     h = np.diff(time)
     if time[-1] - time[0] > LONGEST_GOAL_S:
         raise MotionError(
@@ -82,7 +87,6 @@ def sampled_curve(
     within = np.arange(len(index)) - np.repeat(np.cumsum(cells) - cells, cells)
     index = np.r_[0, index, len(h) - 1]
     share = np.r_[0.0, (within + 0.5) / cells[index[1:-1]], 1.0]
-    q = np.column_stack([columns[f"q.{joint}"] for joint in joints])
     slope = np.diff(q, axis=0) / h[:, None]
     v = np.column_stack([columns[f"v.{joint}"] for joint in joints]) if curve == "cubic" else None
     values = _polynomials(q, slope, v, h, index, share[:, None])
@@ -93,6 +97,13 @@ def sampled_curve(
     for name, value in zip("qva", values, strict=True):
         found |= {f"{name}.{joint}": value[:, i] for i, joint in enumerate(joints)}
     return found
+
+
+def _held(time: Array, q: Array) -> tuple[Array, Array]:
+    """Setpoints of the lines that hold each row until the next one, to which the last of its cycles leads."""
+    step = np.minimum(1.0 / _CURVE_RATE_HZ, 0.5 * np.diff(time))
+    ends = np.column_stack([time[1:] - step, time[1:]]).ravel()
+    return np.r_[time[0], ends], np.vstack([q[:1], np.stack([q[:-1], q[1:]], axis=1).reshape(-1, q.shape[1])])
 
 
 def _polynomials(

@@ -37,7 +37,7 @@ _KINDS: Registry[Any] = Registry(
         "signals": "excite.logs.signals.trace:SignalTrace",
         "diagnosis": "excite.diagnosis.answer.answer:Diagnosis",
         "human": "excite.human.measure:MeasuredPerson",
-        "doctor": "excite.documents.results:Doctor",
+        "doctor": "excite.finding:Examination",
     },
 )
 # Commands that write them, where these have another name.

@@ -107,9 +107,10 @@ class ParameterSet:
         ``nominal (n, 6)`` are the model's wrenches; planes of NaN are none. The sample is -1 where no ratio is below
         ``best``, and -2 where ``f_z`` is not positive all over the set.
         """
-        return least_ratio(
+        ratio, sample = least_ratio(
             planes, nominal, of_wrench, len(self.bodies), self.mass, len(self.loads), best, _ROUNDING
         )
+        return float(ratio), int(sample)
 
     def farthest(self, at: Array) -> Array:
         """The member at which a row rises most, as what it has beyond the model, ``(10·n_segments,)``.

@@ -47,9 +47,11 @@ def judge_robustness(sweep: Sweep, parameters: ParameterSet, *, decides: bool = 
     if stands:
         looks["zmp_m"] = _WrenchRoom(sweep, parameters, _edges_of_support(sweep), ZMP_MARGIN)
         looks["friction"] = _WrenchRoom(sweep, parameters, _faces_of_friction(sweep), 0.0)
-    every = np.unique(np.concatenate([one.samples for one in looks.values() if one.is_known] or [[]])).astype(
-        int
-    )
+    every = np.unique(
+        np.concatenate(
+            [one.samples for one in looks.values() if one.is_known] or [np.zeros(0, dtype=np.intp)]
+        )
+    ).astype(int)
     for start in range(0, len(every), _BLOCK):
         at = every[start : start + _BLOCK]
         of_block = rows.of_wrench(Moved(fine.q[at], fine.v[at], fine.a[at]))
@@ -202,7 +204,9 @@ def _faces_of_friction(sweep: Sweep) -> _Facing | None:
     if not sweep.contacts.any(axis=1).all():
         return None
     samples = sweep.torque_samples
-    phase, about, planes = np.zeros(len(samples), dtype=np.intp), [], []
+    phase = np.zeros(len(samples), dtype=np.intp)
+    about: list[Array] = []
+    planes: list[Array] = []
     for members in _phases(sweep):
         feet = np.flatnonzero(sweep.contacts[members[0]])
         corners = np.concatenate([sweep.sole_corners[i][members[0]] for i in feet])
