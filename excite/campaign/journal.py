@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from excite.campaign.expected import TARGET_RSD, check_target
-from excite.campaign.plan import MAX_CANDIDATES
+from excite.campaign.plan import BUDGETS_S, MAX_CANDIDATES
 from excite.documents.document import read_document
 from excite.documents.plan import PlanDocument
 from excite.documents.results import Journal as JournalDocument
 from excite.errors import InputError, LogError
-from excite.formats.number import check_count, check_seed
+from excite.formats.number import check_count, check_number, check_seed
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -82,7 +82,8 @@ class Journal:
                 other settings; or there is none to resume.
         """
         path = self.folder / "journal.json"
-        begun = {"schema": SCHEMA, "robot_hash": robot.hash, "settings": settings.to_json()}
+        asked = {name: value for name, value in settings.to_json().items() if value is not None}
+        begun = {"schema": SCHEMA, "robot_hash": robot.hash, "settings": asked}
         if not resume:
             if os.path.lexists(path):
                 raise InputError(
@@ -226,6 +227,9 @@ class CampaignSettings(Stated):
         method: registry name of the estimator.
         seed: of all random numbers.
         on_robot: stop after each plan, so that the motions are recorded on a real robot.
+        minutes: of motion for identification in each iteration [min]. What the first is expected to reach is aimed at,
+            and the others are for what of that it then does not. None for as much as the best motions of every joint
+            take, and for all essential parameters.
     """
 
     n_candidates: int = 140
@@ -234,6 +238,7 @@ class CampaignSettings(Stated):
     method: str = DEFAULT_METHOD
     seed: int = 0
     on_robot: bool = False
+    minutes: float | None = None
 
     def __post_init__(self) -> None:
         """Check the bounds and the method; raises InputError naming the setting, or UnknownNameError."""
@@ -242,3 +247,5 @@ class CampaignSettings(Stated):
         check_seed(self.seed)
         find_estimator(self.method)
         check_target(self.target_rsd)
+        if self.minutes is not None:
+            check_number(60.0 * self.minutes, "minutes", *BUDGETS_S, "s")

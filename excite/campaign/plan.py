@@ -262,7 +262,7 @@ def _unchosen_in_turn(pool: Pool, chosen: Sequence[int], count: int = _N_VALIDAT
 # Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
 MAX_CANDIDATES = 1_000_000
 # From one sample to a season at the robot [s].
-_BUDGETS_S = (1e-3, 1e7)
+BUDGETS_S = (1e-3, 1e7)
 
 
 def plan(
@@ -330,7 +330,7 @@ def plan(
     check_target(target_rsd)
     _check_settings(generator, series, selection, budget_s)
     if minutes is not None:
-        check_number(60.0 * minutes, "minutes", *_BUDGETS_S, "s")
+        check_number(60.0 * minutes, "minutes", *BUDGETS_S, "s")
         selection, budget_s = TARGETS, 60.0 * minutes
         generator = generator or _designer(robot)
     if parameters and selection != TARGETS:
@@ -463,7 +463,7 @@ def _check_settings(
         )
     if budget_s is None:
         return
-    check_number(budget_s, "budget", *_BUDGETS_S, "s")
+    check_number(budget_s, "budget", *BUDGETS_S, "s")
     if selection == BEST_THREE:
         raise InputError(
             "the best three of every segment take as long as they take",

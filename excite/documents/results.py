@@ -130,6 +130,9 @@ class Settings(Block):
     method: Name = Field(description="estimator")
     seed: int = Field(description="of all random numbers")
     on_robot: bool = Field(description="whether it waits for recordings of a real robot")
+    minutes: Positive | None = Field(
+        default=None, description="of motion in each iteration; null where nobody said [min]"
+    )
 
 
 class Journal(Document):

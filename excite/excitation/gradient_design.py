@@ -36,16 +36,38 @@ from excite.threads import one_blas_thread
 GRADIENT = "gradient"
 
 _DEGREE = 4
-# Shares of velocities and accelerations that designs use at the samples of the search: between them they go beyond.
-_VELOCITY, _ACCELERATION = 0.98, 0.94
-# Distance of knots [s] and rate of samples of the search [Hz]: an arm's joints turn about within half a second.
-_KNOT, SEARCH_HZ = 0.25, 16.0
-# Weight of squared violations and iterations, stage by stage; witness points are found anew before each.
-_STAGES = ((1.0, 50), (5.0, 40), (30.0, 30), (150.0, 30), (600.0, 30))
-# Parts of the step that are tried until the motion is safe.
-_STEPS = (1.0, 0.99, 0.98, 0.97, 0.95, 0.9, 0.8, 0.6, 0.4)
-# Pairs nearer than this beyond their margin are watched, and kept apart by more for what happens between samples [m].
-_NEAR, _EXTRA = 0.06, 0.007
+# Samples a second that information is of.
+SEARCH_HZ = 24.0
+
+
+@dataclass(frozen=True)
+class DesignSettings:
+    """How motions are searched for; ``python -m benchmarks.minutes --settings`` changes one after the other.
+
+    Attributes:
+        knot_s: distance of the splines' knots [s].
+        rate_hz: samples that limits and criterion are looked at [Hz].
+        velocity: share of the velocities that is used at the samples: between them motions go beyond.
+        acceleration: the same of the accelerations.
+        near_m: bodies nearer than this beyond their margin are watched [m].
+        extra_m: distance beyond the margin, for what happens between the samples [m].
+        rounds: of the search, before each of which nearest points are found anew.
+        iterations: in each round.
+        growth: of the weight of squared violations from round to round, from 1.
+    """
+
+    knot_s: float = 0.25
+    rate_hz: float = SEARCH_HZ
+    velocity: float = 0.98
+    acceleration: float = 0.94
+    near_m: float = 0.06
+    extra_m: float = 0.01
+    rounds: int = 3
+    iterations: int = 50
+    growth: float = 5.0
+
+
+_USUAL = DesignSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,18 +176,27 @@ class DesignProgram:
         source: the safe motion that the spline is added to.
         prior: information so far, ``(n_base, n_base)``, of samples at the search's rate.
         criterion: what to make large.
+        settings: of the search.
     """
 
-    def __init__(self, rows: ArmRows, source: Motion, prior: Array, criterion: Criterion) -> None:
+    def __init__(
+        self,
+        rows: ArmRows,
+        source: Motion,
+        prior: Array,
+        criterion: Criterion,
+        settings: DesignSettings = _USUAL,
+    ) -> None:
         # A copy that was sent to another process lies otherwise in memory, and sums of it would round otherwise.
         self._rows, self._prior, self._criterion = rows, np.ascontiguousarray(prior), criterion
-        self.source, self._limits = source, designed_limits(rows.robot)
+        self.source, self._settings = source, settings
+        self._limits = designed_limits(rows.robot, settings)
         robot, n_joints = rows.robot, rows.robot.n_joints
-        n = max(4, round(source.duration / _KNOT))
+        n = max(4, round(source.duration / settings.knot_s))
         self._knots = np.r_[
             np.zeros(_DEGREE), np.linspace(0.0, source.duration, n + 1), np.full(_DEGREE, source.duration)
         ]
-        time = np.linspace(0.0, source.duration, max(8, round(source.duration * SEARCH_HZ)) + 1)
+        time = np.linspace(0.0, source.duration, max(8, round(source.duration * settings.rate_hz)) + 1)
         self._bases, self._nominal = (
             self._basis(time),
             interpolate_motion(source, robot, source.time[0] + time),
@@ -173,6 +204,7 @@ class DesignProgram:
         # Jerks jump at knots of the source: they are looked at between the samples too.
         fine = np.linspace(0.0, source.duration, 8 * len(time))
         rates = np.diff(interpolate_motion(source, robot, source.time[0] + fine).a, axis=0) / fine[1]
+        self._share = SEARCH_HZ / settings.rate_hz
         self._jerk, self._jerk_basis = rates, self._basis(fine[:-1] + 0.5 * fine[1])[3]
         self._most_jerk = robot.limits.jerk
         self.size = self._bases[0].shape[1] * n_joints
@@ -189,19 +221,23 @@ class DesignProgram:
         values = ((spline.derivative(d) if d else spline)(inside)[:, 3:-3] for d in range(4))
         return tuple(np.ascontiguousarray(basis) for basis in values)
 
+    def _table(self, x: Array) -> Array:
+        """Coefficients of the splines, ``(k, n_joints)``."""
+        return self._settings.knot_s * x.reshape(-1, self._rows.robot.n_joints)
+
     def states(self, x: Array) -> tuple[Array, ...]:
         """q, v, a ``(n, n_joints)`` of coefficients ``(size,)``."""
-        table, own = _KNOT * x.reshape(-1, self._rows.robot.n_joints), self._nominal
+        table, own = self._table(x), self._nominal
         whole = (s + b @ table for s, b in zip((own.q, own.v, own.a), self._bases, strict=False))
         return tuple(np.ascontiguousarray(values) for values in whole)
 
     def information(self, x: Array) -> Array:
         """Information of the motion alone."""
-        return self._rows.information(*self.states(x))
+        return self._share * self._rows.information(*self.states(x))
 
     def motion(self, x: Array) -> Motion:
         """The source with the splines added."""
-        source, table = self.source, _KNOT * x.reshape(-1, self._rows.robot.n_joints)
+        source, table = self.source, self._table(x)
         bases = self._basis(source.time - source.time[0])
         q, v, a = (s + b @ table for s, b in zip((source.q, source.v, source.a), bases, strict=False))
         metadata = replace(source.metadata, generator=GRADIENT, verdict=None)
@@ -215,16 +251,16 @@ class DesignProgram:
         full = joint_torque_regressor(self._tree, q, v, a)
         rows = self._rows.weighted(full, v, a, sign)
         flat = rows.reshape(-1, rows.shape[2])
-        information = self._prior + flat.T @ flat
+        information = self._prior + self._share * (flat.T @ flat)
         value = -self._criterion.value(information)
-        slope = -2.0 * (flat @ self._criterion.gradient(information)).reshape(rows.shape)
+        slope = -2.0 * self._share * (flat @ self._criterion.gradient(information)).reshape(rows.shape)
         weights, by_v, by_a = self._rows.pulled(slope, (1.0 - sign**2) / width, full.shape[2])
         by_q = np.zeros_like(q)
         torque = self._rows.torques(full, v, a, sign)
         viscous, coulomb, armature = self._rows.drives
         middle = self._limits.lower + self._half
         penalty, parts = 0.0, []
-        jerk = self._jerk + self._jerk_basis @ (_KNOT * x.reshape(-1, q.shape[1]))
+        jerk = self._jerk + self._jerk_basis @ self._table(x)
         for values, limit in (
             (q - middle, self._half),
             (v, self._limits.velocity),
@@ -244,11 +280,11 @@ class DesignProgram:
         pulls = (gradient.q + by_q, gradient.v + by_v, gradient.a + by_a)
         found = sum(basis.T @ pull for basis, pull in zip(self._bases, pulls, strict=False))
         found = found + self._jerk_basis.T @ parts[4]
-        return value + weight * penalty, _KNOT * np.asarray(found).ravel()
+        return value + weight * penalty, self._settings.knot_s * np.asarray(found).ravel()
 
     def watch(self, x: Array) -> None:
         """Find the nearest points of bodies that are near each other."""
-        poses, pairs = self._bodies.find(self.states(x)[0], self._bodies.kept + _NEAR)
+        poses, pairs = self._bodies.find(self.states(x)[0], self._bodies.kept + self._settings.near_m)
         joints, at = self._bodies.carriers(pairs), pairs.sample[:, None]
         world = np.stack([pairs.first, pairs.second], axis=1)
         local = np.einsum("mkji,mkj->mki", poses.rotation[at, joints], world - poses.translation[at, joints])
@@ -263,20 +299,20 @@ class DesignProgram:
         turned = np.einsum("mkij,mkj->mki", poses.rotation[at, near.joints], near.points)
         first, second = (turned + poses.translation[at, near.joints]).transpose(1, 0, 2)
         apart = ((second - first) * near.pairs.normal).sum(axis=1)
-        lack = np.maximum(self._bodies.kept[near.pairs.pair] + _EXTRA - apart, 0.0) / 0.01
+        lack = np.maximum(self._bodies.kept[near.pairs.pair] + self._settings.extra_m - apart, 0.0) / 0.01
         slope = self._bodies.slopes(poses, replace(near.pairs, first=first, second=second))
         np.add.at(by_q, near.pairs.sample, (-2.0 * weight * lack / 0.01)[:, None] * slope)
         return float((lack**2).sum())
 
 
-def designed_limits(robot: Robot) -> JointLimits:
+def designed_limits(robot: Robot, settings: DesignSettings) -> JointLimits:
     """What designs keep at the search's samples: all that the check allows, but for what happens between them."""
     own = robot.limits
     return JointLimits(
         lower=own.position_lower,
         upper=own.position_upper,
-        velocity=_VELOCITY * own.velocity,
-        acceleration=_ACCELERATION * own.acceleration,
+        velocity=settings.velocity * own.velocity,
+        acceleration=settings.acceleration * own.acceleration,
         torque=own.torque,
     )
 
@@ -298,7 +334,13 @@ class Design:
 
 @one_blas_thread
 def design_motion(
-    rows: ArmRows, source: Motion, prior: Array, criterion: Criterion, *, robust: bool = False
+    rows: ArmRows,
+    source: Motion,
+    prior: Array,
+    criterion: Criterion,
+    *,
+    robust: bool = False,
+    settings: DesignSettings = _USUAL,
 ) -> Design:
     """The motion near a safe one that adds most to the information so far.
 
@@ -312,17 +354,19 @@ def design_motion(
         prior: ``(n_base, n_base)`` information so far, positive definite.
         criterion: what to make large.
         robust: whether the check asks for safety of all robots of the set that the description states.
+        settings: of the search.
     """
-    program = DesignProgram(rows, source, prior, criterion)
+    program = DesignProgram(rows, source, prior, criterion, settings)
     x = np.zeros(program.size)
-    for weight, iterations in _STAGES:
+    for k in range(settings.rounds):
         program.watch(x)
         found = minimize(
-            program.evaluate, x, args=(weight,), jac=True, method="L-BFGS-B",
-            bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": iterations, "maxcor": 15},
+            program.evaluate, x, args=(settings.growth**k,), jac=True, method="L-BFGS-B",
+            bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": settings.iterations, "maxcor": 15},
         )  # fmt: skip
         x = np.asarray(found.x)
-    for step in _STEPS:
+    # Each time twice as much is taken off the step.
+    for step in (1.0, *(1.0 - 0.01 * 2**k for k in range(7))):
         motion = program.motion(step * x)
         if _is_safe(rows.robot, motion, robust=robust):
             return Design(motion, program.information(step * x), step)
@@ -336,6 +380,7 @@ def design_motions(
     criterion: Criterion,
     *,
     robust: bool = False,
+    settings: DesignSettings = _USUAL,
 ) -> list[Design]:
     """Designs of motions that are run together, each for what those before it lack.
 
@@ -345,11 +390,12 @@ def design_motions(
         start: ``(n_base, n_base)`` information to begin with, positive definite.
         criterion: what to make large.
         robust: as of :func:`design_motion`.
+        settings: of the search.
     """
     made: list[Design] = []
     information = start
     for source in sources:
-        made.append(design_motion(rows, source, information, criterion, robust=robust))
+        made.append(design_motion(rows, source, information, criterion, robust=robust, settings=settings))
         information = information + made[-1].information
     return made
 

@@ -39,7 +39,7 @@ def source(ur10: Robot) -> Motion:
 
 
 def _some_targets(rows: ArmRows) -> Criterion:
-    return ReachedTargets.of(rows.robot, rows.base, ("forearm_link:com",), target_rsd=15.0, rows=1.6)
+    return ReachedTargets.of(rows.robot, rows.base, ("forearm_link:com",), target_rsd=15.0, rows=2.4)
 
 
 @pytest.mark.parametrize("criterion", [lambda _: LogDeterminant(), _some_targets], ids=["log_det", "targets"])
@@ -62,7 +62,7 @@ def test_gradient_against_differences(
 def test_designed_motions_are_safe_and_each_adds_more_than_its_source(ur10: Robot, source: Motion) -> None:
     rows = ArmRows(ur10)
     known = first_information(rows, [source])
-    sampled = source.resampled(ur10, 16.0)
+    sampled = source.resampled(ur10, 24.0)
     own = known + rows.information(sampled.q, sampled.v, sampled.a)
     values = [np.linalg.slogdet(known)[1]]
     speeds = []

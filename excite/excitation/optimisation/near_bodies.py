@@ -21,8 +21,8 @@ from excite.robot.shapes.collision import (
 )
 from excite.robot.shapes.shape import Shape
 
-# Decimals of coal's distances and nearest points [m] and normals, as of excite.robot.shapes.collision.pair_distance: last
-# bits depend on what a process did before, and what a search makes of them is another motion.
+# Decimals of coal's distances and nearest points [m] and normals, as of pair_distance in excite.robot.shapes.collision:
+# the last bits depend on what a process did before, and what a search makes of them is another motion.
 _DIGITS = 7
 
 
