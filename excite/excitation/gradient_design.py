@@ -105,12 +105,11 @@ class ArmRows:
         return read_tree(self.robot.model)
 
     @cached_property
-    def drives(self) -> tuple[Array, Array, Array]:
-        """Viscous and Coulomb friction and rotor inertia that the description states, ``(n_joints,)`` each [SI]."""
+    def drives(self) -> Array:
+        """Viscous and Coulomb friction and rotor inertia that the description states, ``(3, n_joints)`` [SI]."""
         drives, nothing = self.robot.description.drives, np.zeros(self.robot.n_joints)
         blocks = (drives.viscous, drives.coulomb, drives.armature)
-        viscous, coulomb, armature = (per_joint(b, self.robot.joint_names, nothing) for b in blocks)
-        return viscous, coulomb, armature
+        return np.array([per_joint(block, self.robot.joint_names, nothing) for block in blocks])
 
     def torques(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
         """Torques of the drives, ``(n, n_joints)`` [N·m or N], of a joint torque regressor ``full``."""
