@@ -72,7 +72,11 @@ class Journal:
             raise InputError("no campaign to resume", source=path, remedy="start one without --resume")
         stated = read_document(path, JournalDocument, remedy=_ANEW).stated()
         # Which command wrote it is nothing that a campaign has to go on with.
-        return {name: value for name, value in stated.items() if name != "made"}
+        return {
+            name: _without_nulls(value) if name == "settings" else value
+            for name, value in stated.items()
+            if name != "made"
+        }
 
     def open(self, robot: Robot, settings: CampaignSettings, *, resume: bool) -> None:
         """Begin a campaign in the folder, or go on with the one that is there.
@@ -82,7 +86,7 @@ class Journal:
                 other settings; or there is none to resume.
         """
         path = self.folder / "journal.json"
-        asked = {name: value for name, value in settings.to_json().items() if value is not None}
+        asked = _without_nulls(settings.to_json())
         begun = {"schema": SCHEMA, "robot_hash": robot.hash, "settings": asked}
         if not resume:
             if os.path.lexists(path):
@@ -191,6 +195,11 @@ def motion_prefix(number: int) -> str:
 
 def _load_motions_of(folder: Path, names: Sequence[str], robot: Robot) -> tuple[Motion, ...]:
     return tuple(load_motion(folder / name, robot) for name in names)
+
+
+def _without_nulls(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings that say something: what is left out is null."""
+    return {name: value for name, value in settings.items() if value is not None}
 
 
 def _only_longer(found: dict[str, Any], begun: dict[str, Any]) -> bool:
