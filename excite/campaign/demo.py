@@ -19,7 +19,7 @@ from excite.results import write_json
 from excite.robot.loading import load_robot
 
 ROBOT = "g1"
-_SETTINGS = CampaignSettings(n_candidates=116, target_rsd=15.0, max_iterations=2)
+_SETTINGS = CampaignSettings(n_candidates=116, target_rsd=15.0, max_iterations=2, minutes=1.25)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -9,22 +9,22 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from excite.campaign.expected import TARGET_RSD, check_target
-from excite.campaign.plan import MAX_CANDIDATES
+from excite.campaign.plan import BUDGETS_S, MAX_CANDIDATES
 from excite.documents.document import model_of, read_document
 from excite.documents.plan import PlanDocument
 from excite.errors import InputError, LogError
-from excite.formats.number import check_count, check_seed
+from excite.formats.number import check_count, check_number, check_seed
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.results import Name, Positive, Stated, write_json
+from excite.results import LEFT_OUT, Name, Positive, Stated, write_json
 from excite.robot.robot import Robot
 
 _ANEW = "put back what was there, or start the campaign anew"
@@ -224,6 +224,9 @@ class CampaignSettings(Stated):
         method: registry name of the estimator.
         seed: of all random numbers.
         on_robot: stop after each plan, so that the motions are recorded on a real robot.
+        minutes: of motion for identification in each iteration [min]. What the first is expected to reach is aimed at,
+            and the others are for what of that it then does not. None for as much as the best motions of every joint
+            take, and for all essential parameters.
     """
 
     n_candidates: int = 140
@@ -232,6 +235,7 @@ class CampaignSettings(Stated):
     method: Name = DEFAULT_METHOD
     seed: int = 0
     on_robot: bool = False
+    minutes: Positive | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         """Check the bounds and the method; raises InputError naming the setting, or UnknownNameError."""
@@ -240,6 +244,8 @@ class CampaignSettings(Stated):
         check_seed(self.seed)
         find_estimator(self.method)
         check_target(self.target_rsd)
+        if self.minutes is not None:
+            check_number(60.0 * self.minutes, "minutes", *BUDGETS_S, "s")
 
 
 @dataclass(frozen=True)

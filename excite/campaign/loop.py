@@ -133,11 +133,18 @@ class _State:
         self.identification: Identification | None = None
         self.conditioning: Conditioning | None = None
         self.expected: Forecast | None = None
+        self.promised: PlanDocument | None = None
+
+    @property
+    def aims(self) -> tuple[str, ...]:
+        """What the first plan for minutes said they reach; empty where all essential parameters are aimed at."""
+        return () if self.promised is None else self.promised.reaches
 
     def plan(self, number: int, targets: Sequence[str]) -> PlannedMotions:
         """The motions of an iteration, planned now or before."""
         planned = self.journal.planned(number, self.robot) or self._plan_anew(number, targets)
         self.expected = planned.document.forecast
+        self.promised = self.promised or planned.document
         return planned
 
     def _plan_anew(self, number: int, targets: Sequence[str]) -> PlannedMotions:
@@ -148,6 +155,7 @@ class _State:
             targets=targets,
             seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
             target_rsd=self.settings.target_rsd,
+            minutes=self.settings.minutes,
             before=self.motions,
             prefix=motion_prefix(number),
             jobs=self.jobs,
@@ -190,13 +198,16 @@ class _State:
         self.conditioning = compute_conditioning(self.robot, self.factors)
         self.progress("identify", len(self.iterations), self.settings.max_iterations)
         self.identification = identify(self.robot, join_logs(self.logs), self.settings.method)
-        essential = self.identification.essential
+        judged, unexcited = self.identification.essential, unexcited_parameters(self.conditioning)
+        if self.aims:
+            judged = tuple(one for one in self.identification.base if one.name in self.aims)
+            unexcited = tuple(one for one in unexcited if one.label in self.aims)
         trials = [trial for entry in self.logs for trial in entry.role("identification")]
         seconds = float(sum(trial.time[-1] - trial.time[0] for trial in trials))
         missed = missed_targets(
             self.robot,
-            essential,
-            unexcited_parameters(self.conditioning),
+            judged,
+            unexcited,
             self.settings.target_rsd,
             seconds=seconds,
             earlier=[Earlier(one.seconds, one.rsd_percent) for one in self.iterations],
@@ -205,7 +216,7 @@ class _State:
             Iteration(
                 n_motions=len(planned.chosen) + len(planned.validation),
                 seconds=seconds,
-                rsd_percent={item.name: item.rsd_percent for item in essential},
+                rsd_percent={item.name: item.rsd_percent for item in judged},
                 missed=missed,
                 forecast=self.expected,
             )
@@ -224,6 +235,11 @@ class _State:
             awaits=awaits,
             expected=self.expected,
             interrupted=interrupted,
+            minutes=self.settings.minutes,
+            aims=self.aims,
+            out_of_reach=()
+            if self.promised is None
+            else tuple(one.parameter for one in self.promised.out_of_reach),
         )
         folder = self.journal.folder
         if self.identification is not None and self.conditioning is not None:

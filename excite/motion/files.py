@@ -30,7 +30,7 @@ from excite.motion.content import (
 )
 from excite.motion.motion import Motion, MotionMetadata
 from excite.motion.readers.registry import read_motion
-from excite.motion.setpoints import StatedCurve, sampled_curve, stated_curve
+from excite.motion.setpoints import Curve, StatedCurve, sampled_curve, stated_curve
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 
@@ -136,7 +136,8 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
     check_joints(columns, robot, path, "" if said is None else said.robot)
     check_time(columns, path)
     digest = content_hash(columns) if said is not None and said.content_hash else ""
-    curve = None if said is None else said.curve
+    told = None if said is None else said.curve
+    curve: Curve | None = told
     if curve is None:
         curve = stated_curve(list(columns), columns["time"], goal=raw.goal, floating=robot.floating)
     elif robot.floating:
