@@ -171,14 +171,14 @@ def _check_motions(chosen: Sequence[str], validation: Sequence[str], number: int
     if not chosen:
         raise InputError("names no motion", source=path, field="selected", remedy=_ANEW)
     names = Counter(Path(motion).stem for motion in (*chosen, *validation))
-    for field, motions in (("selected", chosen), ("validation", validation)):
+    for place, motions in (("selected", chosen), ("validation", validation)):
         for motion in motions:
             name = Path(motion).stem
             if names[name] > 1:
-                raise InputError(f"{motion!r} stands twice", source=path, field=field, remedy=_ANEW)
+                raise InputError(f"{motion!r} stands twice", source=path, field=place, remedy=_ANEW)
             if not name.startswith(motion_prefix(number)):
                 what = f"{motion!r} was not planned in iteration {number}"
-                raise InputError(what, source=path, field=field, remedy=_ANEW)
+                raise InputError(what, source=path, field=place, remedy=_ANEW)
 
 
 def motion_prefix(number: int) -> str:

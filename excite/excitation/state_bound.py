@@ -48,9 +48,8 @@ class _States:
         q, v, a = self._split(states)
         full = joint_torque_regressor(self.rows.tree, q, v, a)
         torque = np.abs(self.rows.torques(full, v, a, np.sign(v)))
-        return self.rows.weighted(full, v, a, np.sign(v)), (torque <= self.rows.robot.limits.torque).all(
-            axis=1
-        )
+        allowed = np.asarray((torque <= self.rows.robot.limits.torque).all(axis=1))
+        return self.rows.weighted(full, v, a, np.sign(v)), allowed
 
     def climb(self, states: Array, inverse: Array) -> Array:
         """States of larger ``tr(Y M⁻¹ Yᵀ)`` near others, each by steps of its own length."""
