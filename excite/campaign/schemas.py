@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from excite.campaign.assessment import RankReport
 from excite.campaign.experiment import Simulation, Truth
-from excite.campaign.rank import RankReport
 from excite.conversion.explicit_mapping import Map
 from excite.documents.blind import BlindAnswer, BlindAnswers
 from excite.documents.campaign import Campaign
