@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from excite.campaign.assessment import RankReport
 from excite.campaign.experiment import Simulation, Truth
 from excite.campaign.journal import BegunCampaign
-from excite.campaign.rank import RankReport
 from excite.conversion.explicit_mapping import Map
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.campaign import Campaign

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,20 @@ class DesignSettings:
 
 
 _USUAL = DesignSettings()
+
+
+class Pulled(NamedTuple):
+    """Gradients of a criterion through the rows of an arm.
+
+    Attributes:
+        weights: of the regressor's entries ``(n, n_joints, size)``.
+        v: through the drives' terms, in the velocities ``(n, n_joints)``.
+        a: in the accelerations ``(n, n_joints)``.
+    """
+
+    weights: Array
+    v: Array
+    a: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +149,7 @@ class ArmRows:
             rows[:, joints, first + k * n_joints + joints] = values
         return rows[:, :, self.independent] * self._weights[:, None]
 
-    def pulled(self, slope: Array, sign_slope: Array, size: int) -> tuple[Array, Array, Array]:
+    def pulled(self, slope: Array, sign_slope: Array, size: int) -> Pulled:
         """Weights of the regressor's entries ``(n, n_joints, size)``, and what drives pull at v and a."""
         n, n_joints, _ = slope.shape
         whole = np.zeros((n, n_joints, len(self._inertial) + 4 * n_joints))
@@ -143,7 +158,7 @@ class ArmRows:
         weights[:, :, self._inertial] = whole[:, :, : len(self._inertial)]
         joints, first = np.arange(n_joints), len(self._inertial)
         viscous, coulomb, _, armature = (whole[:, joints, first + k * n_joints + joints] for k in range(4))
-        return weights, viscous + coulomb * sign_slope, armature
+        return Pulled(weights, viscous + coulomb * sign_slope, armature)
 
     def information(self, q: Array, v: Array, a: Array) -> Array:
         """Information of samples ``(n, n_joints)`` each, ``(n_base, n_base)``."""

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.errors import MotionError
 
 StatedCurve = Literal["linear", "hold"]
@@ -108,24 +108,22 @@ def _held(time: Array, q: Array) -> tuple[Array, Array]:
 
 def _polynomials(
     q: Array, slope: Array, v: Array | None, h: Array, index: NDArray[np.intp], s: Array
-) -> tuple[Array, Array, Array]:
+) -> Moved:
     """Positions, velocities and accelerations at shares ``(m, 1)`` of intervals."""
     length = h[index][:, None]
     if v is None:
-        return q[index] + s * length * slope[index], slope[index], np.zeros((len(index), q.shape[1]))
+        return Moved(q[index] + s * length * slope[index], slope[index], np.zeros((len(index), q.shape[1])))
     # Hermite: what is missing from the mean slope at either end.
     first, last = v[index] - slope[index], v[index + 1] - slope[index]
     square, cube = -2.0 * first - last, first + last
-    return (
+    return Moved(
         q[index] + length * s * (slope[index] + first + s * (square + s * cube)),
         slope[index] + first + s * (2.0 * square + 3.0 * s * cube),
         (2.0 * square + 6.0 * s * cube) / length,
     )
 
 
-def _rounded_corners(
-    time: Array, values: tuple[Array, Array, Array], index: NDArray[np.intp]
-) -> tuple[Array, tuple[Array, Array, Array]]:
+def _rounded_corners(time: Array, values: Moved, index: NDArray[np.intp]) -> tuple[Array, Moved]:
     """Lines with one more sample at each setpoint, where the acceleration that turns them is largest."""
     q, v, _ = values
     before = np.flatnonzero(np.diff(index))
@@ -136,6 +134,6 @@ def _rounded_corners(
         2.0 * turn / width,
     )
     instants = np.insert(time, before + 1, 0.5 * (time[before] + time[before + 1]))
-    return instants, tuple(  # type: ignore[return-value]
-        np.insert(old, before + 1, new, axis=0) for old, new in zip(values, middle, strict=True)
+    return instants, Moved(
+        *(np.insert(old, before + 1, new, axis=0) for old, new in zip(values, middle, strict=True))
     )

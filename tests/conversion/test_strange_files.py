@@ -13,7 +13,7 @@ import pytest
 from scipy.io import savemat
 
 import excite
-from excite.conversion.columns.unnamed import understand_columns
+from excite.conversion.columns.choice import understand_columns
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
 from excite.conversion.recording import load_machine

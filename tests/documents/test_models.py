@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from excite.campaign.check import check
+from excite.campaign.assessment import check, rank
 from excite.campaign.experiment import simulate
-from excite.campaign.rank import rank
 from excite.campaign.schemas import DOCUMENTS
 from excite.documents.document import read_document
 from excite.errors import InputError
