@@ -316,7 +316,7 @@ _CAMPAIGNS = (
     _journal(
         "settings.seed", 4, "settings: the campaign there was started with seed 4, not 0", "--seed", "0"
     ),
-    _journal("settings.seed", -4, "settings.seed: is -4; choose"),
+    _journal("settings.seed", -4, "settings.seed: should be greater than or equal to 0, got -4"),
     _journal("settings.method", "guess", "settings: unknown method 'guess'"),
     _journal("settings.target_rsd", "low", "settings.target_rsd: is 'low', not a number"),
     _journal("schema", "excite.plan/1", "schema: schema is 'excite.plan/1'"),

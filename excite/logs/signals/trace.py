@@ -90,7 +90,7 @@ class SignalTrace(Stated):
     @staticmethod
     def contradiction(found: Any) -> str:
         """A channel that went through nothing."""
-        return "" if found.steps else "steps should hold one at least"
+        return "" if found.steps else "steps: list should have at least 1 item"
 
     def summary(self) -> str:
         """A line for each step."""
