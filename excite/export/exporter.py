@@ -193,7 +193,7 @@ class Exporter(ABC):
                 f"names not each joint of robot {self.robot.name!r} once: {wrong[0][:40]!r}",
                 source=self.name,
                 field=field,
-                remedy="name them all, in their order" + (f", and {blank} for none" if blank else ""),
+                remedy="name them all, in their order",
             )
         return [stated.index(name) for name in names]
 

@@ -193,7 +193,7 @@ def test_another_robots_identification_and_an_edited_urdf_are_refused(
     ur10: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     panda = load_robot("panda")
-    with pytest.raises(InputError, match="made for panda"):
+    with pytest.raises(InputError, match="is of another robot than ur10"):
         write_urdf(ur10, identification_of(panda, scattered(panda)), tmp_path / "a.urdf")
     edited = tmp_path / "edited.urdf"
     edited.write_text(model_file(ur10).read_text().replace('value="12.93"', 'value="13.0"'))

@@ -50,8 +50,7 @@ from excite.identification.inertia import pseudo_inertia_matrices
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
-from excite.robot.urdf.inertia import read_inertial
-from excite.robot.urdf.numbers import read_numbers
+from excite.robot.urdf.inertia import Inertial, read_inertial
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING, WORLD, declare_world
 
@@ -164,7 +163,7 @@ def edited_urdf(robot: Robot, found: IdentifiedParameters, *, force: bool) -> Ur
         if split.note:
             notes.append(split.note)
         for link, parameters in split.shares.items():
-            _set_inertial(text, links[link], parameters, link, file)
+            _set_inertial(text, links[link], parameters, link)
             written.append(link)
     for joint in text.root.named("joint"):
         _set_dynamics(
@@ -190,9 +189,9 @@ def _segment_members(robot: Robot, links: dict[str, ElementTree.Element], file: 
 
 def _stated_inertial(link: ElementTree.Element, file: Path) -> Array | None:
     """A link's own parameters as its inertial states them; zero of a frame, None where it says nothing."""
-    found = read_inertial(link, file)
-    if found is None:
-        return None if link.find("inertial") is None else np.zeros(10)
+    if link.find("inertial") is None:
+        return None
+    found = read_inertial(link, file) or Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     return np.asarray(pin.Inertia(found.mass, found.centre, found.moments).toDynamicParameters())
 
 
@@ -213,7 +212,7 @@ def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file
             )
 
 
-def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, file: Path) -> None:
+def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str) -> None:
     body = centred_body(parameters, name)
     found = link.named("inertial")
     if not found:
@@ -225,10 +224,10 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, fi
         )
         return
     inertial = found[0]
-    origin = inertial.named("origin")
-    stated = ElementTree.Element("origin", dict(origin[0].attributes) if origin else {})
-    turn = pin.rpy.rpyToMatrix(*read_numbers(stated, "rpy", 3, file, "origin", default="0 0 0"))
+    origin, turn = inertial.named("origin"), np.eye(3)
     if origin:
+        # Read before with the robot: three numbers.
+        turn = pin.rpy.rpyToMatrix(*map(float, origin[0].attributes.get("rpy", "0 0 0").split()))
         text.set(origin[0], xyz=number_text(*body.com))
     else:
         text.insert_first(inertial, f'<origin xyz="{number_text(*body.com)}"/>')
