@@ -107,11 +107,11 @@ class Campaign(document.Document):
         default=None, description="of motion in each iteration; null where nobody said [min]"
     )
     aims: Annotated[tuple[str, ...], document.AS_DOCUMENT] = Field(
-        default=(),
+        default=document.NONE,
         description="parameters that the first was expected to reach; empty where all essential ones are aimed at",
     )
     out_of_reach: Annotated[tuple[str, ...], document.AS_DOCUMENT] = Field(
-        default=(), description="those that it was not"
+        default=document.NONE, description="those that it was not"
     )
     interrupted: bool = Field(default=False, description="whether the user broke off after these iterations")
     awaits: document.FilePath | None = Field(

@@ -105,7 +105,7 @@ def tables(folder, episodes):
 
 
 def verdicts(chart):
-    return {int(one.name.split("_")[1]): one for one in chart.episodes if one.findings}
+    return {int(one.episode.split("_")[1]): one for one in chart.episodes if one.findings}
 
 
 @pytest.mark.parametrize("layout", ["v2.1", "v3.0", "csv", "degrees"])
