@@ -298,7 +298,9 @@ def other_forms(
             # The two best of the starts, each to its own end.
             for _, _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
                 best, gain = searched_beside(company, makers[i], start)
-                if gain > own - _BEHIND:
+                # A spring that acts over the last of the travel alone is a stop.
+                named = best.effect.is_body or best.can_be(best.context, company.gain_of(best)[1])
+                if named and gain > own - _BEHIND:
                     found.append((replace(best, started=term.started), makers[i]))
     return found
 
