@@ -298,8 +298,43 @@ def other_forms(
             # The two best of the starts, each to its own end.
             for _, _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
                 best, gain = searched_beside(company, makers[i], start)
-                if gain > own - _BEHIND:
+                # A spring that acts over the last of the travel alone is a stop.
+                named = best.effect.is_body or best.can_be(best.context, company.gain_of(best)[1])
+                if named and gain > own - _BEHIND:
                     found.append((replace(best, started=term.started), makers[i]))
+    return found
+
+
+def forms_unlike_grids(
+    gram: Gram,
+    terms: Sequence[Term],
+    slab: Slab,
+    maker: TermMaker,
+    effects: Sequence[Effect],
+    joints: Sequence[str],
+) -> list[Term]:
+    """Richer forms where no plain one on its grid fits anything, at their best beside a model.
+
+    Args:
+        gram: of the record.
+        terms: of the model.
+        slab: unit of their torques.
+        maker: of columns at what the model predicts.
+        effects: whose forms are tried.
+        joints: at which they are.
+    """
+    company, found = Company.of(gram, terms, slab), []
+    for joint in joints:
+        for effect in effects:
+            for form in effect.richer:
+                there = joint in effect.locations(maker.context)
+                starts = form.own_starts(maker.context, joint) if there else []
+                begun = [maker.make(form, joint, theta) for theta in starts]
+                gains = [(company.gain_of(t)[0], k, t) for k, t in enumerate(begun) if t is not None]
+                for _, _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
+                    best, gain = searched_beside(company, maker, start)
+                    if gain > _WORTH and best.can_be(best.context, company.gain_of(best)[1]):
+                        found.append(best)
     return found
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.selection.gram import Gram, Noise, Posterior, discrepancy_columns
 from benchmarks.selection.prior import Atom, Key, Slab, atom_of, group_of, groups_of, problem_of, with_odds
 from benchmarks.selection.sampler import Draws, climb, sample
-from benchmarks.selection.shapes import other_forms, searched_together, shape_changes
+from benchmarks.selection.shapes import forms_unlike_grids, other_forms, searched_together, shape_changes
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import fit
@@ -34,6 +34,8 @@ _TURNS = ((16.0, 10.0), (4.0, 3.0), (1.0, 1.0), (1.0, 1.0))
 _SWEEPS, _BURNT, _LONGER = 60, 30, 4
 # How often an ascent begins again without what its sizes deny, and what that loses.
 _BANS, _BANNED = 6, 1e4
+# Power left of a joint, in units of its noise, from which forms are tried there that no grid tells; and of how many.
+_STANDS, _TRIED = 4.0, 2
 # Deviation of the discrepancy at first, in units of the gap.
 _DISCREPANCY = 0.1
 
@@ -177,6 +179,10 @@ class _Turns:
         found: Atoms = {}
         for term, maker in other_forms(gram, terms, self.slab, makers) if turn >= 1 else []:
             found.setdefault(term.key, []).append(self._with_shape(gram, maker, term, None))
+        whole = TermMaker(now.context, self.full.strict)
+        joints = self._worst(gram, terms)
+        for term in forms_unlike_grids(gram, terms, self.slab, whole, self.library.effects, joints):
+            found.setdefault(term.key, []).append(self._with_shape(gram, whole, term, None))
         self._grid_again(now, terms, gears, first=turn == 0)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
@@ -195,6 +201,15 @@ class _Turns:
             )
             keys.append(again)
         return found, [*keys, *(term for term in terms if _is_begun(term))]
+
+    def _worst(self, gram: Gram, terms: Sequence[Term]) -> list[str]:
+        """Joints without a gear in the model that have most left, in units of their noise."""
+        use = self.rows.block >= 0
+        left = (self.noise.residual[:, use] ** 2).mean(axis=1) / self.noise.floor**2
+        taken = {term.location for term in terms if group_of(term)[0] == "gear"}
+        names = self.full.samples.joints
+        order = [int(j) for j in np.argsort(-left) if left[j] > _STANDS and names[j] not in taken]
+        return [names[j] for j in order[:_TRIED]]
 
     def _grid_again(self, now: Prediction, terms: Sequence[Term], gears: list[int], *, first: bool) -> None:
         """Columns of the grid at what the model predicts, where it has moved the load, and once in any case."""
