@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from excite.display import Row, Tabled
 from excite.results import LEFT_OUT, FilePath, Name, Positive, Stated, Unbounded, stated
@@ -95,7 +95,7 @@ class Examination(Tabled, Stated):
     robot_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
     episodes: tuple[EpisodeFindings, ...] | None = field(default=None, metadata=LEFT_OUT)
 
-    tables = ("findings",)
+    tables: ClassVar[Sequence[str]] = ("findings",)
 
     def rows(self, table: str) -> Sequence[Row]:
         """See :class:`~excite.display.Tabled`: one finding a row, worst first."""

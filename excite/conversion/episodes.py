@@ -89,7 +89,7 @@ class Episode:
 class EpisodeChart(Examination):
     """What was found in a data set."""
 
-    tables = ("findings", "episodes")  # type: ignore[assignment]
+    tables = ("findings", "episodes")
 
     def rows(self, table: str) -> Sequence[Row]:
         """See :class:`~excite.display.Tabled`: an episode, or a finding, a row."""
