@@ -35,15 +35,15 @@ _PUBLIC = {
     "load_motions": "excite.motion.collection",
     "save_motion": "excite.motion.files",
     "plan": "excite.campaign.plan",
-    "check": "excite.campaign.check",
-    "rank": "excite.campaign.rank",
+    "check": "excite.campaign.assessment",
+    "rank": "excite.campaign.assessment",
     "export_motion": "excite.export.export",
     "export_motions": "excite.export.export",
     "simulate": "excite.campaign.experiment",
     "Log": "excite.logs.log",
     "load_log": "excite.logs.files",
     "save_log": "excite.logs.files",
-    "write_simulator_model": "excite.export.simulators.write",
+    "write_simulator_model": "excite.export.models.simulator_model",
     "identify": "excite.identification.identify",
     "Identification": "excite.identification.result",
     "write_models": "excite.export.models.write",
@@ -55,7 +55,7 @@ _PUBLIC = {
     "Diagnosis": "excite.diagnosis.answer.answer",
     "campaign": "excite.campaign.loop",
     "report": "excite.report.page",
-    "demo": "excite.campaign.demo",
+    "demo": "excite.campaign.loop",
 }
 
 # Names of groups are reached without their group too, as they were before there were groups.

@@ -15,7 +15,6 @@ SPACES: dict[str, dict[str, str]] = {
         "examine_description": "excite.robot.inspection.chart",
     },
     "recordings": {
-        "import_recordings": "excite.logs.recordings",
         "join_logs": "excite.logs.load_with_robot",
         "write_header": "excite.conversion.init_log",
         "Chart": "excite.doctor.examine",
@@ -51,19 +50,19 @@ SPACES: dict[str, dict[str, str]] = {
     },
     "people": {
         "Subject": "excite.human.segments",
-        "simulate_person": "excite.human.virtual",
         "MeasureSettings": "excite.human.measure",
         "measure_person": "excite.human.measure",
         "write_person": "excite.human.measure",
         "identify_person": "excite.human.identified",
         "added_mass": "excite.human.identified",
-        "identify_wearing": "excite.human.weight",
+        "identify_wearing": "excite.human.identified",
     },
     "catalogue": {
         "robot_summaries": "excite.robot.summary",
         "method_summaries": "excite.identification.estimators.registry",
         "effect_summaries": "excite.diagnosis.answer.effect_summary",
         "file_schema": "excite.campaign.schemas",
+        "register": "excite.registry",
     },
 }
 """By group, the module that defines each of its names."""
@@ -75,7 +74,7 @@ _ABOUT = {
     "models": "Models of robots with what was identified in them, file by file, and how uncertain they are.",
     "loads": "Loads: what an arm carries, from logs without and with it.",
     "people": "People: their model from markers, their segments from force plates, what they wear.",
-    "catalogue": "What there is to choose from: robots, methods, effects, and the schemas of files.",
+    "catalogue": "What there is to choose from: robots, methods, effects, schemas of files, members of one's own.",
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import Any, ClassVar
 
 from excite.errors import InputError
 
@@ -80,7 +80,7 @@ class Tabled(Shown):
         tables: names that :meth:`rows` knows, the first where none is asked for.
     """
 
-    tables: Sequence[str]
+    tables: ClassVar[Sequence[str]]
 
     @abstractmethod
     def rows(self, table: str) -> Sequence[Row]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from excite.display import Row, Tabled
-from excite.results import Name, Positive, Stated
+from excite.results import LEFT_OUT, FilePath, Name, Positive, Stated, Unbounded, stated
 
 Severity = Literal["fatal", "spoils", "limits", "note"]
 _WORST_FIRST: tuple[Severity, ...] = ("fatal", "spoils", "limits", "note")
@@ -50,15 +50,52 @@ class Finding(Stated):
         return {**super().to_json(), "sure": round(self.sure, 3)}
 
 
-class FindingList(Tabled):
-    """What was looked at, as a table of what was found in it.
+@dataclass(frozen=True, eq=False)
+class EpisodeFindings(Stated):
+    """What was found in an episode of a data set.
 
     Attributes:
-        findings: worst first.
+        episode: its name.
+        verdict: kinds of what was found, worst first; ``ok`` for nothing.
+        findings: what differs from the other episodes, worst first.
+        seconds: its length.
+        step_s: median time between rows.
+        gap_s: longest time between rows.
+        measures: by measure and joint, in the file's own units; null where it cannot be told.
     """
 
+    episode: Name
+    verdict: str
     findings: tuple[Finding, ...]
-    tables = ("findings",)
+    seconds: Unbounded
+    step_s: Unbounded
+    gap_s: Unbounded
+    measures: Mapping[str, Mapping[str, Unbounded]]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Examination(Tabled, Stated):
+    """What was found in a log or a robot's description, and where the repaired log is.
+
+    Attributes:
+        robot: name of the robot, or of its file.
+        findings: worst first.
+        repaired: folder of the repaired log; null where none was written.
+        log_file: the log, relative to the document's folder; null where it was made in memory.
+        robot_file: the nominal robot where another than the log's was given, likewise.
+        episodes: of a data set: each episode, worst first; left out of a log's.
+    """
+
+    SCHEMA = "excite.doctor/1"
+
+    robot: Name
+    findings: tuple[Finding, ...]
+    repaired: FilePath | None = None
+    log_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
+    robot_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
+    episodes: tuple[EpisodeFindings, ...] | None = field(default=None, metadata=LEFT_OUT)
+
+    tables: ClassVar[Sequence[str]] = ("findings",)
 
     def rows(self, table: str) -> Sequence[Row]:
         """See :class:`~excite.display.Tabled`: one finding a row, worst first."""
@@ -76,9 +113,23 @@ class FindingList(Tabled):
         ]
 
     @property
+    @stated
     def healthy(self) -> bool:
         """Whether nothing was found that spoils results."""
         return all(finding.severity in {"note", "limits"} for finding in self.findings)
+
+    def summary(self) -> str:
+        """One finding a paragraph, worst first: what, and what was done or is to be done."""
+        lines = []
+        for finding in self.findings:
+            state = "repaired" if finding.repaired else finding.severity
+            sure = "" if finding.sure == 1.0 else f", {int(100 * finding.sure)} % sure"
+            lines += [f"{finding.kind} ({state}{sure}): {self.sentence(finding)}", f"    {finding.remedy}"]
+        return "\n".join(lines) or "nothing wrong was found"
+
+    def sentence(self, finding: Finding) -> str:
+        """What was found, in a sentence."""
+        return finding.text
 
 
 def worst_first(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:

@@ -1,14 +1,71 @@
-"""Members of an axis by name, each loaded when it is asked for: their names cost nothing, as help texts need it."""
+"""Members of an axis by name, each loaded when it is asked for: their names cost nothing, as help texts need it.
+
+Installed packages add members by entry points of the group ``excite.AXIS``, a running program by :func:`register`.
+"""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
-from typing import Generic, TypeVar
+from importlib.metadata import entry_points
+from typing import Any, Generic, TypeVar
 
-from excite.errors import UnknownNameError
+from excite.errors import ExciteError, InputError, UnknownNameError
 
 Member = TypeVar("Member")
+
+# What can be added from outside: the module and the name where its members stand.
+_AXES = {
+    "effects": ("excite.diagnosis.effects.registry", "EFFECTS"),
+    "exporters": ("excite.export.registry", "EXPORTERS"),
+    "readers": ("excite.conversion.sources.registry", "SOURCES"),
+    "checks": ("excite.safety.check", "CHECKS"),
+}
+
+
+def installed(axis: str) -> dict[str, str]:
+    """``package.module:Class`` by name of the members that installed packages offer."""
+    return {point.name: point.value for point in entry_points(group=f"excite.{axis}")}
+
+
+def load_member(place: str) -> Any:
+    """What stands at ``package.module:name``; raises ExciteError where another package's cannot be loaded."""
+    module, _, word = place.partition(":")
+    try:
+        return getattr(importlib.import_module(module), word)
+    except Exception as error:
+        if module.startswith("excite."):
+            raise
+        raise ExciteError(f"{place}, which an installed package adds, cannot be loaded: {error}") from error
+
+
+def register(axis: str, member: type) -> None:
+    """Add a member of one's own to an axis, for as long as this process runs; workers know what is installed alone.
+
+    Args:
+        axis: ``effects``, ``exporters``, ``readers`` or ``checks``.
+        member: class that derives from the axis's abstract class; its ``name`` is what users type.
+
+    Raises:
+        UnknownNameError: no such axis.
+        InputError: the name is taken.
+    """
+    if axis not in _AXES:
+        raise UnknownNameError("axis", axis, sorted(_AXES))
+    module, table = _AXES[axis]
+    _add(axis, getattr(importlib.import_module(module), table), member)
+
+
+def add_installed(axis: str, members: Any) -> None:
+    """Add what installed packages offer to an axis whose members are loaded together; raises as :func:`register`."""
+    for place in installed(axis).values():
+        _add(axis, members, load_member(place))
+
+
+def _add(axis: str, members: Any, member: Any) -> None:
+    if member.name in members:
+        raise InputError("is taken", source=axis, field=member.name, remedy="give the class another name")
+    members[member.name] = member() if axis == "effects" else member
 
 
 class Registry(Mapping[str, type[Member]], Generic[Member]):
@@ -19,13 +76,16 @@ class Registry(Mapping[str, type[Member]], Generic[Member]):
         members: ``package.module:Class`` by the name that the class says itself (``name``).
     """
 
-    def __init__(self, kind: str, members: Mapping[str, str]) -> None:
+    def __init__(self, kind: str, members: Mapping[str, str | type[Member]]) -> None:
         self._kind, self._members = kind, dict(members)
 
     def __getitem__(self, name: str) -> type[Member]:
-        module, _, word = self._members[name].partition(":")
-        found: type[Member] = getattr(importlib.import_module(module), word)
-        return found
+        member = self._members[name]
+        return load_member(member) if isinstance(member, str) else member
+
+    def __setitem__(self, name: str, member: type[Member]) -> None:
+        # Readers are asked in this order, and the last take most files.
+        self._members = {name: member} | self._members
 
     def __contains__(self, name: object) -> bool:
         return name in self._members

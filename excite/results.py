@@ -43,13 +43,16 @@ Seconds = Annotated[float, "seconds"]
 Unbounded = Annotated[float, "maybe"]
 """A number that may be infinite or NaN, for which a document has null."""
 UnboundedPositive = Annotated[float, "maybe positive"]
+Interval = tuple[Unbounded, Unbounded]
+FEW = "few"
+"""Of a table or list whose entries have a row or a panel each in a figure."""
 
 # How a field stands in a document, where not under its own name and always.
 HIDDEN = {"stated": None}
 """Of a field that no document holds."""
 LEFT_OUT = {"left out": True}
 """Of a field that is left out where it is None."""
-ADDED = {"added": True}
+ADDED = {"added": None}
 """Of a field that documents of earlier versions lack."""
 
 
@@ -58,19 +61,37 @@ def named(name: str) -> dict[str, Any]:
     return {"stated": name}
 
 
+def added_as(default: Any) -> dict[str, Any]:
+    """Of a field that documents of earlier versions lack, which then had this value."""
+    return {"added": default}
+
+
 _Getter = TypeVar("_Getter", bound=Callable[..., Any])
 
 
 def stated(getter: _Getter) -> _Getter:
-    """Of a property, below ``@property``: it stands in documents; the first line of its docstring is its meaning."""
-    getter.__dict__["stated"] = "always"
+    """Of a property, below ``@property``, or of a method without arguments: it stands in documents.
+
+    The first line of its docstring is its meaning.
+    """
+    getter.__dict__["stated"] = {}
     return getter
 
 
 def stated_later(getter: _Getter) -> _Getter:
     """The same of one that documents of earlier versions lack."""
-    getter.__dict__["stated"] = "later"
+    getter.__dict__["stated"] = ADDED
     return getter
+
+
+def stated_with(**metadata: Any) -> Callable[[_Getter], _Getter]:
+    """The same of one with more to be said, as of a field: ``stated`` its name, ``added`` what it was before."""
+
+    def mark(getter: _Getter) -> _Getter:
+        getter.__dict__["stated"] = metadata
+        return getter
+
+    return mark
 
 
 class StatedField(NamedTuple):
@@ -81,20 +102,26 @@ class StatedField(NamedTuple):
         name: in the document.
         meaning: in words, with the unit.
         kind: type of its values, with what :data:`Annotated` adds.
-        source: the dataclass's field; None of a property.
-        added: whether documents of earlier versions lack it.
+        metadata: what else is said of it.
+        source: the dataclass's field; None of a property or method.
     """
 
     attribute: str
     name: str
     meaning: str
     kind: Any
-    source: Field[Any] | None
-    added: bool
+    metadata: Mapping[str, Any]
+    source: Field[Any] | None = None
 
-    def has(self, word: str) -> bool:
-        """Whether the field's metadata say so."""
-        return self.source is not None and bool(self.source.metadata.get(word))
+    @property
+    def added(self) -> bool:
+        """Whether documents of earlier versions lack it."""
+        return "added" in self.metadata
+
+    def of(self, result: Any) -> Any:
+        """Its value of a result."""
+        value = getattr(result, self.attribute)
+        return value() if inspect.ismethod(value) else value
 
     @property
     def required(self) -> bool:
@@ -107,7 +134,7 @@ class StatedField(NamedTuple):
     def default(self) -> Any:
         """What stands for it where a document lacks it, as plain objects."""
         if self.source is None or self.added:
-            return None
+            return plain(self.metadata.get("added"))
         make: Any = self.source.default_factory
         return plain(self.source.default if make is MISSING else make())
 
@@ -125,8 +152,8 @@ class Stated:
         """The document, or the object inside one, as plain objects."""
         found = {"schema": self.SCHEMA} if self.SCHEMA else {}
         for one in stated_fields(type(self)):
-            value = getattr(self, one.attribute)
-            if value is not None or not one.has("left out"):
+            value = one.of(self)
+            if value is not None or "left out" not in one.metadata:
                 found[one.name] = plain(value)
         return found
 
@@ -138,13 +165,25 @@ class Stated:
             for one in stated_fields(cls)
             if one.source is not None and one.name in content
         }
-        lacking = {one.attribute: None for one in stated_fields(cls) if one.source is not None and one.added}
+        lacking = {
+            one.attribute: one.default for one in stated_fields(cls) if one.source is not None and one.added
+        }
         return cls(**lacking | found)
+
+    @staticmethod
+    def contradiction(found: Any) -> str:
+        """What fields of a document say against each other; empty where they agree.
+
+        Args:
+            found: the fields, as attributes by their names in the document.
+        """
+        del found
+        return ""
 
     def row(self, *names: str, **more: Any) -> dict[str, Any]:
         """A row of a table: the fields of those names, all where none is named, and ``more`` before them."""
-        attributes = {one.name: one.attribute for one in stated_fields(type(self))}
-        return {**more, **{name: getattr(self, attributes[name]) for name in names or attributes}}
+        own = {one.name: one for one in stated_fields(type(self))}
+        return {**more, **{name: own[name].of(self) for name in names or own}}
 
 
 def _read_value(kind: Any, value: Any) -> Any:
@@ -158,29 +197,30 @@ def _read_value(kind: Any, value: Any) -> Any:
         if origin is None and issubclass(kind, Stated):
             return kind.from_json(value)
         return {key: _read_value(parts[1], item) for key, item in value.items()} if parts else value
+    if kind is Path:
+        return Path(value)
     if isinstance(value, list):
         return tuple(_read_value(parts[0], item) for item in value) if origin is tuple else tuple(value)
     return value
 
 
 def _fields_of(kind: type) -> tuple[StatedField, ...]:
-    """What stands in a document of a result of that class, in order: fields, then properties."""
+    """What stands in a document of a result of that class, in order: fields, then properties and methods."""
     hints, meanings = get_type_hints(kind, include_extras=True), dict(field_meanings(kind))
     found = []
     for one in fields(kind):
         name = one.metadata.get("stated", one.name)
         if name is not None:
-            found.append(
-                StatedField(
-                    one.name, name, meanings.get(one.name, ""), hints[one.name], one, "added" in one.metadata
-                )
-            )
-    for attribute, value in inspect.getmembers_static(kind, lambda item: isinstance(item, property)):
-        word = value.fget.__dict__.get("stated")
-        if word is not None:
-            returned = get_type_hints(value.fget, include_extras=True)["return"]
+            meaning = meanings.get(one.name, "")
+            found.append(StatedField(one.name, name, meaning, hints[one.name], one.metadata, one))
+    for attribute, value in inspect.getmembers_static(kind):
+        getter = value.fget if isinstance(value, property) else value
+        metadata = getattr(getter, "__dict__", {}).get("stated")
+        if isinstance(metadata, Mapping):
+            returned = get_type_hints(getter, include_extras=True)["return"]
             meaning = (value.__doc__ or "").strip().partition("\n")[0].rstrip(".")
-            found.append(StatedField(attribute, attribute, meaning, returned, None, word == "later"))
+            name = metadata.get("stated", attribute)
+            found.append(StatedField(attribute, name, meaning, returned, metadata))
     return tuple(found)
 
 
@@ -188,13 +228,15 @@ stated_fields: Callable[[type], tuple[StatedField, ...]] = cache(_fields_of)
 
 
 def plain(value: Any) -> Any:
-    """Dictionaries, lists, texts and numbers in place of results and what they hold."""
+    """Dictionaries, lists, texts and numbers in place of results and what they hold; null for what is not finite."""
     if hasattr(value, "to_json"):
         return value.to_json()
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, PurePath):
@@ -202,7 +244,7 @@ def plain(value: Any) -> Any:
     # Arrays and numpy's numbers say their content by ``tolist``, models of files by ``model_dump``.
     for method in ("tolist", "model_dump"):
         if hasattr(value, method):
-            return getattr(value, method)()
+            return plain(getattr(value, method)())
     return value
 
 

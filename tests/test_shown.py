@@ -23,7 +23,7 @@ from excite.errors import ExciteError
 from excite.identification.judgement import judgement as poor
 from excite.logs.log import Trial
 from tests.export.identified import identification_of
-from tests.export.simulators.identified_folder import known
+from tests.export.models.identified_folder import known
 
 
 def recording(path: Path, trial: Trial) -> Path:

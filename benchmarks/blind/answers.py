@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmarks.blind.hidden_effects import Answer
-from excite.documents.blind import BlindAnswer
-from excite.documents.diagnosis import Diagnosis
-from excite.documents.document import read_document, schema_of
+from benchmarks.blind.documents import Answer, BlindAnswer
+from excite.diagnosis.answer.answer import Diagnosis
+from excite.documents.document import model_of, read_document
 from excite.errors import InputError
 from excite.finding import list_names
 from excite.formats.documents import read_json
@@ -120,15 +119,13 @@ def read_entry(folder: str | Path, answers: Mapping[str, Answer]) -> dict[str, E
 
 
 def _read_answer(path: Path, answer: Answer) -> EntryAnswer:
-    kinds = (BlindAnswer, Diagnosis)
     said = read_json(path, remedy=_REMEDY).get("schema")
-    if said == schema_of(Diagnosis):
-        return from_diagnosis(read_document(path, Diagnosis, remedy=_REMEDY).content())
-    if said != schema_of(BlindAnswer):
-        either = " or ".join(schema_of(kind) for kind in kinds)
+    if said == Diagnosis.SCHEMA:
+        return from_diagnosis(read_document(path, model_of(Diagnosis), remedy=_REMEDY).content())
+    if said != BlindAnswer.SCHEMA:
+        either = f"{BlindAnswer.SCHEMA} or {Diagnosis.SCHEMA}"
         raise InputError(f"schema is {said!r:.60}, not {either}", source=path, field="schema", remedy=_REMEDY)
-    document = read_document(path, BlindAnswer, remedy=_REMEDY)
-    content = document.content()
+    content = read_document(path, model_of(BlindAnswer), remedy=_REMEDY).content()
     _check_names(path, [*content["effects"], *content["rivals"]], answer)
     stated = of_answer(content, channels_of(answer))
     return EntryAnswer(_as_diagnosis(content), stated, content["seconds"])

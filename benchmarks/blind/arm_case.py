@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.blind.hidden_effects import Answer
+from benchmarks.blind.documents import Answer
 from excite.arrays import Array
 from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion

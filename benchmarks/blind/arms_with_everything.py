@@ -13,9 +13,9 @@ from benchmarks.blind.arm_case import FAULTS, N_TRIALS, N_VALIDATION, Arm, arm_o
 from benchmarks.blind.case import log_session, noise_of, recordings_of
 from benchmarks.blind.case_score import same_effect
 from benchmarks.blind.detectability import DETECTABLE, Band, band_rows
+from benchmarks.blind.documents import Answer, HiddenEffect, JointGap
 from benchmarks.blind.draw import ROBOTS
 from benchmarks.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect, JointGap
 from benchmarks.blind.magnitudes import MAKERS, Site
 from excite.arrays import Array
 from excite.logs.log import Log

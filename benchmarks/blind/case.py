@@ -10,9 +10,9 @@ import numpy as np
 
 from benchmarks.blind.arm_case import FAULTS, N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, Servo, arm_of
 from benchmarks.blind.detectability import effect_detectability
+from benchmarks.blind.documents import Answer, HiddenEffect
 from benchmarks.blind.draw import Draft
 from benchmarks.blind.forms import OWN_TERMS, hide_background, hide_effect, left_out, without_term
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from excite.arrays import Array
 from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.blind.arm_case import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S
 from benchmarks.blind.detectability import DETECTABLE
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect
+from benchmarks.blind.documents import Answer, HiddenEffect
 
 _SAME = {"payload": "link_inertia"}
 _PAIR = frozenset({"torque_bias", "coulomb_asymmetry"})

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.blind.arm_case import FAULTS
+from benchmarks.blind.documents import CaseKind
 from benchmarks.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
+
+# Kinds of cases, which come round in this order.
+_KINDS: tuple[CaseKind, ...] = (
+    *("single", "none", "single", "weak", "single"),
+    *("unknown", "single", "double", "single", "none"),
+)
 
 ROBOTS = ("panda", "ur10", "iiwa14", "jaco2")
 # Joints of theirs are nearly all rotor: without one a step would turn them round, and their friction with them.
@@ -35,7 +42,7 @@ class Draft:
     """
 
     robot: str
-    kind: str
+    kind: CaseKind
     effects: tuple[tuple[str, str], ...]
     fixed: bool
     noise: float
@@ -59,9 +66,7 @@ def draft_case(number: int, rng: np.random.Generator, robots: tuple[str, ...] = 
     """
     robot = robots[int(rng.integers(len(robots)))]
     turn, tens = number % 10, number // 10
-    kind = ("single", "none", "single", "weak", "single", "unknown", "single", "double", "single", "none")[
-        turn
-    ]
+    kind = _KINDS[turn]
     if kind == "unknown" and tens % 2:
         kind = "weak"
     names = [name for name in FORMS if name != "unknown"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.blind.hidden_effects import HiddenEffect
+from benchmarks.blind.documents import CaseKind, HiddenEffect
 from benchmarks.blind.standing_case import (
     ROBOTS,
     Drag,
@@ -30,7 +30,18 @@ from excite.simulation.virtual_robot import Reading, nominal_robot
 
 # Which effects, sensors and noise the standing cases of a battery have.
 
-_KINDS = ("single", "none", "single", "single", "unknown", "single", "double", "single", "single", "none")
+_KINDS: tuple[CaseKind, ...] = (
+    "single",
+    "none",
+    "single",
+    "single",
+    "unknown",
+    "single",
+    "double",
+    "single",
+    "single",
+    "none",
+)
 # Invisible where inertial parameters are free: part of them, or, over force plates, absorbed by them.
 _NEEDS_GIVEN = frozenset({"payload", "link_inertia"})
 _NEEDS_GIVEN_OVER_PLATES = frozenset({"base_orientation_bias", "encoder_offset", "link_length_error"})
@@ -53,7 +64,7 @@ class FloatingDraft:
     """
 
     robot: str
-    kind: str
+    kind: CaseKind
     effects: tuple[tuple[str, str], ...]
     sensors: SensorKind
     fixed: bool

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.blind.arm_case import Arm
-from benchmarks.blind.hidden_effects import HiddenEffect
+from benchmarks.blind.documents import HiddenEffect
 from benchmarks.blind.magnitudes import DRIVE_FIELDS, MAKERS, Hidden, Site
 from excite.simulation.drives import Drives
 from excite.simulation.virtual_robot import VirtualRobot

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.blind.arm_case import Arm
-from benchmarks.blind.hidden_effects import HiddenEffect
+from benchmarks.blind.documents import HiddenEffect
 from excite.simulation.effects.bodies import Shift, Tilt
 from excite.simulation.effects.drives import GearLaw, LagLaw, LooseGear, disconnect
 from excite.simulation.effects.forces import (

@@ -14,14 +14,13 @@ from scipy.signal import butter, sosfiltfilt
 from benchmarks.blind.arm_case import drawn_servo
 from benchmarks.blind.arms_with_everything import build_mixture, draw_mixture
 from benchmarks.blind.case import build_case
+from benchmarks.blind.documents import Answer, BlindAnswers
 from benchmarks.blind.draw import ROBOTS, draft_case
 from benchmarks.blind.floating import MAKERS, FloatingDraft, Hidden, Site, floating_draft
-from benchmarks.blind.hidden_effects import Answer
 from benchmarks.blind.standing_case import ROBOTS as STANDING_ROBOTS
 from benchmarks.blind.standing_case import Stand, stand_of, trial_of
 from benchmarks.blind.standing_effects import Truth, truth_of
 from excite.arrays import Array
-from excite.documents.blind import BlindAnswers
 from excite.documents.document import read_document
 from excite.errors import InputError
 from excite.formats.number import check_count, check_seed
@@ -100,9 +99,9 @@ def make_cases(
         stage="blind cases",
         progress=progress,
     )
-    answers = {f"case_{k:03d}": answer.to_json() for k, answer in enumerate(list(made))}
+    answers = {f"case_{k:03d}": answer for k, answer in enumerate(list(made))}
     target = answers_file(folder)
-    write_json({"schema": "excite.blind/1", "seed": seed, "cases": answers}, target)
+    write_json(BlindAnswers(answers, seed).to_json(), target)
     return target
 
 
@@ -113,8 +112,8 @@ def load_answers(folder: str | Path) -> dict[str, Answer]:
         InputError: there is no such file, or a field in it is missing or wrong.
     """
     path = answers_file(Path(folder))
-    document = read_document(path, BlindAnswers, remedy="make the cases with `excite blind make`").content()
-    return {name: Answer.from_json(item) for name, item in document["cases"].items()}
+    remedy = "make the cases with `python -m benchmarks.blind make`"
+    return dict(read_document(path, BlindAnswers, remedy=remedy).cases)
 
 
 def _robot_families(base: str, robots: tuple[str, ...]) -> tuple[tuple[bool, tuple[str, ...]], ...]:

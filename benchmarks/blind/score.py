@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks.blind.answers import EntryAnswer, from_diagnosis
 from benchmarks.blind.arms_with_everything import MixtureScore, mixture_figures, score_mixture
 from benchmarks.blind.case_score import CaseScore, score_case
-from benchmarks.blind.hidden_effects import Answer
+from benchmarks.blind.documents import Answer
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ from collections.abc import Iterable
 import excite
 from excite.conversion.sources.registry import SOURCES
 from excite.errors import ExciteError
-from excite.export.registry import EXPORTERS
-from excite.export.simulators.registry import MODEL_FORMATS
+from excite.export.registry import EXPORTERS, MODEL_FORMATS
 from excite.motion.generators.registry import GENERATORS
 from excite.safety.check import CHECKS
 from excite.safety.filter import REPAIRS

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ import yaml
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.answer.answer import Diagnosis
-from excite.diagnosis.answer.candidate import RobotChanges, in_words
+from excite.diagnosis.answer.candidate import Applied, RobotChanges, in_words
 from excite.diagnosis.equations.units import unit_at
 from excite.errors import InputError, RobotError
 from excite.logs.robot import is_bare
@@ -117,35 +116,6 @@ ROBOT, MODEL = "robot.yaml", "robot.urdf"
 _SOURCE = "excite diagnose --apply"
 # Of joints that turn.
 _UNITS = {"viscous": "N·m·s/rad", "coulomb": "N·m", "armature": "kg·m²"}
-
-
-@dataclass(frozen=True)
-class Applied:
-    """A robot that was written with the effects of a diagnosis in it.
-
-    Attributes:
-        robot: its ``robot.yaml``.
-        written: what was changed, a sentence each.
-        left_out: what the files have no place for, a sentence each.
-    """
-
-    robot: Path
-    written: tuple[str, ...]
-    left_out: tuple[str, ...]
-
-    def to_json(self, beside: Path) -> dict[str, Any]:
-        """As it stands in the document of a diagnosis, the path from the folder ``beside``."""
-        robot = Path(os.path.relpath(self.robot, beside)).as_posix()
-        return {"robot": robot, "written": list(self.written), "left_out": list(self.left_out)}
-
-    def summary(self) -> str:
-        """A line each."""
-        lines = [f"robot with the effects: {self.robot}"]
-        lines += [f"  {text}" for text in self.written or ("nothing was found that it did not have",)]
-        lines += [f"  not in it: {text}" for text in self.left_out]
-        if self.left_out:
-            lines.append("  a diagnosis with this robot finds again what is not in it")
-        return "\n".join(lines)
 
 
 def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:

@@ -15,16 +15,12 @@ from excite.campaign.pool import Keeper
 from excite.campaign.searches import SEARCHES
 from excite.documents.plan import RefusalsDocument
 from excite.errors import NothingSafeError, UnknownNameError
-from excite.motion.generators.generator import (
-    Candidate,
-    Proposal,
-    child_seed,
-)
+from excite.motion.generators.generator import child_seed
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.generators.registry import GENERATORS
 from excite.results import HIDDEN, Stated, write_json
 from excite.robot.robot import Robot
-from excite.safety.filter import filter_candidates
+from excite.safety.filter import Filtered, filter_candidates
 from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, Remedy, joined_refusals, refusals_table, tally_refusals
 from excite.safety.remedy import TRIED, find_remedy
@@ -135,9 +131,9 @@ class FirstOf:
     _HELD = 64
 
     def __init__(self) -> None:
-        self.held: list[Candidate | Proposal] = []
+        self.held: list[Filtered] = []
 
-    def reading(self, candidates: Iterable[Candidate | Proposal]) -> Iterator[Candidate | Proposal]:
+    def reading(self, candidates: Iterable[Filtered]) -> Iterator[Filtered]:
         """The candidates, once; others may be read after them."""
         for candidate in candidates:
             if len(self.held) < self._HELD:
@@ -226,14 +222,14 @@ def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Candidates, or proposals that are drawn later.
+    """Candidates, proposals that are drawn later, or motions that a search has finished.
 
     Attributes:
         candidates: each once.
         count: how many there are.
     """
 
-    candidates: Iterable[Candidate | Proposal]
+    candidates: Iterable[Filtered]
     count: int
 
 

@@ -2,37 +2,44 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.campaign.optimised_series import Asked, CandidateSearch, usual_limits
+from excite.campaign.optimised_series import Asked, CandidateSearch
 from excite.errors import InputError, NoSolutionError
-from excite.excitation.gradient_design import ArmRows, Design, design_motion, first_information
-from excite.excitation.optimisation.limits import JointLimits
-from excite.motion.generators.generator import Candidate
+from excite.excitation.gradient_design import (
+    GRADIENT,
+    SEARCH_HZ,
+    ArmRows,
+    Design,
+    design_motions,
+    first_information,
+)
+from excite.excitation.selection import Criterion, LogDeterminant
+from excite.excitation.targets import ReachedTargets
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
-from excite.parallel.jobs import at_once
 from excite.parallel.worker import Shared
+from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidates
-
-# Motions that are designed at the same time, for the same information: a processor each, and the same result whatever
-# there are of them.
-_AT_ONCE = 2
 
 
 class GradientDesign(CandidateSearch):
-    """Splines added to safe random motions, each for the log-determinant given those before (arms)."""
+    """Splines added to safe random motions, those of the same minutes each for what the ones before lack (arms).
 
-    name = "gradient"
+    Of parameters that are asked for by name it is how far they are from the target that counts, else the
+    log-determinant.
+    """
+
+    name = GRADIENT
     # A second of processor time each, and three minutes of motion to choose from.
     usual_count = 24
 
-    def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
-        """See :class:`~excite.campaign.optimised_series.CandidateSearch`; one candidate a safe random motion.
+    def candidates(self, asked: Asked, seed: int) -> list[Motion]:
+        """See :class:`~excite.campaign.optimised_series.CandidateSearch`; one motion a safe random motion.
 
         Raises:
             NoSolutionError: no random motion is safe.
@@ -57,33 +64,50 @@ class GradientDesign(CandidateSearch):
                 f"no random motion of {robot.name} is safe, from which one could be designed",
                 remedy="ask for more candidates",
             )
-        information = first_information(rows, kept)
-        shared, made = Shared((rows, usual_limits(robot))), list[Candidate]()
-        for start in range(0, len(kept), _AT_ONCE):
-            tasks = [_Task(motion, information) for motion in kept[start : start + _AT_ONCE]]
-            for design in in_order(_design, tasks, jobs=at_once(asked.jobs), shared=shared, stage="design"):
-                information = information + design.information
-                source = kept[len(made)].metadata
+        shared = Shared((rows, first_information(rows, kept), _criterion(rows, asked), asked.robust))
+        sets = sets_within(kept, asked.budget_s)
+        made: list[Motion] = []
+        for designs in in_order(_design, sets, jobs=asked.jobs, shared=shared, stage="design"):
+            made += [
                 # What no step made safe is its source still, and is called so.
-                maker = self.name if design.step else source.generator
-                name = f"{maker}_{len(made):03d}"
-                made.append(Candidate(name, maker, source.targets, seed, design.curve, speed=1.0))
+                one.motion.renamed(f"{one.motion.metadata.generator}_{len(made) + i:03d}")
+                for i, one in enumerate(designs)
+            ]
             asked.progress("design", len(made), len(kept))
         return made
 
 
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """A safe motion, and the information before it."""
+def sets_within(motions: Sequence[Motion], budget_s: float | None) -> list[list[Motion]]:
+    """Motions dealt into sets that fit into a time at the robot, each into the first that has room for it.
 
-    source: Motion
-    information: Array
+    Without a time they are two sets, a processor each.
+    """
+    if budget_s is None:
+        return [one for one in (list(motions[::2]), list(motions[1::2])) if one]
+    sets: list[list[Motion]] = []
+    for motion in motions:
+        for one in sets:
+            if sum(other.duration for other in one) + motion.duration <= budget_s:
+                one.append(motion)
+                break
+        else:
+            sets.append([motion])
+    return sets
+
+
+def _criterion(rows: ArmRows, asked: Asked) -> Criterion:
+    if not asked.parameters:
+        return LogDeterminant()
+    rows_hz = ProblemSettings().filters(floating=False).rate_hz
+    return ReachedTargets.of(
+        rows.robot, rows.base, asked.parameters, target_rsd=asked.target_rsd, rows=SEARCH_HZ / rows_hz
+    )
 
 
 def _keep(_: object, motion: Motion) -> Motion:
     return motion
 
 
-def _design(shared: tuple[ArmRows, JointLimits], task: _Task) -> Design:
-    rows, limits = shared
-    return design_motion(rows, task.source, task.information, limits)
+def _design(shared: tuple[ArmRows, Array, Criterion, bool], sources: list[Motion]) -> list[Design]:
+    rows, start, criterion, robust = shared
+    return design_motions(rows, sources, start, criterion, robust=robust)

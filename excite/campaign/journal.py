@@ -9,26 +9,24 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from excite.campaign.expected import TARGET_RSD, check_target
-from excite.campaign.plan import MAX_CANDIDATES
-from excite.documents.document import read_document
+from excite.campaign.plan import BUDGETS_S, MAX_CANDIDATES
+from excite.documents.document import model_of, read_document
 from excite.documents.plan import PlanDocument
-from excite.documents.results import Journal as JournalDocument
 from excite.errors import InputError, LogError
-from excite.formats.number import check_count, check_seed
+from excite.formats.number import check_count, check_number, check_seed
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.results import Stated, write_json
+from excite.results import LEFT_OUT, Name, Positive, Stated, write_json
 from excite.robot.robot import Robot
 
-SCHEMA = "excite.journal/1"
 _ANEW = "put back what was there, or start the campaign anew"
 
 
@@ -70,7 +68,7 @@ class Journal:
         path = self.folder / "journal.json"
         if not os.path.lexists(path):
             raise InputError("no campaign to resume", source=path, remedy="start one without --resume")
-        stated = read_document(path, JournalDocument, remedy=_ANEW).stated()
+        stated = read_document(path, model_of(BegunCampaign), remedy=_ANEW).stated()
         # Which command wrote it is nothing that a campaign has to go on with.
         return {name: value for name, value in stated.items() if name != "made"}
 
@@ -82,7 +80,7 @@ class Journal:
                 other settings; or there is none to resume.
         """
         path = self.folder / "journal.json"
-        begun = {"schema": SCHEMA, "robot_hash": robot.hash, "settings": settings.to_json()}
+        begun = BegunCampaign(robot.hash, settings).to_json()
         if not resume:
             if os.path.lexists(path):
                 raise InputError(
@@ -173,14 +171,14 @@ def _check_motions(chosen: Sequence[str], validation: Sequence[str], number: int
     if not chosen:
         raise InputError("names no motion", source=path, field="selected", remedy=_ANEW)
     names = Counter(Path(motion).stem for motion in (*chosen, *validation))
-    for field, motions in (("selected", chosen), ("validation", validation)):
+    for place, motions in (("selected", chosen), ("validation", validation)):
         for motion in motions:
             name = Path(motion).stem
             if names[name] > 1:
-                raise InputError(f"{motion!r} stands twice", source=path, field=field, remedy=_ANEW)
+                raise InputError(f"{motion!r} stands twice", source=path, field=place, remedy=_ANEW)
             if not name.startswith(motion_prefix(number)):
                 what = f"{motion!r} was not planned in iteration {number}"
-                raise InputError(what, source=path, field=field, remedy=_ANEW)
+                raise InputError(what, source=path, field=place, remedy=_ANEW)
 
 
 def motion_prefix(number: int) -> str:
@@ -226,14 +224,18 @@ class CampaignSettings(Stated):
         method: registry name of the estimator.
         seed: of all random numbers.
         on_robot: stop after each plan, so that the motions are recorded on a real robot.
+        minutes: of motion for identification in each iteration [min]. What the first is expected to reach is aimed at,
+            and the others are for what of that it then does not. None for as much as the best motions of every joint
+            take, and for all essential parameters.
     """
 
     n_candidates: int = 140
-    target_rsd: float = TARGET_RSD
+    target_rsd: Positive = TARGET_RSD
     max_iterations: int = 3
-    method: str = DEFAULT_METHOD
+    method: Name = DEFAULT_METHOD
     seed: int = 0
     on_robot: bool = False
+    minutes: Positive | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         """Check the bounds and the method; raises InputError naming the setting, or UnknownNameError."""
@@ -242,3 +244,20 @@ class CampaignSettings(Stated):
         check_seed(self.seed)
         find_estimator(self.method)
         check_target(self.target_rsd)
+        if self.minutes is not None:
+            check_number(60.0 * self.minutes, "minutes", *BUDGETS_S, "s")
+
+
+@dataclass(frozen=True)
+class BegunCampaign(Stated):
+    """The robot and the settings that a campaign was begun with.
+
+    Attributes:
+        robot_hash: hash of the robot's files.
+        settings: what the campaign was asked for.
+    """
+
+    SCHEMA = "excite.journal/1"
+
+    robot_hash: Name
+    settings: CampaignSettings

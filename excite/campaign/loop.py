@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from excite.campaign.assessment import CheckReport, check
 from excite.campaign.experiment import simulate
 from excite.campaign.journal import CampaignSettings, Journal, PlannedMotions, motion_prefix
 from excite.campaign.plan import plan
@@ -21,8 +23,9 @@ from excite.campaign.result import (
     joints_to_aim_at,
     missed_targets,
 )
+from excite.display import Shown, count
 from excite.documents.plan import PlanDocument
-from excite.errors import NoSolutionError
+from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
 from excite.excitation.unexcited_directions import unexcited_parameters
 from excite.folder_lock import claim_folder
@@ -36,8 +39,10 @@ from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.comparisons import ReportData, save_report_data
+from excite.report.page import report
 from excite.results import write_json
 from excite.robot.load import RobotLike, as_robot, keep_description
+from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import inject_effects as inject_effects
 
@@ -133,11 +138,18 @@ class _State:
         self.identification: Identification | None = None
         self.conditioning: Conditioning | None = None
         self.expected: Forecast | None = None
+        self.promised: PlanDocument | None = None
+
+    @property
+    def aims(self) -> tuple[str, ...]:
+        """What the first plan for minutes said they reach; empty where all essential parameters are aimed at."""
+        return () if self.promised is None else self.promised.reaches
 
     def plan(self, number: int, targets: Sequence[str]) -> PlannedMotions:
         """The motions of an iteration, planned now or before."""
         planned = self.journal.planned(number, self.robot) or self._plan_anew(number, targets)
         self.expected = planned.document.forecast
+        self.promised = self.promised or planned.document
         return planned
 
     def _plan_anew(self, number: int, targets: Sequence[str]) -> PlannedMotions:
@@ -148,6 +160,7 @@ class _State:
             targets=targets,
             seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
             target_rsd=self.settings.target_rsd,
+            minutes=self.settings.minutes,
             before=self.motions,
             prefix=motion_prefix(number),
             jobs=self.jobs,
@@ -190,13 +203,16 @@ class _State:
         self.conditioning = compute_conditioning(self.robot, self.factors)
         self.progress("identify", len(self.iterations), self.settings.max_iterations)
         self.identification = identify(self.robot, join_logs(self.logs), self.settings.method)
-        essential = self.identification.essential
+        judged, unexcited = self.identification.essential, unexcited_parameters(self.conditioning)
+        if self.aims:
+            judged = tuple(one for one in self.identification.base if one.name in self.aims)
+            unexcited = tuple(one for one in unexcited if one.label in self.aims)
         trials = [trial for entry in self.logs for trial in entry.role("identification")]
         seconds = float(sum(trial.time[-1] - trial.time[0] for trial in trials))
         missed = missed_targets(
             self.robot,
-            essential,
-            unexcited_parameters(self.conditioning),
+            judged,
+            unexcited,
             self.settings.target_rsd,
             seconds=seconds,
             earlier=[Earlier(one.seconds, one.rsd_percent) for one in self.iterations],
@@ -205,7 +221,7 @@ class _State:
             Iteration(
                 n_motions=len(planned.chosen) + len(planned.validation),
                 seconds=seconds,
-                rsd_percent={item.name: item.rsd_percent for item in essential},
+                rsd_percent={item.name: item.rsd_percent for item in judged},
                 missed=missed,
                 forecast=self.expected,
             )
@@ -224,6 +240,11 @@ class _State:
             awaits=awaits,
             expected=self.expected,
             interrupted=interrupted,
+            minutes=self.settings.minutes,
+            aims=self.aims,
+            out_of_reach=()
+            if self.promised is None
+            else tuple(one.parameter for one in self.promised.out_of_reach),
         )
         folder = self.journal.folder
         if self.identification is not None and self.conditioning is not None:
@@ -252,3 +273,67 @@ class _State:
         names = [{trial.name for trial in log.trials} for log in self.logs]
         number = next((k for k, there in enumerate(names, 1) if shown in there), 1)
         return self.journal.log_folder(number).relative_to(self.journal.folder).as_posix()
+
+
+# The verb ``demo``: the main job on a bundled humanoid, ending in a report.
+
+ROBOT = "g1"
+_SETTINGS = CampaignSettings(n_candidates=116, target_rsd=15.0, max_iterations=2, minutes=1.25)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Demo(Shown):
+    """What the demo did.
+
+    Attributes:
+        campaign: the campaign.
+        check: independent verdict on every motion that it ran.
+        page: the report.
+    """
+
+    campaign: Campaign
+    check: CheckReport
+    page: Path
+
+    def to_json(self) -> dict[str, Any]:
+        """The campaign's document, with the verdict and the report's file name added."""
+        return {**self.campaign.to_json(), "check": self.check.to_json(), "report": self.page.name}
+
+    def summary(self) -> str:
+        """A few lines for a person."""
+        safe = "all safe" if self.check.safe else "NOT all safe"
+        return "\n".join(
+            [
+                self.campaign.summary(),
+                f"{count(len(self.check.verdicts), 'motion')} checked: {safe}",
+                f"report: {self.page}",
+            ]
+        )
+
+
+def demo(folder: Path, *, seed: int = 0, jobs: Jobs = 1, progress: Progress = silent) -> Demo:
+    """Plan, check, run and identify on a virtual Unitree G1 that carries 5 kg which its model does not have.
+
+    Args:
+        folder: where everything is written; must not hold a campaign.
+        seed: of all random numbers.
+        jobs: number of processes, or an executor; the result does not depend on it.
+        progress: told as work proceeds.
+
+    Returns:
+        The campaign, the verdicts on its motions, and the page.
+
+    Raises:
+        InputError: the folder holds a campaign already.
+    """
+    folder = Path(folder)
+    if (folder / "journal.json").exists():
+        raise InputError("holds a campaign already", source=folder, remedy="give another --out or remove it")
+    robot = load_robot(ROBOT)
+    result = campaign(robot, folder, replace(_SETTINGS, seed=seed), jobs=jobs, progress=progress)
+    journal = Journal(folder)
+    planned = [journal.planned(number, robot) for number in range(1, len(result.iterations) + 1)]
+    motions = [motion for item in planned if item is not None for motion in (*item.chosen, *item.validation)]
+    verdicts = check(robot, motions, jobs=jobs, progress=progress)
+    write_json(verdicts.to_json(), folder / "check.json")
+    return Demo(result, verdicts, report(folder))

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.campaign.expected import TARGET_RSD
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.optimisation.limits import JointLimits
 from excite.excitation.optimisation.motions import FourierFamily
@@ -24,6 +25,7 @@ from excite.motion.generators.generator import (
     free_upper_body,
     rest_joints,
 )
+from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
@@ -88,6 +90,9 @@ class Asked:
         jobs: number of processes, or an executor; the candidates do not depend on it.
         progress: told as work proceeds.
         robust: whether limits shall hold for all robots of the set that the description states.
+        budget_s: time at the robot that motions are chosen for [s]; None where nobody says.
+        parameters: that are asked for in it, such as ``forearm_link:com``; all, if empty.
+        target_rsd: relative standard deviation to reach with them [percent].
     """
 
     robot: Robot
@@ -97,6 +102,9 @@ class Asked:
     jobs: Jobs = 1
     progress: Progress = silent
     robust: bool = False
+    budget_s: float | None = None
+    parameters: Sequence[str] = ()
+    target_rsd: float = TARGET_RSD
 
 
 class CandidateSearch(ABC):
@@ -111,8 +119,8 @@ class CandidateSearch(ABC):
     usual_count: ClassVar[int | None] = None
 
     @abstractmethod
-    def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
-        """The candidates of one seed.
+    def candidates(self, asked: Asked, seed: int) -> Sequence[Candidate | Motion]:
+        """The candidates of one seed, or motions that need no repair.
 
         Raises:
             NoSolutionError: there are none.

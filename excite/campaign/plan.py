@@ -33,6 +33,7 @@ from excite.documents.document import read_document
 from excite.documents.plan import CandidateCounts, CurvePoint, OutOfReach, PlanDocument, SelectedMotion, Stage
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
+from excite.excitation.gradient_design import ArmRows
 from excite.excitation.precision import row_noise
 from excite.excitation.selection import (
     BEST_THREE,
@@ -42,7 +43,8 @@ from excite.excitation.selection import (
     check_selection,
     select_motions,
 )
-from excite.excitation.targets import asked_parameters
+from excite.excitation.state_bound import bound_log_det, d_efficiency
+from excite.excitation.targets import NEGLIGIBLE, asked_parameters
 from excite.formats.number import check_count, check_number, check_seed
 from excite.identification.judgement.forecast import Forecast
 from excite.identification.judgement.judgement import PATIENCE
@@ -260,7 +262,7 @@ def _unchosen_in_turn(pool: Pool, chosen: Sequence[int], count: int = _N_VALIDAT
 # Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
 MAX_CANDIDATES = 1_000_000
 # From one sample to a season at the robot [s].
-_BUDGETS_S = (1e-3, 1e7)
+BUDGETS_S = (1e-3, 1e7)
 
 
 def plan(
@@ -328,7 +330,7 @@ def plan(
     check_target(target_rsd)
     _check_settings(generator, series, selection, budget_s)
     if minutes is not None:
-        check_number(60.0 * minutes, "minutes", *_BUDGETS_S, "s")
+        check_number(60.0 * minutes, "minutes", *BUDGETS_S, "s")
         selection, budget_s = TARGETS, 60.0 * minutes
         generator = generator or _designer(robot)
     if parameters and selection != TARGETS:
@@ -340,7 +342,9 @@ def plan(
     count = (usual or N_CANDIDATES) if n_candidates is None else n_candidates
     check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     root = check_seed(seed)
-    asked = Asked(robot, count, targets, series, jobs, progress, robust)
+    asked = Asked(
+        robot, count, targets, series, jobs, progress, robust, budget_s, tuple(parameters), target_rsd
+    )
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
     seconds_of = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
@@ -459,7 +463,7 @@ def _check_settings(
         )
     if budget_s is None:
         return
-    check_number(budget_s, "budget", *_BUDGETS_S, "s")
+    check_number(budget_s, "budget", *BUDGETS_S, "s")
     if selection == BEST_THREE:
         raise InputError(
             "the best three of every segment take as long as they take",
@@ -574,7 +578,8 @@ class Plan(Tabled):
     def needed_min(self) -> dict[str, float]:
         """Minutes of motion like this with which each parameter asked for reaches the target, fewest first.
 
-        Of all of them those that identification is expected to keep; infinite where the motions say nothing.
+        Of all of them those whose value in the model counts, which the choice aims at: what identification will keep as
+        essential changes with the motions. Infinite where the motions say nothing.
         """
         if self.outlook is None:
             return {}
@@ -582,7 +587,7 @@ class Plan(Tabled):
         rsd = {
             p.name: np.inf if p.rsd_percent is None else p.rsd_percent
             for p in self.outlook.parameters
-            if p.name in asked and (p.essential or self.parameters)
+            if p.name in asked and (self.parameters or abs(p.value) > NEGLIGIBLE)
         }
         needed = Forecast.of(rsd, self.target_rsd, self._whole_s).needed_s
         return dict(sorted(((name, s / 60.0) for name, s in needed.items()), key=lambda item: item[1]))
@@ -591,6 +596,17 @@ class Plan(Tabled):
     def reaches(self) -> tuple[str, ...]:
         """Parameters asked for that the chosen motions are expected to bring to the target."""
         return tuple(name for name, minutes in self.needed_min.items() if minutes <= self._whole_s / 60.0)
+
+    @cached_property
+    def d_efficiency(self) -> float | None:
+        """What the chosen motions of minutes tell a second, of the most that any states within the limits could.
+
+        None without minutes, and of robots that no bound is known for.
+        """
+        if self.minutes is None or _designer(self.robot) is None:
+            return None
+        rows = ArmRows(self.robot)
+        return d_efficiency(rows, list(self.motions), bound_log_det(rows))
 
     def _out_of_reach(self) -> Iterator[OutOfReach]:
         reached = self.reaches
@@ -620,7 +636,13 @@ class Plan(Tabled):
         line += f"; a minute more adds {added}" if left else ""
         if left and not reached:
             line += f"; the least that reach any are {min(left.values()):.3g} min"
-        return [line + (f"; out of reach: {', '.join(far)}" if far else "")]
+        lines = [line + (f"; out of reach: {', '.join(far)}" if far else "")]
+        if self.d_efficiency is not None:
+            lines.append(
+                f"information a second: {self.d_efficiency:.0%} of a bound that no motion reaches: any states within "
+                "limits of position, velocity, acceleration and torque, without a way from one to the next"
+            )
+        return lines
 
     @property
     def _whole_s(self) -> float:
@@ -664,6 +686,7 @@ class Plan(Tabled):
             reaches=() if self.minutes is None else self.reaches,
             out_of_reach=() if self.minutes is None else tuple(self._out_of_reach()),
             curve=() if self.minutes is None else self.reached_by_minutes,
+            d_efficiency=self.d_efficiency,
             undesigned=self.undesigned,
             as_far_as=shape_conditions(self.robot),
             assumed=tuple(self.robot.description.assumed),

@@ -154,6 +154,10 @@ class Campaign(Tabled):
         awaits: folder that a log has to be put into before ``--resume``; None when finished.
         expected: what the last plan said of the target; None where the sensors' noise is not stated.
         interrupted: whether the user broke off: the iterations are those that were complete.
+        minutes: of motion that were asked for in each iteration [min]; None where nobody said.
+        aims: parameters that the first plan for minutes expected to reach; of those without minutes, and where it
+            expected none, all essential ones are aimed at and these are empty.
+        out_of_reach: those that it did not.
     """
 
     robot: str
@@ -164,6 +168,9 @@ class Campaign(Tabled):
     awaits: Path | None = None
     expected: Forecast | None = None
     interrupted: bool = False
+    minutes: float | None = None
+    aims: tuple[str, ...] = ()
+    out_of_reach: tuple[str, ...] = ()
 
     tables = ("targets", "iterations")
 
@@ -197,7 +204,7 @@ class Campaign(Tabled):
 
     @property
     def targets_met(self) -> bool:
-        """Whether every essential parameter reached the target."""
+        """Whether every parameter that is aimed at reached the target: all essential ones, where no minutes say."""
         return self.awaits is None and not self.interrupted and bool(self.iterations) and not self.missed
 
     def to_json(self) -> dict[str, Any]:
@@ -208,23 +215,33 @@ class Campaign(Tabled):
             "target_rsd_percent": self.target_rsd,
             "iterations": [iteration.to_json() for iteration in self.iterations],
             "targets_met": self.targets_met,
+            "minutes": self.minutes,
+            "aims": list(self.aims),
+            "out_of_reach": list(self.out_of_reach),
             "interrupted": self.interrupted,
             "awaits": None if self.awaits is None else str(self.awaits),
             "identification": None if self.identification is None else self.identification.to_json(),
         }
 
+    def _aims_in_words(self) -> list[str]:
+        if not self.aims:
+            return []
+        far = f"; out of reach: {', '.join(self.out_of_reach)}" if self.out_of_reach else ""
+        return [f"{self.minutes:g} min an iteration: {count(len(self.aims), 'parameter')} aimed at{far}"]
+
     def summary(self) -> str:
         """A few lines for a person."""
-        lines = []
+        lines = self._aims_in_words()
+        kind = "parameters aimed at" if self.aims else "essential parameters"
         for number, item in enumerate(self.iterations, start=1):
             if item.forecast is not None:
                 lines.append(f"plan {number}, {item.forecast.summary()}")
             below = sum(rsd <= self.target_rsd for rsd in item.rsd_percent.values())
             lines.append(
                 f"iteration {number}: {count(item.n_motions, 'motion')}, {item.seconds:.0f} s in all, "
-                f"{below} of {len(item.rsd_percent)} essential parameters within {self.target_rsd:g} %"
+                f"{below} of {len(item.rsd_percent)} {kind} within {self.target_rsd:g} %"
             )
-        if any(
+        if not self.aims and any(
             i.forecast is not None and len(i.forecast.needed_s) != len(i.rsd_percent) for i in self.iterations
         ):
             lines.append(

@@ -6,20 +6,24 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from excite.campaign.assessment import RankReport
 from excite.campaign.experiment import Simulation, Truth
-from excite.campaign.rank import RankReport
+from excite.campaign.journal import BegunCampaign
 from excite.conversion.explicit_mapping import Map
-from excite.documents.blind import BlindAnswer, BlindAnswers
+from excite.diagnosis.answer.answer import Diagnosis
 from excite.documents.campaign import Campaign
-from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document, model_of, schema_of
 from excite.documents.identification import Identification
 from excite.documents.plan import PlanDocument, RefusalsDocument
-from excite.documents.results import Doctor, Export, Human, Journal, Model, Signals
 from excite.errors import UnknownNameError
+from excite.export.export import ExportReport
+from excite.export.models.simulator_model import SimulatorModel
+from excite.finding import Examination
+from excite.human.measure import MeasuredPerson
 from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.logs.log import LogHeader
+from excite.logs.signals.trace import SignalTrace
 from excite.motion.files import MotionDocument
 from excite.robot.description import RobotDescription
 from excite.safety.verdict import CheckReport
@@ -32,11 +36,24 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Export, Identification, Campaign, Diagnosis, Doctor, Human, Model, Signals, Journal),
-    *(BlindAnswers, BlindAnswer),
+    *(Identification, Campaign),
     *(
         model_of(result)
-        for result in (PlanDocument, RefusalsDocument, CheckReport, RankReport, Simulation, Truth)
+        for result in (
+            Diagnosis,
+            PlanDocument,
+            RefusalsDocument,
+            CheckReport,
+            Examination,
+            RankReport,
+            Simulation,
+            Truth,
+            BegunCampaign,
+            MeasuredPerson,
+            SignalTrace,
+            ExportReport,
+            SimulatorModel,
+        )
     ),
 )
 DOCUMENTS: dict[str, type[Document]] = {schema_of(kind): kind for kind in _KINDS}

@@ -36,6 +36,7 @@ _OPTIONS = {
     "max_iterations": "--max-iterations",
     "method": "--method",
     "on_robot": "--on-robot",
+    "minutes": "--minutes",
 }
 
 
@@ -58,6 +59,14 @@ def command(
             "--on-robot", help="Stop after each plan so that the motions can be recorded on the real robot."
         ),
     ] = False,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            "--minutes",
+            help="Minutes of motion in each iteration: what the first is expected to reach is aimed at, else all "
+            "essential parameters.",
+        ),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the campaign that --out holds, by its options.")
     ] = False,
@@ -75,6 +84,7 @@ def command(
         "method": method,
         "seed": seed,
         "on_robot": on_robot,
+        "minutes": minutes,
     }
     if resume:
         from excite.campaign.journal import Journal  # lazy: pinocchio

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -57,7 +59,8 @@ def command(
                 _save_diagnosis(result, document | stated_origin(robot or "", log, out), out)
             raise
         summary += f"\n{applied.summary()}"
-        document |= {"applied": applied.to_json(out or Path.cwd())}
+        beside = Path(os.path.relpath(applied.robot, out or Path.cwd()))
+        document = replace(result, applied=replace(applied, robot=beside)).to_json()
     if out is not None:
         document |= stated_origin(robot or "", log, out)
         summary += f"\nreport: {_save_diagnosis(result, document, out)}"

@@ -69,12 +69,11 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
-    from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
-    from excite.export.resolve_robot import robot_beside  # lazy: pydantic
+    from excite.export.export import export_with_verdicts, robot_beside  # lazy: pinocchio
     from excite.motion.collection import motion_paths  # lazy: pinocchio
 
     try:
-        written = export_with_verdicts(
+        report = export_with_verdicts(
             motions,
             format_name,
             out=out or Path(),
@@ -89,20 +88,14 @@ def command(
         for verdict in error.verdicts[1:]:
             print(f"excite: {verdict.summary()}", file=sys.stderr)
         raise
-    for item in written:
+    for item in report.motions:
         if item.cleared.reason is not None:
             print(f"excite: written all the same: {item.cleared.verdict.summary()}", file=sys.stderr)
-    entries = [item.to_json(out) for item in written]
-    document = {
-        "schema": SCHEMA,
-        "format": format_name,
-        "files": [entry["file"] for entry in entries],
-        "motions": entries,
-    }
+    document = report.to_json()
     if out is not None:
         write_json(document, out / "export.json")
     emit_result(
-        "\n".join(f"wrote {item.path}" for item in written),
+        "\n".join(f"wrote {item.path}" for item in report.motions),
         document,
         as_json=as_json,
         then="run them, record, and "
@@ -110,7 +103,7 @@ def command(
             "convert",
             "RECORDING",
             "--robot",
-            robot or robot_beside(motion_paths(motions)[0], written[0].cleared.motion.robot),
+            robot or robot_beside(motion_paths(motions)[0], report.motions[0].robot),
             "--out",
             "log",
         ),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -119,8 +120,9 @@ def command(
     # All of it or nothing: a folder without what was asked for would be taken for the whole.
     with atomic_folder(out) as folder:
         excite.write_person(person, folder)
-        document, summary = _evaluate_person(person, folder, loaded, identify, estimator)
-        document["files"] = sorted([_DOCUMENT, *(item.name for item in folder.iterdir())])
+        person, summary = _evaluate_person(person, folder, loaded, identify, estimator)
+        files = sorted([_DOCUMENT, *(item.name for item in folder.iterdir())])
+        document = replace(person, files=tuple(files)).to_json()
         write_json(document, folder / _DOCUMENT)
         keep_others(out, folder, written_before)
     # Of a log with trials that were done with a weight, the body is not to be identified as if there were none.
@@ -155,11 +157,11 @@ def _written_files(out: Path) -> list[str]:
     """Names of the files that an earlier run wrote into the folder, which this one replaces."""
     if not (out / _DOCUMENT).is_file():
         return []
-    from excite.documents.document import read_document  # lazy: pydantic
-    from excite.documents.results import Human  # lazy: pydantic
+    from excite.documents.document import model_of, read_document  # lazy: pydantic
+    from excite.human.measure import MeasuredPerson  # lazy: pinocchio
 
     try:
-        return read_document(out / _DOCUMENT, Human).files
+        return list(read_document(out / _DOCUMENT, model_of(MeasuredPerson)).content()["files"])
     except InputError:  # what it named cannot be told: all is kept
         return []
 
@@ -170,24 +172,25 @@ def _evaluate_person(
     loaded: int,
     identify: str | None,
     estimator: EstimatorSettings | None,
-) -> tuple[dict[str, Any], str]:
-    """The document and what is said of it, after all that was asked for was written beside the log."""
-    document, said = person.to_json(), []
+) -> tuple[excite.MeasuredPerson, str]:
+    """The person with all that was asked for, which was written beside the log, and what is said of it."""
+    said = []
     weight = excite.added_mass(folder, loaded) if loaded else None
     if weight is not None:
-        document["added_mass"] = weight.to_json()
+        person = replace(person, added_mass=weight)
         said.append(f"\n{weight.summary()}")
     if identify is not None:
         found = excite.identify_person(person, folder, identify, estimator, loaded=loaded)
-        document["identification"] = found.identification.to_json()
-        document["ground_reaction"] = found.reaction_table.to_json()
+        person = replace(
+            person, identification=found.identification, ground_reaction=found.reaction_table.fits
+        )
         said.append(f"\n\n{found.summary()}")
         worn = None
         if weight is not None:
             worn = excite.identify_wearing(person, folder, weight, found, loaded, identify, estimator)
-            document["worn_weight"] = worn.to_json()
+            person = replace(person, worn_weight=worn)
             said.append(f"\n\n{worn.summary()}")
         from excite.report.person_figures import save_person_figures  # lazy: pinocchio
 
         save_person_figures(found, None if worn is None else worn.wearing, person.body.table, folder)
-    return document, "".join(said)
+    return person, "".join(said)

@@ -34,6 +34,20 @@ def command(
         float | None,
         typer.Option("--cutoff", min=0.0, help="Cut-off of the zero-phase low-pass on all signals [Hz]."),
     ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="MAKER",
+            help="Write the load for an arm's controller: ur, franka, kuka, fanuc or abb.",
+        ),
+    ] = None,
+    flange: Annotated[
+        str | None,
+        typer.Option(
+            "--flange", metavar="FRAME", help="Frame of the description that is the maker's flange."
+        ),
+    ] = None,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -48,6 +62,10 @@ def command(
         raise InputError(
             "come together", source="--calibration, --calibration-mass", remedy="give both, or neither"
         )
+    if controller is not None:
+        from excite.export.payload import find_payload_format  # lazy: pinocchio
+
+        find_payload_format(controller)
     model = excite.robot_for_log(robot, without)
     logs = [excite.load_log(folder, model) for folder in (without, loaded)]
     known = None
@@ -55,11 +73,19 @@ def command(
         known = (excite.load_log(calibration, model), calibration_mass)
     settings = excite.ProblemSettings(cutoff_hz=cutoff_hz)
     found = excite.weigh_load(model, *logs, mass=mass, calibration=known, settings=settings)
-    document = found.to_json()
+    document, summary = found.to_json(), found.summary()
+    if controller is not None:
+        from excite.export.payload import payload_for  # lazy: pinocchio
+
+        payload = payload_for(found, model, controller, flange)
+        document["controller"] = payload.to_json()
+        summary += f"\n{payload.summary()}"
+        if out is not None:
+            payload.write(out)
     if out is not None:
         write_json(document, out / "load.json")
     emit_result(
-        found.summary(),
+        summary,
         document,
         as_json=as_json,
         then=command_line("diagnose", loaded, "--out", "diagnosis"),

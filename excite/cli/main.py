@@ -20,7 +20,6 @@ import typer  # noqa: E402
 
 import excite  # noqa: E402
 from excite.cli import (  # noqa: E402
-    blind,
     campaign,
     check,
     demo,
@@ -106,9 +105,6 @@ for _module in (
 ):
     _class = _CLASSES.get(_module, HelpfulCommand)
     app.command(name=_module.NAME, cls=_class)(with_model_options(_module.command))
-
-
-app.add_typer(blind.app, name=blind.NAME)
 
 
 def _print_version(value: bool) -> None:

@@ -11,12 +11,12 @@ import excite
 from excite.cli.session.options import JobsOption, JsonOption, ModelOutOption, SeedOption, one_of
 from excite.cli.session.output import emit_result
 from excite.display import count
-from excite.export.simulators.registry import MODEL_FORMATS
+from excite.export.registry import MODEL_FORMATS
 
 if TYPE_CHECKING:
-    from excite.export.simulators.model_format import Lost
-    from excite.export.simulators.subject_result import Change
-    from excite.export.simulators.write import SimulatorModel
+    from excite.export.models.model_format import Lost
+    from excite.export.models.simulator_model import SimulatorModel
+    from excite.export.models.subject import Change
 
 NAME = "model"
 # Rows of the table on a terminal; changes.csv has all of them.

@@ -11,7 +11,12 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.base_signals import add_base, add_base_signals, feet_of
-from excite.conversion.columns.choice import choose_families, settle_unmeasured
+from excite.conversion.columns.choice import (
+    Understood,
+    choose_families,
+    settle_unmeasured,
+    understand_columns,
+)
 from excite.conversion.columns.clock import clock_column, clock_pace, goes_evenly, rate_by_velocities
 from excite.conversion.columns.families import (
     TARGETS,
@@ -24,7 +29,6 @@ from excite.conversion.columns.families import (
     without_base,
 )
 from excite.conversion.columns.scales import convert_units
-from excite.conversion.columns.unnamed import Understood, understand_columns
 from excite.conversion.columns.vocabulary import FORCES, OF_WORD
 from excite.conversion.columns.words import Clue, is_of_joints
 from excite.conversion.explicit_mapping import Map

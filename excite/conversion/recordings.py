@@ -36,7 +36,7 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
     wrong: list[LogError] = []
     for source in map(Path, sources):
         try:
-            ours = _read_source(source, _source_files(source))
+            ours = _read_source(source, source_files(source))
             found += ours
             apart += [] if ours else _of_folders(source)
         except LogError as error:
@@ -65,7 +65,7 @@ def _read_source(source: Path, files: Sequence[Path]) -> list[Recording]:
     if found and empty:
         note = f"nothing was read from {list_names([Path(str(e.source)).name for e in empty])}: they hold no numbers"
         found[0] = replace(found[0], notes=(*found[0].notes, note))
-    if not found and empty and not (source.is_dir() and _nested_folders(source, _DEPTH)):
+    if not found and empty and not (source.is_dir() and nested_folders(source, _DEPTH)):
         raise empty[0]
     return found
 
@@ -95,7 +95,7 @@ def _join_recordings(recordings: Sequence[Recording]) -> list[Recording]:
     return joined_by_trial([part for recording in recordings for part in reshape_recording(recording)])
 
 
-def _source_files(source: Path) -> list[Path]:
+def source_files(source: Path) -> list[Path]:
     """What a source stands for: itself, or the files in it of a folder that is no recording; none of those below it."""
     if not source.is_dir() or recognised(source) is not None:
         return [source]
@@ -107,8 +107,8 @@ def _source_files(source: Path) -> list[Path]:
 def _of_folders(source: Path) -> list[Recording]:
     """Recordings that have a folder each below one that holds none, called after it; parts in a folder are one."""
     found: list[Recording] = []
-    for folder, name in _nested_folders(source, _DEPTH):
-        ours = _join_recordings(_read_source(folder, _source_files(folder)))
+    for folder, name in nested_folders(source, _DEPTH):
+        ours = _join_recordings(_read_source(folder, source_files(folder)))
         alone = len(ours) == 1
         found += [replace(one, name=name if alone else f"{name}_{one.name}") for one in ours]
     if not found:
@@ -116,16 +116,14 @@ def _of_folders(source: Path) -> list[Recording]:
     return found
 
 
-def _nested_folders(source: Path, depth: int) -> list[tuple[Path, str]]:
+def nested_folders(source: Path, depth: int) -> list[tuple[Path, str]]:
     """The nearest folders below one that hold recordings, and what to call them."""
     found: list[tuple[Path, str]] = []
     for folder in sorted(path for path in source.iterdir() if path.is_dir()) if depth else []:
-        if _source_files(folder):
+        if source_files(folder):
             found.append((folder, folder.name))
         else:
-            found += [
-                (deeper, f"{folder.name}_{name}") for deeper, name in _nested_folders(folder, depth - 1)
-            ]
+            found += [(deeper, f"{folder.name}_{name}") for deeper, name in nested_folders(folder, depth - 1)]
     return found
 
 

@@ -17,8 +17,9 @@ from excite.conversion.guesses import RATE_LINE, Guesses, Question, UnclearError
 from excite.conversion.recording import Machine, Recording
 from excite.conversion.result import Conversion
 from excite.conversion.trials import Cut
-from excite.doctor.channel_errors import LEAST_GAIN, explained
+from excite.doctor.channel_errors import explained
 from excite.doctor.channel_mapping import Reading
+from excite.doctor.inertial_prior import STRONG_ODDS, Judgement
 from excite.doctor.limit_shares import AS_STATED, Share, share_of_limits
 from excite.doctor.mistakes.torques import Load, carried_load
 from excite.doctor.torque_samples import torque_samples
@@ -439,10 +440,11 @@ def settled_by_torques(
         return None
     if left is None:
         return None
-    best, second = np.argsort(left.sum(axis=1))[:2]
-    gain = float((left[second] - left[best]).sum())
-    none = np.zeros(left.shape[1] - 1, dtype=bool)
-    if gain < LEAST_GAIN or not explained(left[second, :-1], left[best, :-1], none):
+    odds = [left[0].odds(one) for one in left]
+    best, second = np.argsort(odds)[:-3:-1]
+    gain = left[second].posterior(left[best])
+    none = np.zeros(len(left[0].left), dtype=bool)
+    if gain < STRONG_ODDS or not explained(left[second].left, left[best].left, none):
         return None
     units = question.units[int(best)]
     said = " and ".join(dict.fromkeys(units.values()))
@@ -450,11 +452,8 @@ def settled_by_torques(
     return Settled(stated.model_copy(update={"units": {**stated.units, **units}}), because)
 
 
-def _left(log: Log, units: Sequence[Mapping[str, str]]) -> Array | None:
-    """What likely bodies leave of each torque, and cost, with positions in each of the units [nat].
-
-    ``(n_units, n_torques + 1)``. The first of the units is the log's.
-    """
+def _left(log: Log, units: Sequence[Mapping[str, str]]) -> list[Judgement] | None:
+    """What likely bodies leave of the torques with positions in each of the units, of which the first is the log's."""
     if log.header.free_base or log.header.torque in {None, "none"}:
         return None
     samples = torque_samples(nominal_robot(log), log)
@@ -471,7 +470,8 @@ def _left(log: Log, units: Sequence[Mapping[str, str]]) -> Array | None:
     readings = [
         replace(reading, unit=np.where(slides, 1.0, factors(by_channel) / as_first)) for by_channel in units
     ]
-    return np.array([samples.judged(read) for read in readings])
+    first = samples.judged(readings[0])
+    return [first, *(samples.judged(read, first.counts) for read in readings[1:])]
 
 
 def _with_rate(question: Question, tried: Callable[[Map], Conversion], stated: Map) -> Question:
@@ -491,14 +491,15 @@ def _with_rate(question: Question, tried: Callable[[Map], Conversion], stated: M
             return question
         if samples is None or log.header.torque in (None, "none"):
             return question
-        left = []
+        left, weights = [], []
         for sign in (1.0, -1.0):
             as_stated = Reading.as_stated(log)
-            by_clock = samples.by_clock(replace(as_stated, torque_factor=sign * as_stated.torque_factor))
-            left.append([float(np.mean(by_clock(rate / one))) for one in rates])
+            signed = replace(as_stated, torque_factor=sign * as_stated.torque_factor)
+            by_clock, counts = samples.by_clock(signed), samples.judged(signed).counts
+            weights.append(float(counts.sum()))
+            left.append([float(counts @ by_clock(rate / one)) / weights[-1] for one in rates])
         which, at = np.unravel_index(int(np.argmin(left)), np.shape(left))
-        count = len(samples.measured)
-        near = np.flatnonzero(np.array(left[which]) * count < left[which][at] * count + LEAST_GAIN)
+        near = np.flatnonzero(np.array(left[which]) < left[which][at] + STRONG_ODDS / weights[which])
         if near[0] == 0 or near[-1] == len(rates) - 1 or np.exp(2.0 * left[which][at]) > 0.5:
             return question
         rate, low, high, turned = float(rates[at]), float(rates[near[0]]), float(rates[near[-1]]), bool(which)

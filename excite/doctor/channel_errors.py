@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, permutations, product
 from typing import Any, TypeVar
 
@@ -13,22 +14,22 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
-from excite.doctor.inertial_prior import FLOOR
+from excite.doctor.inertial_prior import FLOOR, STRONG_ODDS, Judgement
 from excite.doctor.mistakes.joints import (
-    BaseFrame,
-    Clock,
-    Degrees,
-    Direction,
-    Gravity,
-    Order,
-    PositionOrder,
-    PositionSign,
-    Revolutions,
-    TorqueOrder,
-    ZeroPosition,
+    find_base_frame,
+    find_clock,
+    find_degrees,
+    find_exchanged_positions,
+    find_gravity,
+    find_order,
+    find_position_sign,
+    find_revolutions,
+    find_torque_order,
+    find_turned_joints,
+    find_zeros,
 )
 from excite.doctor.mistakes.mistake import THE_UNIT, Correction, Mistake, Samples
-from excite.doctor.mistakes.torques import TorqueLate, TorqueScale, TorqueSign, Weight
+from excite.doctor.mistakes.torques import TORQUE_SCALE, find_delay, find_missing_weight, find_torque_sign
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.logs.units import size_of
@@ -39,10 +40,6 @@ from excite.logs.units import size_of
 # wrong clock spoils the prediction by far more. Every mistake is undone in turn; the one that brings most is
 # believed where it brings much, and the search goes on from there: mistakes come in company.
 
-# What each change has to bring: half the logarithm of the residual's power, summed over the channels [nat]. In 22 logs
-# of simulated arms with up to 18 effects each and 10 of real ones no change brings more than 0.10, or 0.14 where all
-# joints move as one; the mistakes that were put into such logs bring from 0.5 to 16.
-LEAST_GAIN = 0.35
 # A channel that gains from a change has to be explained by it; more than this share of its power left is none.
 _EXPLAINED = 0.5
 _GAINS = 0.3
@@ -63,7 +60,8 @@ class Misreading:
         mistake: what it is.
         before: share of the channels' power that nothing explains as they were, geometric mean.
         after: the same with it undone.
-        gain: sum over the channels of half the logarithm of what that brought [nat].
+        gain: logarithm of the likelihood ratio of the reading without it to that with it [nat].
+        sure: probability of the mistake beside all that were tried.
     """
 
     correction: Correction
@@ -71,12 +69,16 @@ class Misreading:
     before: float
     after: float
     gain: float
+    sure: float
 
 
 def misreadings(
     samples: S, reading: Reading, mistakes: Sequence[Mistake[S]]
 ) -> tuple[Reading, tuple[Misreading, ...]]:
     """Undo mistakes one after the other, each time the one that brings most.
+
+    Of k corrections that are tried each has prior odds of 1/k (Bonferroni): what is believed has posterior odds of
+    twenty to one at least, and matters.
 
     Args:
         samples: samples of the log.
@@ -89,16 +91,17 @@ def misreadings(
     found: list[Misreading] = []
     left = samples.judged(reading)
     while len(found) < _MOST:
-        best: tuple[float, Correction, Mistake[S], Array] | None = None
-        surprising: list[tuple[float, Correction, Mistake[S], Array]] = []
+        best: tuple[float, Correction, Mistake[S], Judgement] | None = None
+        surprising: list[tuple[float, Correction, Mistake[S], Judgement]] = []
         # Where hardly anything is left there is nothing to gain.
-        gainable = float((left[:-1] - 0.5 * np.log(FLOOR)).sum() + left[-1]) > LEAST_GAIN
+        gainable = float(left.counts @ (left.left - 0.5 * np.log(FLOOR))) + left.cost > STRONG_ODDS
         asked = mistakes if gainable else [mistake for mistake in mistakes if mistake.may_surprise]
-        for mistake, correction in _promising(samples, reading, asked):
-            then = samples.judged(correction.reading)
-            merit = float((left - then).sum()) - LEAST_GAIN * correction.changes
+        tried, promising = _promising(samples, reading, asked)
+        for mistake, correction in promising:
+            then = samples.judged(correction.reading, left.counts)
+            merit = left.posterior(then, tried=tried, changes=correction.changes)
             if (
-                merit > 0.0
+                merit > STRONG_ODDS
                 and (best is None or merit > best[0])
                 and _explains(samples, correction, left, then)
             ):
@@ -109,36 +112,39 @@ def misreadings(
             best = max(surprising, key=lambda item: item[0])
         if best is None:
             break
-        _, correction, mistake, then = best
-        shares = [float(np.exp(2.0 * values[:-1].mean())) for values in (left, then)]
-        found.append(Misreading(correction, mistake, shares[0], shares[1], float((left - then).sum())))
-        reading, left = correction.reading, then
+        merit, correction, mistake, then = best
+        # To the three digits of documents, in which only what was counted is certain.
+        sure = min(float(1.0 / (1.0 + np.exp(-merit))), 0.999)
+        shares = [float(np.exp(2.0 * values.left.mean())) for values in (left, then)]
+        found.append(Misreading(correction, mistake, shares[0], shares[1], left.odds(then), sure))
+        reading, left = correction.reading, samples.judged(correction.reading)
     return reading, tuple(found)
 
 
 def _promising(
     samples: S, reading: Reading, mistakes: Sequence[Mistake[S]]
-) -> list[tuple[Mistake[S], Correction]]:
-    """The best corrections of each mistake by the nominal bodies alone, which are quick to ask."""
+) -> tuple[int, list[tuple[Mistake[S], Correction]]]:
+    """How many corrections there are, and the best of each mistake by the nominal bodies alone, which are quick."""
     start = float(samples.left(reading).sum())
-    chosen = []
+    chosen, tried = [], 0
     for mistake in mistakes:
         gains = [
             (start - float(samples.left(item.reading).sum()), k, item)
             for k, item in enumerate(mistake.corrections(samples, reading))
         ]
+        tried += len(gains)
         chosen += [(mistake, item) for _, _, item in sorted(gains, reverse=True)[:_PROMISING]]
-    return chosen
+    return tried, chosen
 
 
-def _explains(samples: Samples, correction: Correction, left: Array, then: Array) -> bool:
+def _explains(samples: Samples, correction: Correction, left: Judgement, then: Judgement) -> bool:
     """Whether channels that gain, and those that were changed, are explained then.
 
     Where no channel was changed and none gains, likelier bodies are all that speaks for the change; of torques that
     nothing explains they say nothing.
     """
     changed = [name in correction.places and name not in correction.along for name in samples.channels]
-    return explained(left[:-1], then[:-1], np.array(changed))
+    return explained(left.left, then.left, np.array(changed))
 
 
 def explained(before: Array, after: Array, changed: NDArray[np.bool_]) -> bool:
@@ -169,47 +175,35 @@ def _groups(samples: WrenchSamples) -> list[tuple[tuple[int, ...], tuple[str, ..
     return [(tuple(range(len(names))), names), *groups] if len(names) > 1 else groups
 
 
-class WrenchSign(Mistake[WrenchSamples]):
+def find_wrench_sign(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Feet push up: a sensor that reads a pull has its sign turned, or says what the robot does to the ground."""
-
-    name = "wrench_sign"
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        parts = {"wrench": np.ones(6), "force": np.repeat([1.0, 0.0], 3), "moment": np.repeat([0.0, 1.0], 3)}
-        for sensors, names in _groups(samples):
-            for what, mask in parts.items():
-                other = reading.with_wrenches(sensors, np.diag(1.0 - 2.0 * mask))
-                text = f"the sign of the {what} of {' and '.join(names)} looks turned: what the ground feels"
-                yield Correction(self.name, other, text, names)
+    parts = {"wrench": np.ones(6), "force": np.repeat([1.0, 0.0], 3), "moment": np.repeat([0.0, 1.0], 3)}
+    for sensors, names in _groups(samples):
+        for what, mask in parts.items():
+            other = reading.with_wrenches(sensors, np.diag(1.0 - 2.0 * mask))
+            text = f"the sign of the {what} of {' and '.join(names)} looks turned: what the ground feels"
+            yield Correction(other, text, names)
 
 
-class WrenchOrder(Mistake[WrenchSamples]):
+def find_wrench_order(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Two sensors' columns exchanged: the other foot's."""
-
-    name = "wrench_order"
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        for i, j in combinations(range(len(samples.sensors)), 2):
-            order = reading.sensor_of.copy()
-            order[[i, j]] = order[[j, i]]
-            maps = reading.wrench_map.copy()
-            maps[[i, j]] = maps[[j, i]]
-            names = (samples.sensors[i], samples.sensors[j])
-            text = f"wrenches of {names[0]} and {names[1]} look exchanged"
-            yield Correction(self.name, replace(reading, sensor_of=order, wrench_map=maps), text, names)
+    for i, j in combinations(range(len(samples.sensors)), 2):
+        order = reading.sensor_of.copy()
+        order[[i, j]] = order[[j, i]]
+        maps = reading.wrench_map.copy()
+        maps[[i, j]] = maps[[j, i]]
+        names = (samples.sensors[i], samples.sensors[j])
+        text = f"wrenches of {names[0]} and {names[1]} look exchanged"
+        yield Correction(replace(reading, sensor_of=order, wrench_map=maps), text, names)
 
 
-class WrenchAxes(Mistake[WrenchSamples]):
+def find_wrench_axes(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Axes under other names, with or without a sign: columns in another order, or a frame turned by quarters."""
-
-    name = "wrench_axes"
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        for sensors, names in _groups(samples):
-            for said, matrix in _axes():
-                other = reading.with_wrenches(sensors, np.asarray(np.kron(np.eye(2), matrix), dtype=float))
-                text = f"axes of {' and '.join(names)} look exchanged: x, y, z are columns {said}"
-                yield Correction(self.name, other, text, names)
+    for sensors, names in _groups(samples):
+        for said, matrix in _axes():
+            other = reading.with_wrenches(sensors, np.asarray(np.kron(np.eye(2), matrix), dtype=float))
+            text = f"axes of {' and '.join(names)} look exchanged: x, y, z are columns {said}"
+            yield Correction(other, text, names)
 
 
 def _axes() -> Iterator[tuple[str, Array]]:
@@ -223,54 +217,46 @@ def _axes() -> Iterator[tuple[str, Array]]:
         yield said, matrix
 
 
-class WrenchUnit(Mistake[WrenchSamples]):
+def find_wrench_unit(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Forces and moments in units other than newtons and metres: the whole weight is known to some tenths."""
-
-    name = "wrench_unit"
-    may_surprise = True
-    leaves = frozenset({Doubt.SIZE})
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        everywhere = tuple(range(len(samples.sensors)))
-        factor = samples.weight_ratio(reading)
-        if factor <= 0.0 or 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
-            yield from self._of_moments(samples, reading)
-            return
-        surprise = abs(float(np.log(factor)))
-        near = {name: n for name, n in _FORCES.items() if n > 1.0 and abs(np.log(factor * n)) < _NEAR}
-        for force, newtons in near.items():
-            for lever, metres in _LEVERS.items():
-                other = reading.with_wrenches(everywhere, _scaled(newtons, metres))
-                # The moments' unit is told by how the fit is; a price keeps the one that goes with the force.
-                worse = float(samples.left(other)[3:].sum())
-                unit = f"{force} and {force}·{lever}"
-                text = f"wrenches weigh {factor:.3g} times what the robot does: they look like {unit}"
-                figures = {"newtons": newtons, "newton_metres": newtons * metres}
-                yield Correction(
-                    self.name, other, text, samples.sensors, figures, surprise=surprise - 0.01 * worse
-                )
-        if not near:
-            text = f"wrenches weigh {factor:.3g} times what the robot does: another unit, or another robot"
-            other = reading.with_wrenches(everywhere, np.eye(6) / factor)
-            yield Correction(
-                self.name,
-                other,
-                text,
-                samples.sensors,
-                {"factor": factor},
-                surprise=surprise,
-                ask=THE_UNIT,
-                as_logged=lambda read: read.with_wrenches(everywhere, factor * np.eye(6)),
-                certain=False,
-            )
-
-    def _of_moments(self, samples: WrenchSamples, reading: Reading) -> Iterator[Correction]:
-        """Moments alone in another unit."""
+    everywhere = tuple(range(len(samples.sensors)))
+    factor = samples.weight_ratio(reading)
+    if factor <= 0.0 or 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
+        yield from _of_moments(samples, reading)
+        return
+    surprise = abs(float(np.log(factor)))
+    near = {name: n for name, n in _FORCES.items() if n > 1.0 and abs(np.log(factor * n)) < _NEAR}
+    for force, newtons in near.items():
         for lever, metres in _LEVERS.items():
-            if metres != 1.0:
-                other = reading.with_wrenches(range(len(samples.sensors)), _scaled(1.0, metres))
-                text = f"moments of {' and '.join(samples.sensors)} look like N·{lever}"
-                yield Correction(self.name, other, text, samples.sensors, {"newton_metres": metres})
+            other = reading.with_wrenches(everywhere, _scaled(newtons, metres))
+            # The moments' unit is told by how the fit is; a price keeps the one that goes with the force.
+            worse = float(samples.left(other)[3:].sum())
+            unit = f"{force} and {force}·{lever}"
+            text = f"wrenches weigh {factor:.3g} times what the robot does: they look like {unit}"
+            figures = {"newtons": newtons, "newton_metres": newtons * metres}
+            yield Correction(other, text, samples.sensors, figures, surprise=surprise - 0.01 * worse)
+    if not near:
+        text = f"wrenches weigh {factor:.3g} times what the robot does: another unit, or another robot"
+        other = reading.with_wrenches(everywhere, np.eye(6) / factor)
+        yield Correction(
+            other,
+            text,
+            samples.sensors,
+            {"factor": factor},
+            surprise=surprise,
+            ask=THE_UNIT,
+            as_logged=lambda read: read.with_wrenches(everywhere, factor * np.eye(6)),
+            certain=False,
+        )
+
+
+def _of_moments(samples: WrenchSamples, reading: Reading) -> Iterator[Correction]:
+    """Moments alone in another unit."""
+    for lever, metres in _LEVERS.items():
+        if metres != 1.0:
+            other = reading.with_wrenches(range(len(samples.sensors)), _scaled(1.0, metres))
+            text = f"moments of {' and '.join(samples.sensors)} look like N·{lever}"
+            yield Correction(other, text, samples.sensors, {"newton_metres": metres})
 
 
 def _scaled(newtons: float, metres: float) -> Array:
@@ -281,66 +267,67 @@ def _scaled(newtons: float, metres: float) -> Array:
 # Contact wrenches that were zeroed while the robot stood on the sensors: what they carried then is off them.
 
 
-class ZeroedWrenches(Mistake[WrenchSamples]):
+def find_zeroed_wrenches(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Constants that bring the nominal weight back; how sensors share it is told as far as their levers change."""
-
-    name = "zeroed_wrenches"
-    leaves = frozenset({Doubt.SIZE})
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        ratio = samples.weight_ratio(reading)
-        # Nearer to no weight than to all of it.
-        if reading.wrench_added.any() or abs(ratio) > 0.5:
-            return
-        added = samples.best_constants(reading)
-        weight = float(np.linalg.norm(added[:, :3].sum(axis=0)))
-        text = (
-            f"wrenches weigh {ratio:.2g} times what the robot does, and its weight with constants of together "
-            f"{weight:.0f} N: they were zeroed under load"
-        )
-        other = replace(reading, wrench_added=reading.wrench_added + added)
-        yield Correction(
-            self.name,
-            other,
-            text,
-            samples.sensors,
-            {"weight_ratio": ratio, "added_n": weight},
-            certain=False,
-            mends="the nominal weight was added to them; zero sensors that carry nothing",
-        )
+    ratio = samples.weight_ratio(reading)
+    # Nearer to no weight than to all of it.
+    if reading.wrench_added.any() or abs(ratio) > 0.5:
+        return
+    added = samples.best_constants(reading)
+    weight = float(np.linalg.norm(added[:, :3].sum(axis=0)))
+    text = (
+        f"wrenches weigh {ratio:.2g} times what the robot does, and its weight with constants of together "
+        f"{weight:.0f} N: they were zeroed under load"
+    )
+    other = replace(reading, wrench_added=reading.wrench_added + added)
+    yield Correction(
+        other,
+        text,
+        samples.sensors,
+        {"weight_ratio": ratio, "added_n": weight},
+        certain=False,
+        mends="the nominal weight was added to them; zero sensors that carry nothing",
+    )
 
 
 # All mistakes in how channels are called, by the equations that betray them.
 
+# Which rows are tried is told by what they need; each yields what it finds and what it changes.
+
+_UNITS_AND_SIGNS: tuple[Mistake[Samples], ...] = (
+    Mistake("degrees", find_degrees, of_posture=True),
+    Mistake("revolutions", find_revolutions, of_posture=True),
+    Mistake("position_sign", find_position_sign, of_posture=True),
+)
+_DELAY = Mistake[Samples]("torque_late", find_delay, leaves=frozenset({Doubt.DELAY}))
+_GRAVITY = Mistake[Samples]("gravity", find_gravity, leaves=frozenset({Doubt.GRAVITY}))
+_ZERO = Mistake[Samples]("zero_position", find_zeros, leaves=frozenset({Doubt.POSITION}), of_posture=True)
+
 OF_TORQUES: tuple[Mistake[TorqueSamples], ...] = (
-    TorqueSign(),
-    TorqueOrder(),
-    TorqueScale(),
-    Degrees(),
-    Revolutions(),
-    PositionSign(),
-    Direction(),
-    Order(),
-    ZeroPosition(),
-    Gravity(),
-    Weight(),
-    Clock(),
-    TorqueLate(),
+    Mistake("torque_sign", find_torque_sign),
+    Mistake("torque_order", find_torque_order),
+    TORQUE_SCALE,
+    *_UNITS_AND_SIGNS,
+    Mistake("direction", find_turned_joints, of_posture=True),
+    Mistake("order", find_order, of_posture=True),
+    _ZERO,
+    _GRAVITY,
+    Mistake("compensated", find_missing_weight),
+    Mistake("clock", find_clock, leaves=frozenset({Doubt.CLOCK})),
+    _DELAY,
 )
 
 OF_WRENCHES: tuple[Mistake[WrenchSamples], ...] = (
-    WrenchSign(),
-    WrenchOrder(),
-    WrenchAxes(),
-    WrenchUnit(),
-    ZeroedWrenches(),
-    BaseFrame(),
-    Degrees(),
-    Revolutions(),
-    PositionSign(),
-    PositionOrder(),
+    Mistake("wrench_sign", find_wrench_sign),
+    Mistake("wrench_order", find_wrench_order),
+    Mistake("wrench_axes", find_wrench_axes),
+    Mistake("wrench_unit", find_wrench_unit, leaves=frozenset({Doubt.SIZE}), may_surprise=True),
+    Mistake("zeroed_wrenches", find_zeroed_wrenches, leaves=frozenset({Doubt.SIZE})),
+    Mistake("base_pose", find_base_frame, of_posture=True),
+    *_UNITS_AND_SIGNS,
+    Mistake("order", find_exchanged_positions, of_posture=True),
     # One alone shows in how a robot stands.
-    ZeroPosition(together=0),
-    Gravity(),
-    TorqueLate(),
+    replace(_ZERO, corrections=partial(find_zeros, together=0)),
+    _GRAVITY,
+    _DELAY,
 )

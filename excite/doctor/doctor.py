@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from excite.doctor.examine import Chart, examine
-from excite.doctor.mistakes.torques import Weight
 from excite.finding import Finding
 from excite.logs.files import save_log
 from excite.logs.load_with_robot import robot_and_log
@@ -44,9 +43,10 @@ def doctor(
     nominal, loaded = robot_and_log(robot, log)
     chart = examine(nominal, loaded)
     if repair is not None:
-        if any(found.kind == Weight.name and found.repaired for found in chart.findings):
+        if any(found.kind == "compensated" and found.repaired for found in chart.findings):
             chart = _with_weight(nominal, chart, loaded.header.gravity)
         save_log(chart.log, repair)
+        chart = replace(chart, repaired=str(repair))
     return chart
 
 
@@ -78,7 +78,7 @@ def _with_weight(robot: Robot, chart: Chart, gravity: tuple[float, float, float]
         return replace(trial, tau=trial.tau + weight)
 
     def said(found: Finding) -> Finding:
-        if found.kind != Weight.name:
+        if found.kind != "compensated":
             return found
         return replace(found, remedy="the nominal weight was added to the torques; log them as measured")
 

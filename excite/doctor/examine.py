@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,34 +15,30 @@ from excite.doctor.checks.clock import CountedRows, HeldRows, Stamps, StatedRate
 from excite.doctor.checks.motion import Amount, Commands, Degrees, Jumps, Limits, Standing, Unison, WholeTurns
 from excite.doctor.checks.torques import TorqueRange, TorqueSide, WeakTorques, at_rails, kind_of_torque
 from excite.doctor.doubt import Doubt
+from excite.doctor.inertial_prior import LEAST_GAIN, STRONG_ODDS, Judgement
 from excite.doctor.torque_samples import torque_samples
 from excite.errors import IllLogError
-from excite.finding import Finding, FindingList, list_names, merge_findings, worst_first
+from excite.finding import Examination, Finding, list_names, merge_findings, worst_first
 from excite.logs.log import Log, Trial
 from excite.progress import step
+from excite.results import HIDDEN
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
-SCHEMA = "excite.doctor/1"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Chart(FindingList):
+class Chart(Examination):
     """What the doctor found and made of a log.
 
     Attributes:
-        robot: name of the robot.
         log: the log, repaired where that is sound.
-        findings: what was found, worst first.
         doubts: what the log tells only about, repaired or not.
     """
 
-    robot: str
-    log: Log
-    findings: tuple[Finding, ...]
-    doubts: frozenset[Doubt] = frozenset()
+    log: Log = field(kw_only=True, metadata=HIDDEN)
+    doubts: frozenset[Doubt] = field(default=frozenset(), metadata=HIDDEN)
 
     @property
     def usable(self) -> bool:
@@ -60,29 +54,13 @@ class Chart(FindingList):
         source = None if self.log.folder is None else self.log.folder / "log.yaml"
         raise IllLogError(said, source=source, findings=worst)
 
-    def to_json(self, repaired: Path | None = None) -> dict[str, Any]:
-        """The document ``excite.doctor/1``; ``repaired`` is where the repaired log was written."""
-        return {
-            "schema": SCHEMA,
-            "robot": self.robot,
-            "healthy": self.healthy,
-            "findings": [finding.to_json() for finding in self.findings],
-            "repaired": None if repaired is None else str(repaired),
-        }
-
-    def summary(self, repaired: Path | None = None) -> str:
-        """One finding a paragraph, worst first: what, and what was done or is to be done."""
-        if not self.findings:
-            return "nothing wrong was found"
-        lines = []
-        for finding in self.findings:
-            state = "repaired" if finding.repaired else finding.severity
-            sure = "" if finding.sure == 1.0 else f", {100 * finding.sure:.0f} % sure"
-            lines += [f"{finding.kind} ({state}{sure}): {finding.text}", f"    {finding.remedy}"]
-        if not self.healthy:
-            last = "what is said to be repaired is so for identify and diagnose, too"
-            lines.append(last if repaired is None else f"repaired log written to {repaired}")
-        return "\n".join(lines)
+    def summary(self) -> str:
+        """One finding a paragraph, worst first, and which log holds what was repaired."""
+        found = super().summary()
+        if self.healthy:
+            return found
+        last = "what is said to be repaired is so for identify and diagnose, too"
+        return f"{found}\n{last if self.repaired is None else f'repaired log written to {self.repaired}'}"
 
 
 @one_blas_thread
@@ -107,7 +85,8 @@ def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> 
         log = outcome.log
         findings += outcome.findings
         doubts |= outcome.doubts
-    return Chart(robot.name, log, worst_first(merge_findings(tuple(findings))), frozenset(doubts))
+    found = worst_first(merge_findings(tuple(findings)))
+    return Chart(robot.name, found, log=log, doubts=frozenset(doubts))
 
 
 def _as_set(log: Log, settings: ProblemSettings) -> Log:
@@ -120,9 +99,6 @@ def _as_set(log: Log, settings: ProblemSettings) -> Log:
 
 # Trials to learn from and to judge by that are not of the same machine.
 
-# One set of likely bodies and drives for all trials leaves so much more than one for each part: half the logarithm of
-# the residual's power [nat], summed over the channels, and at one channel at least.
-_WORSE, _AT_ONE = 1.0, 0.5
 # Below this share of a torque's power nothing needs a second machine.
 _MUCH = 0.05
 
@@ -141,7 +117,7 @@ class OtherMachine(Check):
         if found is None:
             return Outcome(log)
         worse, much = found
-        if not _differs(worse, much):
+        if not _are_worse(worse, much).any():
             return Outcome(log)
         # What no model has sets the trials of one machine apart as well, by their postures; where these are too
         # short to see how far, nothing is known of another machine.
@@ -150,8 +126,8 @@ class OtherMachine(Check):
             return Outcome(log)
         for one in usual:
             worse = worse if one is None else np.minimum(worse, found[0] - np.maximum(one[0], 0.0))
-        bad = (worse > _AT_ONE) & much
-        if not _differs(worse, much):
+        bad = _are_worse(worse, much)
+        if not bad.any():
             return Outcome(log)
         names = tuple(np.array(log.header.torque_joints)[bad])
         text = (
@@ -173,8 +149,9 @@ class OtherMachine(Check):
         return Outcome(log, (finding,))
 
 
-def _differs(worse: Array, much: NDArray[np.bool_]) -> bool:
-    return float(worse.sum()) >= _WORSE and bool(((worse > _AT_ONE) & much).any())
+def _are_worse(worse: Array, much: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Torques that one machine for all explains less well, where it explains all together less well, too."""
+    return (worse > LEAST_GAIN) & much & (worse.sum() > LEAST_GAIN)
 
 
 def _halves(trials: tuple[Trial, ...]) -> tuple[tuple[tuple[Trial, ...], tuple[Trial, ...]], ...]:
@@ -190,15 +167,20 @@ def _halves(trials: tuple[Trial, ...]) -> tuple[tuple[tuple[Trial, ...], tuple[T
 def _apart(
     robot: Robot, log: Log, first: tuple[Trial, ...], second: tuple[Trial, ...]
 ) -> tuple[Array, NDArray[np.bool_]] | None:
-    """By how much one set of bodies and drives for all leaves more than one a part [nat], and where that is much."""
+    """By how much one set of bodies and drives for all leaves more than one a part [nat], and where it leaves much.
+
+    Of the torques it leaves much of, only those count whose odds for two sets are strong for so many torques.
+    """
     left = [_left(robot, log, trials) for trials in (first, second, (*first, *second))]
     if any(values is None for values in left):
         return None
-    one, other, together = (values[:-1] for values in left if values is not None)
-    return together - 0.5 * (one + other), together > 0.5 * np.log(_MUCH)
+    one, other, together = (found for found in left if found is not None)
+    worse = together.left - 0.5 * (one.left + other.left)
+    strong = together.counts * worse > STRONG_ODDS + np.log(len(worse))
+    return worse, (together.left > 0.5 * np.log(_MUCH)) & strong
 
 
-def _left(robot: Robot, log: Log, trials: tuple[Trial, ...]) -> Array | None:
+def _left(robot: Robot, log: Log, trials: tuple[Trial, ...]) -> Judgement | None:
     """What likely bodies leave of some trials; None where there is nothing to look at."""
     chosen = replace(log, trials=tuple(replace(trial, role="identification") for trial in trials))
     samples = torque_samples(robot, chosen) if trials else None

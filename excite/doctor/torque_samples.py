@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array, Moved
 from excite.doctor import perturbed_residuals as families
 from excite.doctor.channel_mapping import Reading
-from excite.doctor.inertial_prior import LikelyBodies, half_log
+from excite.doctor.inertial_prior import Judgement, LikelyBodies, half_log
 from excite.doctor.model_comparison import WIDTH, Drive, Predicted, beside_drives, shares_across, shares_left
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
@@ -154,8 +154,8 @@ class TorqueSamples:
         weight = self._nominal(reading, q, still, still)
         return families.by_clock(self.measured_torque(reading), model, weight, drive)
 
-    def judged(self, reading: Reading) -> Array:
-        """As :meth:`left`, beside the likeliest bodies for this reading; their price last, ``(n_torques + 1,)``."""
+    def judged(self, reading: Reading, counts: Array | None = None) -> Judgement:
+        """As :meth:`left`, beside the likeliest bodies for this reading, by so many effective samples a torque."""
         tree = self.under(reading.gravity)
         motion = self.motion(reading)
         some = slice(None, None, max(1, len(self.q) // _JUDGED))
@@ -168,6 +168,8 @@ class TorqueSamples:
             torque,
             self.predicted(reading).torque[some],
             WIDTH * reading.speed[self.measured],
+            self.first[some],
+            counts,
         )
 
     def across(self, reading: Reading) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.doctor.channel_mapping import BasePose, Reading
-from excite.doctor.inertial_prior import FLOOR, LikelyBodies, half_log
+from excite.doctor.inertial_prior import FLOOR, Judgement, LikelyBodies, half_log
 from excite.doctor.perturbed_residuals import TURNS, affine, mixed_power, turned
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
@@ -127,15 +127,17 @@ class WrenchSamples:
             self._models[key] = inverse_dynamics(self._tree(reading), q, v, a)[:, :6]
         return np.asarray((self.measured(reading, q) - self._models[key]) / self.scale)
 
-    def judged(self, reading: Reading) -> Array:
-        """The same beside the likeliest bodies, biases of sensors and tilt; their price last, ``(7,)``."""
+    def judged(self, reading: Reading, counts: Array | None = None) -> Judgement:
+        """The same beside the likeliest bodies, biases of sensors and tilt, by so many effective samples."""
         tree = self._tree(reading)
         q, v, a = self.motion(reading)
         body = base_link_regressor(tree, q, v, a) / self.scale[:, None]
         body[:, :, [10 * segment + i for segment in self._unmeasured for i in range(10)]] = 0.0
         target = self.measured(reading, q) / self.scale - body @ tree.phi
         others = np.concatenate([self._biases(reading, q), self._tilts(tree, q)], axis=2)
-        return LikelyBodies.of(tree).left_of_wrench(body, others / self.scale[:, None], target)
+        return LikelyBodies.of(tree).left_of_wrench(
+            body, others / self.scale[:, None], target, self.first, counts
+        )
 
     def weight_ratio(self, reading: Reading) -> float:
         """Measured force per nominal one along it, over all samples."""

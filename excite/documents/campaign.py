@@ -61,7 +61,7 @@ class Iteration(Stated):
     Attributes:
         n_motions: motions run in this iteration, those for validation included.
         seconds: motion that identification had after it, all iterations together [s].
-        rsd_percent: by essential base parameter.
+        rsd_percent: by base parameter that is aimed at, which are all essential ones where no minutes say.
         missed: parameters that missed the target after it.
         forecast: what its plan said of the target beforehand; None where the sensors' noise is not stated.
     """
@@ -102,7 +102,17 @@ class Campaign(document.Document):
     iterations: Annotated[tuple[Iteration, ...], document.AS_DOCUMENT, Field(max_length=_MOST_ITERATIONS)] = (
         Field(description="in their order")
     )
-    targets_met: bool = Field(description="whether every essential parameter reached the target")
+    targets_met: bool = Field(description="whether every parameter aimed at reached the target")
+    minutes: document.Positive | None = Field(
+        default=None, description="of motion in each iteration; null where nobody said [min]"
+    )
+    aims: Annotated[tuple[str, ...], document.AS_DOCUMENT] = Field(
+        default=document.NONE,
+        description="parameters that the first was expected to reach; empty where all essential ones are aimed at",
+    )
+    out_of_reach: Annotated[tuple[str, ...], document.AS_DOCUMENT] = Field(
+        default=document.NONE, description="those that it was not"
+    )
     interrupted: bool = Field(default=False, description="whether the user broke off after these iterations")
     awaits: document.FilePath | None = Field(
         default=None, description="folder that a log has to be put into; null where it is finished"

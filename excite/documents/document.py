@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from operator import or_
 from pathlib import Path, PurePosixPath
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model, model_validator
 
 from excite.errors import InputError
 from excite.finding import Finding
 from excite.formats.documents import check_content, read_json
-from excite.results import Assumed, Stated, sentence_of, stated_fields
+from excite.results import FEW, Assumed, Stated, sentence_of, stated_fields
 
 # Products of three such numbers are still finite in double precision, so that no sum of squares, ratio or axis of a
 # figure overflows; nothing in SI units comes near it.
@@ -144,6 +144,10 @@ _KINDS: dict[Any, Any] = {
 }
 
 
+# What bounds lists and tables further.
+_BOUNDS: dict[Any, Any] = {FEW: Field(max_length=MOST_CHANNELS)}
+
+
 def _build_model(kind: type[Stated]) -> type[Document]:
     """What a file has to hold to be the document of a result, with every field's meaning.
 
@@ -153,15 +157,35 @@ def _build_model(kind: type[Stated]) -> type[Document]:
     fields: dict[str, Any] = {}
     for one in stated_fields(kind):
         content = _content_kind(one.kind)
-        if one.added:
-            content = content | None
         default = {} if one.required else {"default": one.default}
+        if one.added:
+            content = content | None if one.default is None else _without_null(content)
         fields[one.name] = (content, Field(description=one.meaning, **default))
     if kind.SCHEMA:
         stated = Field(alias="schema", description="version of this document")
         fields = {"schema_": (Literal[kind.SCHEMA], stated), **fields}
     base: Any = Document if kind.SCHEMA else Block
-    found: type[Document] = create_model(kind.__name__, __base__=base, __doc__=sentence_of(kind), **fields)
+    checks: dict[str, Any] = {}
+    if kind.contradiction is not Stated.contradiction:
+        checks = {"agrees": model_validator(mode="after")(partial(_check_agreement, kind.contradiction))}
+    return cast(
+        type[Document],
+        create_model(
+            kind.__name__, __base__=base, __doc__=sentence_of(kind), __validators__=checks, **fields
+        ),
+    )
+
+
+def _without_null(content: Any) -> Any:
+    """The same content, which may not be null."""
+    if get_origin(content) not in (Union, UnionType):
+        return content
+    return reduce(or_, (part for part in get_args(content) if part is not NoneType))
+
+
+def _check_agreement(contradiction: Callable[[Any], str], found: Block) -> Block:
+    if said := contradiction(found):
+        raise ValueError(said)
     return found
 
 
@@ -173,7 +197,8 @@ def _content_kind(kind: Any) -> Any:
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Annotated:
         words = [word for word in parts[1:] if word in _KINDS]
-        return _KINDS[words[0]] if words else Annotated[(_content_kind(parts[0]), *parts[1:])]
+        more = [_BOUNDS.get(word, word) for word in parts[1:]]
+        return _KINDS[words[0]] if words else Annotated[(_content_kind(parts[0]), *more)]
     if origin in (Union, UnionType):
         return reduce(or_, (_content_kind(part) for part in parts))
     if origin is tuple:

@@ -21,7 +21,6 @@ from excite.documents.document import (
     MaybePositive,
     Name,
     Names,
-    Positive,
     Text,
     Texts,
     Vector3,
@@ -30,6 +29,7 @@ from excite.documents.document import (
 from excite.identification.changed_segments import ChangedSegment
 from excite.identification.judgement.judgement import ChannelFit, Consistency, TotalMassReport
 from excite.identification.parameter_statistics import BaseParameter
+from excite.identification.sessions.compare import Sessions
 
 
 class Inertial(Block):
@@ -63,44 +63,6 @@ class TorqueDelay(Block):
 
     value_s: Maybe = Field(description="delay against the positions [s]")
     std_s: MaybePositive = Field(default=None, description="its standard deviation [s]")
-
-
-class SessionValue(Block):
-    """A base parameter in one session."""
-
-    value: Maybe = Field(description="[SI]")
-    std: MaybePositive = Field(description="its standard deviation [SI]")
-
-
-class SessionParameter(Block):
-    """A base parameter in all sessions."""
-
-    name: Text = Field(description="the parameter that stands for it")
-    expression: Text = Field(description="the whole combination")
-    value: Maybe = Field(description="over the sessions [SI]")
-    between_std: MaybePositive = Field(description="standard deviation between sessions [SI]")
-    varies: bool = Field(
-        default=False, description="whether sessions lie further apart than their intervals allow"
-    )
-    low: Maybe = Field(description="lower end of where the next session's lies [SI]")
-    high: Maybe = Field(description="upper end of it [SI]")
-    by_session: Annotated[dict[Name, SessionValue], Field(max_length=MOST_CHANNELS)] = Field(
-        description="by session"
-    )
-
-
-class Sessions(Block):
-    """What several sessions say, each by itself."""
-
-    names: Names = Field(description="of the sessions")
-    left_out: Annotated[dict[Name, Count], Field(max_length=MOST_CHANNELS)] = Field(
-        default={},
-        description="sessions that determine too little, with the number of parameters that they do",
-    )
-    level: Positive = Field(description="of the intervals")
-    parameters: Annotated[list[SessionParameter], Field(max_length=MOST_ENTRIES)] = Field(
-        description="base parameters that every session determines"
-    )
 
 
 class Identification(Document):
@@ -145,7 +107,9 @@ class Identification(Document):
     total_mass: Annotated[TotalMassReport | None, AS_DOCUMENT] = Field(
         default=None, description="the total mass from all sides"
     )
-    sessions: Sessions | None = Field(default=None, description="null where no sessions were pooled")
+    sessions: Annotated[Sessions | None, AS_DOCUMENT] = Field(
+        default=None, description="null where no sessions were pooled"
+    )
     torque_delay: TorqueDelay | None = Field(default=None, description="null where it was not looked for")
     unmeasured: Names = Field(default=[], description="links that the sensors do not see")
     warnings: Texts = Field(description="what a careful reader should know, one sentence each")

@@ -114,6 +114,8 @@ class PlanDocument(Stated):
         minutes: minutes at the robot that motions were chosen within; null where nobody said [min].
         reaches: parameters asked for that are expected to reach the target.
         out_of_reach: the others that were asked for.
+        d_efficiency: of the chosen motions' information a second, against the most that any states within the limits
+            of an arm could tell; null where no bound was computed.
         undesigned: accepted motions that no design made richer safely: they are as their own generator drew them.
         curve: minutes at which one more parameter reaches the target, fewest first; the first entry is the least
             that reaches anything. Approaches between motions come on top.
@@ -142,6 +144,7 @@ class PlanDocument(Stated):
     reaches: tuple[Name, ...] = ()
     out_of_reach: tuple[OutOfReach, ...] = ()
     curve: tuple[CurvePoint, ...] = ()
+    d_efficiency: float | None = None
     undesigned: int = 0
     as_far_as: tuple[str, ...] = ()
     assumed: tuple[Assumed, ...] = ()

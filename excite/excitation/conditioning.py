@@ -335,15 +335,17 @@ class Ranking:
         s = self.segments.index(segment)
         able = [m for m in range(len(self.motions)) if np.isfinite(self.condition[m, s])]
 
-        def key(m: int) -> tuple[float, float, str, int]:
-            return (
-                _round_to_nine_digits(self.condition[m, s]),
-                -_round_to_nine_digits(self.smallest[m, s]),
-                self.motions[m],
-                m,
+        return tuple(
+            sorted(
+                able,
+                key=lambda m: (
+                    _round_to_nine_digits(self.condition[m, s]),
+                    -_round_to_nine_digits(self.smallest[m, s]),
+                    self.motions[m],
+                    m,
+                ),
             )
-
-        return tuple(sorted(able, key=key))
+        )
 
 
 def rank(robot: Robot, factors: Sequence[MotionFactor], base: BaseParameters | None = None) -> Ranking:

@@ -21,7 +21,7 @@ from excite.excitation.conditioning import (
     stack_factors,
 )
 from excite.excitation.precision import nominal_values
-from excite.excitation.targets import ReachedTargets, asked_parameters
+from excite.excitation.targets import NEGLIGIBLE, ReachedTargets
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.robot import Robot
 from excite.threads import one_blas_thread
@@ -367,8 +367,6 @@ class _Search:
         return better
 
 
-# A base parameter smaller than this counts as negligible (Xu et al. 2020) [SI]: its RSD is not to decide.
-NEGLIGIBLE = 0.01
 BEST_THREE, TARGETS = "best_three", "targets"
 
 
@@ -498,14 +496,15 @@ def by_targets(candidates: Candidates) -> Selection:
     """Greedy by what is asked for, within the budget; values below 0.01 are no target unless named."""
     base = candidates.base
     known = candidate_information(candidates.weighted(), base)
-    values = np.abs(nominal_values(candidates.robot, base))
-    # A factor's rows are taken more often than rows are independent.
-    share = np.sqrt(candidates.factors[0].rate_hz / candidates.rows_hz)
-    names = asked_parameters(candidates.asked, base.labels) if candidates.asked else base.labels
-    wanted = np.array([name in names for name in base.labels])
-    wanted &= (values > NEGLIGIBLE) | bool(candidates.asked)
-    goal = 0.01 * candidates.target_rsd * np.maximum(values, NEGLIGIBLE) / share
-    return _select_greedily(candidates, known, ReachedTargets(known.back[wanted], goal[wanted]))
+    criterion = ReachedTargets.of(
+        candidates.robot,
+        base,
+        candidates.asked,
+        target_rsd=candidates.target_rsd,
+        rows=candidates.factors[0].rate_hz / candidates.rows_hz,
+        back=known.back,
+    )
+    return _select_greedily(candidates, known, criterion)
 
 
 def by_segments(candidates: Candidates) -> Selection:

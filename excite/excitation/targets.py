@@ -6,10 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
+from excite.excitation.precision import nominal_values
+from excite.regressor.base_parameters import BaseParameters
+from excite.robot.robot import Robot
+
+# A base parameter smaller than this counts as negligible (Xu et al. 2020) [SI]: its RSD is not to decide.
+NEGLIGIBLE = 0.01
 
 # Names of columns by what people call them, as in ``coulomb(joint)`` and ``Ixx(link)``.
 KINDS = {
@@ -59,6 +66,13 @@ def asked_parameters(targets: Sequence[str], names: Sequence[str]) -> tuple[str,
     return tuple(dict.fromkeys(found))
 
 
+def wanted_parameters(robot: Robot, base: BaseParameters, targets: Sequence[str]) -> NDArray[np.bool_]:
+    """Which base parameters targets ask for, ``(n_base,)``: without targets those whose value in the model counts."""
+    names = asked_parameters(targets, base.labels)
+    wanted = np.array([name in names for name in base.labels])
+    return wanted if targets else wanted & (np.abs(nominal_values(robot, base)) > NEGLIGIBLE)
+
+
 @dataclass(frozen=True, eq=False)
 class ReachedTargets:
     """Minus how far standard deviations are above their goals: ``−Σ log(1 + (σ/goal)²)/2``.
@@ -72,6 +86,32 @@ class ReachedTargets:
 
     back: Array
     goal: Array
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        base: BaseParameters,
+        targets: Sequence[str],
+        *,
+        target_rsd: float,
+        rows: float,
+        back: Array | None = None,
+    ) -> ReachedTargets:
+        """The criterion of targets.
+
+        Args:
+            robot: the robot.
+            base: its base parameters.
+            targets: as of :func:`wanted_parameters`.
+            target_rsd: relative standard deviation to reach [percent].
+            rows: rows of the information for each independent one.
+            back: ``(n_base, k)`` to the base parameters; the identity, if None.
+        """
+        wanted = wanted_parameters(robot, base, targets)
+        values = np.maximum(np.abs(nominal_values(robot, base)), NEGLIGIBLE)
+        back = np.eye(len(values)) if back is None else back
+        return cls(back[wanted], 0.01 * target_rsd * values[wanted] / np.sqrt(rows))
 
     def value(self, information: Array) -> float:
         """Of an information matrix ``(k, k)``."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
-from excite.atomic import atomic_path
+from excite.atomic import write_text
 from excite.errors import InputError
 from excite.export.exporter import (
     Exporter,
@@ -22,7 +22,6 @@ from excite.export.exporter import (
     motion_statement,
 )
 from excite.motion.motion import Motion
-from excite.robot.chain import is_serial
 from excite.safety.verdict import Violation
 
 # Programs in URScript for arms of Universal Robots.
@@ -48,6 +47,7 @@ class UrScriptExporter(Exporter):
     suffix = ".script"
     summary = "URScript program for an arm of Universal Robots: movej to the start, servoj, stopj"
     rates_hz = (500.0, 125.0)
+    chain = 6
     exact = False
     settings = (
         Setting("lookahead", 0.1, "smoothing of the setpoints", 0.03, 0.2, "s"),
@@ -62,22 +62,9 @@ class UrScriptExporter(Exporter):
         ),
     )
 
-    def refuse(self, motion: Motion) -> None:
-        """Raise InputError for robots other than chains of six revolute joints on a fixed base."""
-        robot = self.robot
-        if robot.floating or robot.n_joints != 6 or not is_serial(robot):
-            kind = "a free base and " if robot.floating else ""
-            raise InputError(
-                f"robot {robot.name!r} has {kind}{robot.n_joints} joints, and URScript moves a chain of six that turn",
-                source=motion.name,
-                field=self.name,
-                remedy="choose another format",
-            )
-
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
-        with atomic_path(path) as temporary:
-            temporary.write_text(comment_lines(motion) + self._program(motion), encoding="utf-8")
+        write_text(path, comment_lines(motion) + self._program(motion))
 
     def _program(self, motion: Motion) -> str:
         rate = (motion.n_samples - 1) / motion.duration
@@ -120,11 +107,10 @@ def _first_remark(motion: Motion) -> str:
 # libfranka's ``rate_limiting.h`` (0.9.2 for the Franka Emika Robot, which is also called Panda; 0.13 and
 # later for the Franka Research 3). A command that is beyond one of them in one millisecond ends the motion.
 
-PERIOD_S = 1e-3
+RATE_HZ = 1000.0
+PERIOD_S = 1.0 / RATE_HZ
 # libfranka compares with limits that are smaller by this.
 _EPSILON = 1e-3
-# Milliseconds of standing still before the first and after the last sample, as the robot starts and ends.
-_STILL = 3
 
 
 @dataclass(frozen=True)
@@ -189,7 +175,8 @@ def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -
         q: ``(n, 7)`` positions, one a millisecond [rad].
         joints: their names.
     """
-    still = np.vstack([np.tile(q[0], (_STILL, 1)), q, np.tile(q[-1], (_STILL, 1))])
+    # Three milliseconds of standing still before the first and after the last sample: jerk is of third order.
+    still = np.pad(q, ((3, 3), (0, 0)), mode="edge")
     v = np.diff(still, axis=0) / PERIOD_S
     a = np.diff(v, axis=0) / PERIOD_S
     jerk = np.diff(a, axis=0) / PERIOD_S
@@ -203,15 +190,13 @@ def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -
         beyond = np.abs(values) > limit - _EPSILON
         for joint in np.flatnonzero(beyond.any(axis=0)):
             row = int(np.argmax(beyond[:, joint]))
-            time = max(0.0, (row + len(still) - len(values) - _STILL) * PERIOD_S)
+            time = max(0.0, (row + len(still) - len(values) - 3) * PERIOD_S)
             most = float(np.broadcast_to(limit, values.shape)[row, joint])
             found.append(Violation(kind, time, joints[joint], float(abs(values[row, joint])), most))
     return tuple(found)
 
 
 # Rows of positions, velocities and accelerations at 1 kHz for arms of Franka.
-
-RATE_HZ = 1000.0
 
 
 class FrankaExporter(Exporter):
@@ -227,23 +212,17 @@ class FrankaExporter(Exporter):
     suffix = ".txt"
     summary = "rows of q, dq, ddq at 1 kHz for libfranka, within its own limits"
     rates_hz = (RATE_HZ,)
+    chain = 7
     settings = (
         Setting("model", "", "whose limits hold; by the joints' names where left out", choices=("", *LIMITS)),
     )
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError for robots other than chains of seven, and where nobody says which model it is."""
-        robot = self.robot
-        if robot.floating or robot.n_joints != 7 or not is_serial(robot):
-            raise InputError(
-                f"robot {robot.name!r} is no chain of seven joints that turn on a fixed base",
-                source=motion.name,
-                field=self.name,
-                remedy="choose another format",
-            )
+        super().refuse(motion)
         if not self._model():
             raise InputError(
-                f"joint {robot.joint_names[0]!r} does not say which arm of Franka it is",
+                f"joint {self.robot.joint_names[0]!r} does not say which arm of Franka it is",
                 source=motion.name,
                 field="model",
                 remedy=f"give --set model={' or '.join(LIMITS)}",
@@ -258,9 +237,8 @@ class FrankaExporter(Exporter):
         names = [f"{prefix}.{joint}" for prefix in "qva" for joint in motion.joint_names]
         rows = np.hstack([motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()])
         said = motion_statement(motion) | {"rate_hz": RATE_HZ, "columns": names}
-        with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
-            stream.write(as_comments([*motion_remarks(motion), json.dumps(said)]))
-            stream.writelines(f"{' '.join(map(repr, row))}\n" for row in rows.tolist())
+        lines = [f"{' '.join(map(repr, row))}\n" for row in rows.tolist()]
+        write_text(path, as_comments([*motion_remarks(motion), json.dumps(said)]) + "".join(lines))
 
     def _model(self) -> str:
         """Name of the model in ``LIMITS``, by the setting or the joints' names; empty where neither says."""

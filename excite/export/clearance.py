@@ -12,7 +12,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.display import percent
 from excite.errors import InputError, MotionError, UnsafeMotionError
-from excite.export.exporter import Exporter
+from excite.export.exporter import SINGLE, Exporter, join_motions, motion_rows
 from excite.formats.number import check_number
 from excite.motion.content import with_verdict
 from excite.motion.motion import Motion, interpolate_motion
@@ -31,8 +31,6 @@ from excite.simulation.rehearsal import rehearsed_verdict
 # polynomials go through positions, velocities and accelerations: twice that is another motion.
 _LOST = {"position": 1e-4, "velocity": 0.005, "acceleration": 0.05}
 _WHOLE = {"position": "range", "velocity": "limit", "acceleration": "limit"}
-# Instants at which both are compared, for each sample of the finer of the two.
-_COMPARED = 4
 
 # What no file holds, or of which nothing can be said: not written for any reason.
 _UNWRITABLE = {"shape", "joint_order", "not_finite", "time_not_increasing", "too_few_samples"}
@@ -130,7 +128,6 @@ def _clear_motion(
     rate_hz = exporter.rate(motion, asked_hz)
     written = motion
     if rate_hz is not None:
-        _check_rate(motion, rate_hz)
         written = on_grid(motion, robot, rate_hz)
         # What is not safe does not leave at any rate, and what cannot be read cannot be compared.
         if verdict.safe or (verdict.readable and reason is not None):
@@ -146,16 +143,6 @@ def _clear_motion(
     metadata = replace(written.metadata, robot_hash=robot.hash, stated_hash="")
     sealed = with_verdict(replace(written, robot=robot.name, metadata=metadata), said, robot.hash)
     return Cleared(sealed, verdict, None if verdict.safe else reason)
-
-
-def _check_rate(motion: Motion, rate_hz: float) -> None:
-    if rate_hz < SLOWEST_SAMPLES_HZ:
-        raise InputError(
-            f"is {rate_hz:g} Hz, and below {SLOWEST_SAMPLES_HZ:g} Hz nobody can tell what a controller would do",
-            source=motion.name,
-            field="rate_hz",
-            remedy=f"give at least {SLOWEST_SAMPLES_HZ:g} Hz",
-        )
 
 
 def _is_unwritable(verdict: Verdict) -> bool:
@@ -191,7 +178,8 @@ def rate_loss(robot: Robot, motion: Motion, written: Motion) -> dict[str, np.nda
         limit and acceleration limit.
     """
     limits = robot.limits
-    n = _COMPARED * max(motion.n_samples, written.n_samples)
+    # Four instants for each sample of the finer of the two.
+    n = 4 * max(motion.n_samples, written.n_samples)
     time = np.linspace(0.0, min(motion.duration, written.duration), n)
     there = interpolate_motion(written, robot, written.time[0] + time)
     here = interpolate_motion(motion, robot, motion.time[0] + time)
@@ -207,20 +195,9 @@ def rate_loss(robot: Robot, motion: Motion, written: Motion) -> dict[str, np.nda
 # The way from the robot's rest posture to where a motion starts, and back from where it ends.
 
 # Nearer to rest than single precision keeps a turn apart [rad or m], a motion needs no way there.
-_NEAR = 1e-6
+_NEAR = 2.0 * math.pi * SINGLE
 # Speeds at which a way is tried, as shares of half of each limit: slower ones where the torques do not suffice.
 _SPEEDS = (1.0, 0.5, 0.25)
-_SEED = 0
-
-
-@dataclass(frozen=True, eq=False)
-class _Way:
-    """Samples of the joints from rest to rest: time [s] from zero, q, v and a ``(n, n_joints)``."""
-
-    time: Array
-    q: Array
-    v: Array
-    a: Array
 
 
 def with_approach(robot: Robot, motion: Motion) -> Motion:
@@ -242,31 +219,17 @@ def with_approach(robot: Robot, motion: Motion) -> Motion:
         return motion
     start = None if motion.metadata.previous else _approach_way(robot, motion, 0)
     end = None if motion.metadata.following else _approach_way(robot, motion, -1)
-    parts = [part for part in (start, end) if part is not None]
-    if not parts:
+    if start is None and end is None:
         return motion
-    before, after = start or _empty_way(robot), end or _empty_way(robot)
-    time = motion.time - motion.time[0] + before.time[-1]
-    base, v_base = robot.n_base_q, robot.n_base_v
-    rows = len(before.time) - 1, len(after.time) - 1
-    return replace(
-        motion,
-        time=np.concatenate([before.time[:-1], time, time[-1] + after.time[1:]]),
-        q=np.vstack(
-            [
-                _with_base(before.q[:-1], motion.q[0, :base]),
-                motion.q,
-                _with_base(after.q[1:], motion.q[-1, :base]),
-            ]
-        ),
-        v=np.vstack(
-            [_with_base(before.v[:-1], np.zeros(v_base)), motion.v, _with_base(after.v[1:], np.zeros(v_base))]
-        ),
-        a=np.vstack(
-            [_with_base(before.a[:-1], np.zeros(v_base)), motion.a, _with_base(after.a[1:], np.zeros(v_base))]
-        ),
-        contacts={name: np.pad(flags, rows, mode="edge") for name, flags in motion.contacts.items()},
-    )
+    parts, begins = [], 0.0
+    if start is not None:
+        parts.append(motion_rows(start, slice(None, -1)))
+        begins = start.duration
+    whole = replace(motion, time=motion.time - motion.time[0] + begins)
+    parts.append(whole)
+    if end is not None:
+        parts.append(motion_rows(replace(end, time=whole.time[-1] + end.time), slice(1, None)))
+    return join_motions(motion, parts)
 
 
 def _is_whole(robot: Robot, motion: Motion) -> bool:
@@ -279,7 +242,7 @@ def _is_whole(robot: Robot, motion: Motion) -> bool:
     )
 
 
-def _approach_way(robot: Robot, motion: Motion, row: int) -> _Way | None:
+def _approach_way(robot: Robot, motion: Motion, row: int) -> Motion | None:
     """From rest to the first sample (row 0), or from the last one to rest; None where it is at rest already."""
     rest, there = robot.rest[robot.n_base_q :], motion.q[row, robot.n_base_q :]
     base = motion.q[row, : robot.n_base_q] - robot.rest[: robot.n_base_q]
@@ -293,58 +256,47 @@ def _approach_way(robot: Robot, motion: Motion, row: int) -> _Way | None:
             remedy="plan it from rest to rest, or leave --approach out",
         )
     start, end = (rest, there) if row == 0 else (there, rest)
+    postures = find_route(robot, start, end, np.random.default_rng(0)) or [start, end]
+    ways = [_way_along(robot, motion, postures, row, speed) for speed in _SPEEDS]
+    unsaid = replace(motion.metadata, previous="", following="", stated_hash="", robot_hash="")
+    safe = (
+        way
+        for way in ways
+        if check_motion(robot, replace(way, contacts={}, metadata=unsaid, robot=robot.name)).safe
+    )
+    return next(safe, ways[0])
+
+
+def _way_along(robot: Robot, motion: Motion, postures: list[Array], row: int, speed: float) -> Motion:
+    """Straight from posture to posture, at rest in each, at a share of what a transfer does; else as in a sample."""
     rate = (motion.n_samples - 1) / motion.duration
-    postures = find_route(robot, start, end, np.random.default_rng(_SEED)) or [start, end]
-    ways = [_way_along(robot, postures, rate, speed) for speed in _SPEEDS]
-    return next((way for way in ways if _is_safe_way(robot, motion, way)), ways[0])
-
-
-def _way_along(robot: Robot, postures: list[Array], rate_hz: float, speed: float) -> _Way:
-    """Straight from posture to posture, at rest in each, at a share of what a transfer does."""
-    way = _Way(np.zeros(1), postures[0][None], *(np.zeros((1, robot.n_joints)) for _ in range(2)))
+    parts = [motion_rows(motion, np.array([row]))]
+    parts[0] = _rows_of(robot, parts[0], np.zeros(1), postures[0][None], *np.zeros((2, 1, robot.n_joints)))
     for start, end in pairwise(postures):
         # Sampled more finely by as much as it is stretched afterwards.
-        part = plan_transfer(robot, start, end, rate_hz / speed)
-        way = _Way(
-            np.concatenate([way.time, way.time[-1] + part.time[1:] / speed]),
-            np.vstack([way.q, part.q[1:]]),
-            np.vstack([way.v, speed * part.v[1:]]),
-            np.vstack([way.a, speed**2 * part.a[1:]]),
-        )
-    return way
+        part = plan_transfer(robot, start, end, rate / speed)
+        time = parts[-1].time[-1] + part.time[1:] / speed
+        parts.append(_rows_of(robot, parts[0], time, part.q[1:], speed * part.v[1:], speed**2 * part.a[1:]))
+    return join_motions(motion, parts)
 
 
-def _is_safe_way(robot: Robot, motion: Motion, way: _Way) -> bool:
-    zero = np.zeros(robot.n_base_v)
-    alone = replace(
-        motion,
-        time=way.time,
-        q=_with_base(way.q, robot.rest[: robot.n_base_q]),
-        v=_with_base(way.v, zero),
-        a=_with_base(way.a, zero),
-        contacts={},
-        metadata=replace(motion.metadata, previous="", following="", stated_hash="", robot_hash=""),
-        robot=robot.name,
+def _rows_of(robot: Robot, sample: Motion, time: Array, q: Array, v: Array, a: Array) -> Motion:
+    """Rows of the joints where the base stands still as in a sample, and the feet as they do there."""
+    still = np.zeros((len(time), robot.n_base_v))
+    return replace(
+        sample,
+        time=time,
+        q=np.hstack([np.repeat(sample.q[:1, : robot.n_base_q], len(time), axis=0), q]),
+        v=np.hstack([still, v]),
+        a=np.hstack([still, a]),
+        contacts={name: np.repeat(flags[:1], len(time)) for name, flags in sample.contacts.items()},
     )
-    return check_motion(robot, alone).safe
-
-
-def _empty_way(robot: Robot) -> _Way:
-    return _Way(np.zeros(1), *(np.zeros((1, robot.n_joints)) for _ in range(3)))
-
-
-def _with_base(joints: Array, base: Array) -> Array:
-    """Rows of joints behind the same base."""
-    return np.hstack([np.tile(base, (len(joints), 1)), joints])
 
 
 # The uniform grid of samples that a controller runs.
 
-# From one sample a day to what no controller runs at [Hz].
-_RATES_HZ = (1e-5, 1e6)
 # Of one file: 0.8 GB in memory and twice that as text.
 _MOST_NUMBERS = 100_000_000
-_AT_REST = 1e-6  # [rad/s or m/s]; below it a motion that ends between two grid points may be held
 
 
 def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
@@ -362,37 +314,21 @@ def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
         The motion on the grid, its q, v, a belonging together.
 
     Raises:
-        InputError: ``rate_hz`` is not positive and finite, or gives fewer than two samples.
+        InputError: ``rate_hz`` is too low for a controller, or gives more samples than a file holds.
     """
-    check_number(rate_hz, "rate_hz", *_RATES_HZ, "Hz", source="export")
+    row = motion.q.shape[1] + motion.v.shape[1] + motion.a.shape[1]
+    # Below the lowest rate nobody can tell what a controller would do, and one sample is no motion.
+    least, most = max(SLOWEST_SAMPLES_HZ, 1.0 / motion.duration), _MOST_NUMBERS / (row * motion.duration)
+    check_number(rate_hz, "rate_hz", least, most, "Hz", source=motion.name)
     periods = motion.duration * rate_hz
-    numbers = periods * (motion.q.shape[1] + motion.v.shape[1] + motion.a.shape[1])
-    if numbers > _MOST_NUMBERS:
-        raise InputError(
-            f"{rate_hz:g} Hz gives {periods:.0f} samples of a motion of {motion.duration:.3f} s",
-            source=motion.name,
-            field="rate_hz",
-            remedy=f"give at most {_MOST_NUMBERS / numbers * rate_hz:.0f} Hz",
-        )
     whole = math.floor(periods + 1e-6)
     inside = np.arange(whole + 1) / rate_hz
-    if len(inside) < 2:
-        raise InputError(
-            f"{rate_hz} Hz gives {len(inside)} sample of a motion of {motion.duration:.3f} s",
-            source=motion.name,
-            field="rate_hz",
-            remedy=f"give at least {1.0 / motion.duration:.3f} Hz",
-        )
     sampled = interpolate_motion(motion, robot, np.minimum(motion.time[0] + inside, motion.time[-1]))
-    if periods - whole > 1e-6 and np.abs(motion.v[-1]).max() < _AT_REST:
-        return replace(
-            sampled,
-            time=np.arange(whole + 2) / rate_hz,
-            q=np.vstack([sampled.q, motion.q[-1]]),
-            v=np.vstack([sampled.v, np.zeros(motion.v.shape[1])]),
-            a=np.vstack([sampled.a, np.zeros(motion.a.shape[1])]),
-            contacts={
-                name: np.append(flags, motion.contacts[name][-1]) for name, flags in sampled.contacts.items()
-            },
+    sampled = replace(sampled, time=inside)
+    if periods - whole > 1e-6 and np.abs(motion.v[-1]).max() <= SINGLE:
+        last = motion_rows(motion, slice(-1, None))
+        held = replace(
+            last, time=np.array([(whole + 1) / rate_hz]), v=np.zeros_like(last.v), a=np.zeros_like(last.a)
         )
-    return replace(sampled, time=inside)
+        return join_motions(sampled, [sampled, held])
+    return sampled

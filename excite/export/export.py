@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,40 +14,66 @@ from excite.errors import InputError, MotionError, OtherRobotError, UnsafeMotion
 from excite.export.clearance import Cleared, clear_motions
 from excite.export.exporter import Exporter
 from excite.export.registry import EXPORTERS
-from excite.export.resolve_robot import robot_beside
 from excite.formats.file import PathsLike, as_paths
 from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
-from excite.results import write_json
+from excite.results import ADDED, HIDDEN, FilePath, Name, Stated, stated, write_json
+from excite.robot.catalogue import bundled_robots
+from excite.robot.description import read_description
 from excite.robot.load import RobotLike, as_robot, load_robot
 from excite.robot.robot import Robot
 from excite.safety.verdict import Margins, Verdict, Violation
 
-SCHEMA = "excite.export/1"
-
 
 @dataclass(frozen=True, eq=False)
-class Exported:
+class Exported(Stated):
     """A motion that left, and what it carries.
 
     Attributes:
         path: the file, or the folder of a bag.
+        file: the same, relative to --out, or to the working folder.
         cleared: the motion as written, and its verdict.
     """
 
-    path: Path
-    cleared: Cleared
+    path: Path = field(metadata=HIDDEN)
+    file: FilePath
+    cleared: Cleared = field(metadata=HIDDEN)
 
-    def to_json(self, folder: Path | None = None) -> dict[str, Any]:
-        """Its entry in ``excite.export/1``; the path relative to ``folder``."""
-        motion = self.cleared.motion
-        return {
-            "motion": motion.name,
-            "file": str(self.path.relative_to(folder) if folder else self.path),
-            "robot": motion.robot,
-            "verdict": motion.metadata.verdict,
-        }
+    @property
+    @stated
+    def motion(self) -> Name:
+        """Name of the motion."""
+        return self.cleared.motion.name
+
+    @property
+    @stated
+    def robot(self) -> Name:
+        """Name of its robot."""
+        return self.cleared.motion.robot
+
+    @property
+    @stated
+    def verdict(self) -> Mapping[str, Any] | None:
+        """What the independent check said of it, and why it was written all the same where it is not safe."""
+        return self.cleared.motion.metadata.verdict
+
+
+@dataclass(frozen=True, eq=False)
+class ExportReport(Stated):
+    """The files that were written for a controller.
+
+    Attributes:
+        format: format of the files.
+        files: relative to --out, or to the working folder.
+        motions: what stands in each of them, in the same order.
+    """
+
+    SCHEMA = "excite.export/1"
+
+    format: Name
+    files: tuple[FilePath, ...]
+    motions: tuple[Exported, ...] = field(metadata=ADDED)
 
 
 def export_motion(
@@ -86,10 +112,11 @@ def export_motion(
         InputError: ``rate_hz`` is not positive and finite, gives fewer than two samples, loses the motion, or is not
             the controller's; the controller runs no such robot; no such setting.
     """
-    exporter = EXPORTERS.find(format)(robot, settings)
-    (cleared,) = clear_motions([exporter], [motion], rate_hz, unsafe_anyway, approach=approach)
-    with all_or_nothing():
-        return _write_motion(exporter, cleared, Path(path))
+    exporter, path = EXPORTERS.find(format)(robot, settings), Path(path)
+    report = _write_motions(
+        [exporter], [motion], [path.name], path.parent, rate_hz, unsafe_anyway, approach=approach
+    )
+    return report.motions[0].path
 
 
 def export_motions(
@@ -124,8 +151,8 @@ def export_motions(
         MotionError: a file is malformed, not this robot's, or does not say whose it is.
         InputError: bad rate, setting or robot, as for :func:`export_motion`; or two motions of the same name.
     """
-    written = export_with_verdicts(
-        as_paths(paths),
+    report = export_with_verdicts(
+        paths,
         format,
         out=out,
         rate_hz=rate_hz,
@@ -134,11 +161,11 @@ def export_motions(
         approach=approach,
         settings=settings,
     )
-    return [item.path for item in written]
+    return [item.path for item in report.motions]
 
 
 def export_with_verdicts(
-    paths: Iterable[Path],
+    paths: PathsLike,
     format: str,
     *,
     out: Path,
@@ -147,10 +174,10 @@ def export_with_verdicts(
     unsafe_anyway: str | None = None,
     approach: bool = False,
     settings: Mapping[str, object] | None = None,
-) -> list[Exported]:
+) -> ExportReport:
     """As :func:`export_motions`, each motion with the verdict that it carries."""
     kind = EXPORTERS.find(format)
-    files = motion_paths(paths)
+    files = motion_paths(as_paths(paths))
     names = [file.stem for file in files]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
@@ -160,12 +187,49 @@ def export_with_verdicts(
     robots = _load_robots(files, robot)
     motions = [_read_motion(file, its) for file, its in zip(files, robots, strict=True)]
     exporters = [kind(its, settings) for its in robots]
+    return _write_motions(exporters, motions, names, Path(out), rate_hz, unsafe_anyway, approach=approach)
+
+
+def _write_motions(
+    exporters: Sequence[Exporter],
+    motions: Sequence[Motion],
+    names: Sequence[str],
+    folder: Path,
+    rate_hz: float | None,
+    unsafe_anyway: str | None,
+    *,
+    approach: bool,
+) -> ExportReport:
+    """Judge motions, and write all of them or none; beside one that is not safe stands why it was written."""
+    format, written = exporters[0].name, []
     cleared = clear_motions(exporters, motions, rate_hz, unsafe_anyway, approach=approach)
     with all_or_nothing():
-        return [
-            Exported(_write_motion(exporter, item, Path(out) / file.stem), item)
-            for exporter, file, item in zip(exporters, files, cleared, strict=True)
-        ]
+        for exporter, name, item in zip(exporters, names, cleared, strict=True):
+            path = exporter.destination(folder / name)
+            whole = item.motion if exporter.whole else _commanded_motion(exporter.robot, item.motion)
+            exporter.write(whole, path)
+            one = Exported(path, str(path.relative_to(folder)), item)
+            if item.reason is not None:
+                alone = ExportReport(format, (one.file,), (replace(one, file=path.name),))
+                write_json(alone.to_json(), path.with_name(path.name + ".unsafe.json"))
+            written.append(one)
+    return ExportReport(format, tuple(one.file for one in written), tuple(written))
+
+
+def robot_beside(file: Path, name: str) -> str:
+    """What to load a motion's robot by: its name, or the description that a plan for a model of one's own kept.
+
+    Args:
+        file: the motion's file, in the plan's folder or one of its own there.
+        name: of the robot, as the motion has it.
+    """
+    if not name or name in bundled_robots():
+        return name
+    for folder in file.resolve().parents[:3]:
+        kept = folder / "robot" / "robot.yaml"
+        if kept.is_file() and read_description(kept).name == name:
+            return str(kept)
+    return name
 
 
 def _load_robots(files: Sequence[Path], robot: RobotLike | None) -> list[Robot]:
@@ -207,14 +271,3 @@ def _commanded_motion(robot: Robot, motion: Motion) -> Motion:
     return replace(
         motion, joint_names=robot.driven_names, q=motion.q[:, q], v=motion.v[:, v], a=motion.a[:, v]
     )
-
-
-def _write_motion(exporter: Exporter, cleared: Cleared, path: Path) -> Path:
-    path = exporter.destination(path)
-    exporter.write(
-        cleared.motion if exporter.whole else _commanded_motion(exporter.robot, cleared.motion), path
-    )
-    if cleared.reason is not None:
-        beside = path.with_name(path.name + ".unsafe.json")
-        write_json({"schema": SCHEMA, "motions": [Exported(path, cleared).to_json(path.parent)]}, beside)
-    return path

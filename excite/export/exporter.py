@@ -5,19 +5,21 @@ from __future__ import annotations
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.formats.number import check_number, shorten_value
 from excite.motion.motion import Motion
 from excite.motion.readers.tables import UNSAFE
+from excite.robot.chain import is_serial
 from excite.robot.robot import Robot
 from excite.safety.verdict import Violation, conditions
 
@@ -102,8 +104,10 @@ class Exporter(ABC):
         summary: one line for help texts.
         settings: what can be said of the format beside the motion.
         rates_hz: rates that the controller runs at, the usual one first; empty where it takes any.
+        usual_hz: rate where none is asked for; None for the motion's own samples.
         readable: whether ``excite check`` reads what is written; not so of formats that hold no motion any more.
         exact: whether it reads the very numbers, of all of q, v and a.
+        chain: of how many joints that turn, in a chain on a fixed base, the robot has to be; None for any robot.
         whole: whether joints that no motor drives are written, too, as a simulator needs them.
         holds_base: whether pose, twist and acceleration of a free base, and contacts, are written too.
         robot: the robot whose motions are written.
@@ -122,10 +126,12 @@ class Exporter(ABC):
     summary: ClassVar[str]
     settings: ClassVar[tuple[Setting, ...]] = ()
     rates_hz: ClassVar[tuple[float, ...]] = ()
+    usual_hz: ClassVar[float | None] = None
     readable: ClassVar[bool] = True
     exact: ClassVar[bool] = True
     holds_base: ClassVar[bool] = True
     whole: ClassVar[bool] = False
+    chain: ClassVar[int | None] = None
 
     def __init__(self, robot: Robot, given: Mapping[str, object] | None = None) -> None:
         self.robot = robot
@@ -142,7 +148,7 @@ class Exporter(ABC):
     def rate(self, motion: Motion, asked_hz: float | None) -> float | None:
         """Rate of the file [Hz], None for the motion's own samples; raises InputError for one that is never run."""
         if asked_hz is None:
-            return self.rates_hz[0] if self.rates_hz else None
+            return self.rates_hz[0] if self.rates_hz else self.usual_hz
         if self.rates_hz and asked_hz not in self.rates_hz:
             known = " or ".join(f"{rate:g}" for rate in self.rates_hz)
             raise InputError(
@@ -155,11 +161,41 @@ class Exporter(ABC):
 
     def refuse(self, motion: Motion) -> None:
         """Raise InputError in one line where no controller of this format runs motions of the robot."""
-        return None
+        robot = self.robot
+        if self.chain and (robot.floating or robot.n_joints != self.chain or not is_serial(robot)):
+            raise InputError(
+                f"robot {robot.name!r} is no chain of {self.chain} joints that turn on a fixed base",
+                source=motion.name,
+                field=self.name,
+                remedy="choose another format",
+            )
 
     def violations(self, motion: Motion) -> tuple[Violation, ...]:
         """What the controller would refuse of a motion as it is written, beyond the robot's own limits."""
         return ()
+
+    def joint_order(self, names: Sequence[str], field: str, *, blank: str | None = None) -> list[int]:
+        """For each of some joints its place among those that a setting names, between commas.
+
+        Args:
+            names: of the joints.
+            field: name of the setting.
+            blank: what stands for a place that no joint has; None where all have to have one.
+
+        Raises:
+            InputError: a joint is missing or stands twice, or a name is none of them.
+        """
+        stated = [name.strip() for name in self.word(field).split(",")]
+        wrong = [name for name in names if stated.count(name) != 1]
+        wrong += [name for name in stated if name not in names and name != blank]
+        if wrong:
+            raise InputError(
+                f"names not each joint of robot {self.robot.name!r} once: {wrong[0][:40]!r}",
+                source=self.name,
+                field=field,
+                remedy="name them all, in their order",
+            )
+        return [stated.index(name) for name in names]
 
     def destination(self, path: Path) -> Path:
         """Where a motion is written that shall be called ``path``: with the format's suffix."""
@@ -179,9 +215,9 @@ class Exporter(ABC):
 
 # What a ROS 2 joint trajectory controller takes for one goal.
 
-# ros2_controllers takes a velocity for zero up to the epsilon of single precision, and since Jazzy refuses goals that
-# end with another one (allow_nonzero_velocity_at_trajectory_end).
-_ZERO = float(np.finfo(np.float32).eps)
+SINGLE = float(np.finfo(np.float32).eps)
+"""Epsilon of single precision: what is slower [rad/s or m/s] is at rest. ros2_controllers takes a velocity for
+zero up to it, and since Jazzy refuses goals that end with another one (allow_nonzero_velocity_at_trajectory_end)."""
 
 
 def goal_velocities(motion: Motion) -> Array:
@@ -192,7 +228,7 @@ def goal_velocities(motion: Motion) -> Array:
     """
     velocities = motion.joint_velocities().copy()
     rests = not motion.metadata.following and (motion.metadata.verdict or {}).get("safe")
-    if rests and np.abs(velocities[-1]).max() > _ZERO:
+    if rests and np.abs(velocities[-1]).max() > SINGLE:
         velocities[-1] = 0.0
     return velocities
 
@@ -202,21 +238,35 @@ def between_rests(motion: Motion) -> list[Motion]:
 
     Each begins at its own time, so that the parts in order, and the times between them, are the motion.
     """
-    still = np.abs(motion.joint_velocities()).max(axis=1) <= _ZERO
+    still = np.abs(motion.joint_velocities()).max(axis=1) <= SINGLE
     # The first sample of each time at rest; whoever waits there, waits in the next part.
     cuts = np.flatnonzero(still[1:-1] & ~still[:-2]) + 1
     edges = [0, *cuts.tolist(), motion.n_samples - 1]
-    return [
-        replace(
-            motion,
-            time=motion.time[i : j + 1],
-            q=motion.q[i : j + 1],
-            v=motion.v[i : j + 1],
-            a=motion.a[i : j + 1],
-            contacts={name: flags[i : j + 1] for name, flags in motion.contacts.items()},
-        )
-        for i, j in pairwise(edges)
-    ]
+    return [motion_rows(motion, slice(i, j + 1)) for i, j in pairwise(edges)]
+
+
+def motion_rows(motion: Motion, rows: slice | NDArray[np.intp]) -> Motion:
+    """Some samples of a motion."""
+    return replace(
+        motion,
+        time=motion.time[rows],
+        q=motion.q[rows],
+        v=motion.v[rows],
+        a=motion.a[rows],
+        contacts={name: flags[rows] for name, flags in motion.contacts.items()},
+    )
+
+
+def join_motions(motion: Motion, parts: Sequence[Motion]) -> Motion:
+    """The samples of several parts one after another, as a motion that is otherwise as ``motion``."""
+    return replace(
+        motion,
+        time=np.concatenate([part.time for part in parts]),
+        q=np.vstack([part.q for part in parts]),
+        v=np.vstack([part.v for part in parts]),
+        a=np.vstack([part.a for part in parts]),
+        contacts={name: np.concatenate([part.contacts[name] for part in parts]) for name in motion.contacts},
+    )
 
 
 # What a file says of itself: whose motion it is, and what the independent check said of it.

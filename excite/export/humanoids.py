@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
-from excite.atomic import atomic_folder, atomic_path
+from excite.atomic import atomic_folder, atomic_path, write_text
 from excite.errors import InputError
 from excite.export.exporter import Exporter, Setting, motion_remarks, motion_statement
 from excite.formats.markers import write_storage
@@ -74,16 +74,8 @@ class OpenHrpExporter(Exporter):
         names = self.robot.joint_names
         if not self.word("joints"):
             return list(range(len(names)))
-        wanted = [name.strip() for name in self.word("joints").split(",")]
-        if sorted(wanted) != sorted(names):
-            wrong = sorted({*wanted} ^ {*names}) or sorted(n for n in wanted if wanted.count(n) > 1)
-            raise InputError(
-                f"names not each joint of robot {self.robot.name!r} once: {wrong[0][:40]!r}",
-                source=self.name,
-                field="joints",
-                remedy="name them all, in the order of jointId",
-            )
-        return [names.index(name) for name in wanted]
+        order = self.joint_order(names, "joints")
+        return sorted(range(len(names)), key=order.__getitem__)
 
 
 def _zmp_in_base(robot: Robot, motion: Motion, rotations: Array) -> Array:
@@ -160,61 +152,8 @@ KNOWN = (QUADRUPED, G1, H1)
 """Orders that are known by the joints' names."""
 
 
-def motor_places(robot: Robot, order: str) -> dict[str, int]:
-    """By joint of the robot, its place in ``motor_cmd``.
-
-    Args:
-        robot: the robot.
-        order: joints between commas in the motors' order, ``-`` for a motor that the robot does not have; ``model`` for
-            the robot's own order; empty for what is known of its joints' names.
-
-    Raises:
-        InputError: a joint has no place, or two; nobody knows the robot's motors and nothing is said.
-    """
-    joints = robot.driven_names
-    if order == MODEL:
-        return {joint: place for place, joint in enumerate(joints)}
-    if order:
-        return _stated_motors(robot, [name.strip() for name in order.split(",")])
-    short = [joint.removesuffix("_joint") for joint in joints]
-    found = [
-        tuple(names.index(name) for name in short) for names in KNOWN if all(name in names for name in short)
-    ]
-    if len(set(found)) != 1:
-        raise InputError(
-            f"nobody knows the order of the motors of {robot.name!r}",
-            source="unitree",
-            field="motors",
-            remedy=f"give --set motors=JOINT,JOINT,… as motor_cmd has them, or motors={MODEL} for the model's order",
-        )
-    return dict(zip(joints, found[0], strict=True))
-
-
-def _stated_motors(robot: Robot, names: list[str]) -> dict[str, int]:
-    places = {joint: [k for k, name in enumerate(names) if name == joint] for joint in robot.driven_names}
-    for joint, found in places.items():
-        if len(found) != 1:
-            raise InputError(
-                f"has {len(found)} places for joint {joint!r}",
-                source="unitree",
-                field="motors",
-                remedy="name each joint of the robot once",
-            )
-    for name in names:
-        if name != "-" and name not in places:
-            raise InputError(
-                f"names {name[:40]!r}, which robot {robot.name!r} does not have",
-                source="unitree",
-                field="motors",
-                remedy="write - for a motor that it does not have",
-            )
-    return {joint: found[0] for joint, found in places.items()}
-
-
 # Sequences of Unitree's LowCmd: what every motor is commanded at every instant.
 
-# At which the vendor's examples of low-level control publish.
-_RATE_HZ = 500.0
 _WHOSE = f"all motors, or of each in their order, with commas; {MODEL}: of the robot's description"
 # Beyond what any of the vendor's motors takes.
 _GAINS = {
@@ -237,6 +176,8 @@ class UnitreeExporter(Exporter):
     name = "unitree"
     suffix = ".jsonl"
     summary = "Unitree LowCmd sequence in JSON lines: q, dq, kp, kd, tau by motor index"
+    # At which the vendor's examples of low-level control publish.
+    usual_hz = 500.0
     exact = False
     holds_base = False
     settings = (
@@ -247,10 +188,6 @@ class UnitreeExporter(Exporter):
         Setting("kd", "", f"velocity gain [N·m·s/rad] of {_WHOSE}", example="2"),
     )
 
-    def rate(self, motion: Motion, asked_hz: float | None) -> float | None:
-        """The rate of the vendor's examples where none is asked for."""
-        return _RATE_HZ if asked_hz is None else asked_hz
-
     def refuse(self, motion: Motion) -> None:
         """Raise InputError where nobody says which motor a joint is, or with what gains it is to run."""
         self._gains("kp", self._order(motion))
@@ -258,8 +195,7 @@ class UnitreeExporter(Exporter):
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
-        places = motor_places(self.robot, self.word("motors"))
-        order = self._order(motion)
+        places, order = self.motor_places(), self._order(motion)
         gains = {name: self._gains(name, order) for name in _GAINS}
         said = motion_statement(motion) | {
             "motors": {str(places[motion.joint_names[k]]): motion.joint_names[k] for k in order},
@@ -267,26 +203,54 @@ class UnitreeExporter(Exporter):
             "remarks": motion_remarks(motion),
         }
         q, dq = motion.joint_positions(), motion.joint_velocities()
-        with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
-            stream.write(json.dumps({HEADER: said}, ensure_ascii=False) + "\n")
-            for row, time in enumerate(motion.time - motion.time[0]):
-                commands = [
-                    {
-                        "index": places[motion.joint_names[k]],
-                        "mode": 1,
-                        "q": float(q[row, k]),
-                        "dq": float(dq[row, k]),
-                        "tau": 0.0,
-                        "kp": float(gains["kp"][k]),
-                        "kd": float(gains["kd"][k]),
-                    }
-                    for k in order
-                ]
-                stream.write(json.dumps({"t": float(time), "motor_cmd": commands}) + "\n")
+        lines = [json.dumps({HEADER: said}, ensure_ascii=False)]
+        for row, time in enumerate(motion.time - motion.time[0]):
+            commands = [
+                {
+                    "index": places[motion.joint_names[k]],
+                    "mode": 1,
+                    "q": float(q[row, k]),
+                    "dq": float(dq[row, k]),
+                    "tau": 0.0,
+                    "kp": float(gains["kp"][k]),
+                    "kd": float(gains["kd"][k]),
+                }
+                for k in order
+            ]
+            lines.append(json.dumps({"t": float(time), "motor_cmd": commands}))
+        write_text(path, "\n".join([*lines, ""]))
+
+    def motor_places(self) -> dict[str, int]:
+        """By joint of the robot, its place in ``motor_cmd``.
+
+        Raises:
+            InputError: a joint has no place, or two; nobody knows the robot's motors and nothing is said.
+        """
+        joints, stated = self.robot.driven_names, self.word("motors")
+        if stated:
+            places = (
+                [*range(len(joints))] if stated == MODEL else self.joint_order(joints, "motors", blank="-")
+            )
+            return dict(zip(joints, places, strict=True))
+        short = [joint.removesuffix("_joint") for joint in joints]
+        found = [
+            tuple(names.index(name) for name in short)
+            for names in KNOWN
+            if all(name in names for name in short)
+        ]
+        if len(set(found)) != 1:
+            raise InputError(
+                f"nobody knows the order of the motors of {self.robot.name!r}",
+                source=self.name,
+                field="motors",
+                remedy="give --set motors=JOINT,JOINT,… as motor_cmd has them, "
+                f"or motors={MODEL} for the model's order",
+            )
+        return dict(zip(joints, found[0], strict=True))
 
     def _order(self, motion: Motion) -> list[int]:
         """Columns of the motion's joints in the motors' order."""
-        places = motor_places(self.robot, self.word("motors"))
+        places = self.motor_places()
         return sorted(range(len(motion.joint_names)), key=lambda k: places[motion.joint_names[k]])
 
     def _gains(self, name: str, order: list[int]) -> Array:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from excite.atomic import atomic_folder, atomic_path
+from excite.atomic import atomic_folder, atomic_path, write_text
 from excite.errors import InputError
 from excite.export.exporter import (
     Exporter,
@@ -244,8 +244,7 @@ class Ros2YamlExporter(Exporter):
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
         if not self._several:
-            with atomic_path(path) as temporary:
-                temporary.write_text(self._text(motion, path.name), encoding="utf-8")
+            write_text(path, self._text(motion, path.name))
             return
         with atomic_folder(path) as folder:
             folder.mkdir()

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar
+from typing import Any, BinaryIO, ClassVar, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -551,6 +551,14 @@ def _width(split: list[list[str]], first: int) -> int:
     return width if named else width - 1
 
 
+class _Heading(NamedTuple):
+    """Names and units of columns, and how many lines stand down to the lower of the two."""
+
+    names: list[str]
+    units: list[str]
+    above: int
+
+
 def _names_and_units(
     lines: list[str],
     split: list[list[str]],
@@ -560,7 +568,7 @@ def _names_and_units(
     is_unit: Callable[[str], bool],
     *,
     strict: bool,
-) -> tuple[list[str], list[str], int]:
+) -> _Heading:
     """Names and units of the columns, and how many lines stand down to the lower of the two."""
     names: list[str] = []
     units: list[str] = []
@@ -592,7 +600,7 @@ def _names_and_units(
         if len(set(cells)) < len(cells) or any(_COMPONENT.fullmatch(cell) for cell in cells):
             names = _with_headings(cells, lines[:k], separator)
         break
-    return names or units, units if names else [], above
+    return _Heading(names or units, units if names else [], above)
 
 
 def _with_headings(names: list[str], above: list[str], separator: str) -> list[str]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
+from excite.human.segment_tables import DE_LEVA_TABLE, DUMAS_PELVIS, DUMAS_STATURE, DUMAS_TABLE, DeLevaRow
 from excite.human.segments import NAMES, SEGMENTS, SIDES, Subject
-from excite.human.tables import de_leva, dumas
 
 # Where the joints of a person lie: sixteen lengths, from stature or calibrated from markers.
 
@@ -80,14 +80,14 @@ def stature_dimensions(subject: Subject) -> Dimensions:
     The foot's length is 15.2 % of stature (Winter 2009, figure 4.1).
     """
     sex = subject.sex
-    scale = subject.height / dumas.STATURE[sex]
-    table, pelvis = dumas.TABLE[sex], dumas.PELVIS[sex]
+    scale = subject.height / DUMAS_STATURE[sex]
+    table, pelvis = DUMAS_TABLE[sex], DUMAS_PELVIS[sex]
 
     def length(kind: str) -> float:
         return 1e-3 * table[kind].length * scale
 
     width = 1e-3 * pelvis.width * scale
-    trunk = table["torso"].length / dumas.TABLE["male"]["torso"].length * scale
+    trunk = table["torso"].length / DUMAS_TABLE["male"]["torso"].length * scale
     torso = length("torso")
     limbs = [length(part) for part in ("upper_arm", "forearm", "thigh", "shank")]
     values = np.array(
@@ -218,9 +218,9 @@ def mass_shares(subject: Subject, table: Anthropometry) -> dict[str, float]:
     raw = {}
     for segment in SEGMENTS:
         if table == "dumas":
-            raw[segment.name] = dumas.TABLE[subject.sex][segment.kind].mass
+            raw[segment.name] = DUMAS_TABLE[subject.sex][segment.kind].mass
             continue
-        rows = de_leva.TABLE[subject.sex]
+        rows = DE_LEVA_TABLE[subject.sex]
         raw[segment.name] = sum(rows[part].mass for part in _DE_LEVA_PARTS.get(segment.kind, (segment.kind,)))
     total = sum(raw.values())
     return {name: value / total for name, value in raw.items()}
@@ -242,7 +242,7 @@ def _reference_length(dimensions: Dimensions, kind: str, side: str) -> float:
 
 
 def _dumas_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
-    row = dumas.TABLE[subject.sex][kind]
+    row = DUMAS_TABLE[subject.sex][kind]
     length = _reference_length(dimensions, kind, side)
     xx, yy, zz = (np.array(row.diagonal) / 100.0) ** 2
     xy, xz, yz = (np.sign(p) * (p / 100.0) ** 2 for p in row.products)
@@ -273,7 +273,7 @@ def _possible_tensor(radii: Array) -> Array:
 
 def _de_leva(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
     """De Leva's segments; the pelvis ends at the navel, as his lower trunk does."""
-    rows = de_leva.TABLE[subject.sex]
+    rows = DE_LEVA_TABLE[subject.sex]
     if kind in ("pelvis", "torso"):
         bodies = [_trunk_part(subject, dimensions, rows, part) for part in _DE_LEVA_PARTS[kind]]
         total = bodies[0]
@@ -298,7 +298,7 @@ def _de_leva(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> 
 
 
 def _trunk_part(
-    subject: Subject, dimensions: Dimensions, rows: dict[str, de_leva.Row], part: str
+    subject: Subject, dimensions: Dimensions, rows: dict[str, DeLevaRow], part: str
 ) -> BodyInertia:
     """A part of the trunk in the pelvis' frame, on the line from the middle of the hips to the cervicale."""
     top = np.array([dimensions["lumbar_x"] + dimensions["neck_x"], 0.0, 0.0])
@@ -314,7 +314,7 @@ def _trunk_part(
 
 
 def _inertia_along(
-    row: de_leva.Row, subject: Subject, center: list[float] | Array, length: float, *, lying: bool = False
+    row: DeLevaRow, subject: Subject, center: list[float] | Array, length: float, *, lying: bool = False
 ) -> BodyInertia:
     """A body whose long axis is z, or x where it lies (the foot, whose sagittal axis then is vertical)."""
     order = (row.longitudinal, row.transverse, row.sagittal)

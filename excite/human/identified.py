@@ -5,19 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from excite.atomic import atomic_path
 from excite.display import Shown
 from excite.errors import InputError
+from excite.human.body import Body, BodyInertia
 from excite.human.measure import MeasuredPerson
-from excite.human.models import PLACES, ROBOT_FILE, urdf_text, write_osim
+from excite.human.models import PLACES, ROBOT_FILE, robot_yaml, urdf_text, write_osim
 from excite.human.plates import GroundReaction, ReactionTable, ground_reactions
 from excite.human.segment_table import SegmentTable, identified_body, segment_table
-from excite.human.weights import AddedMass, locate_added_mass
+from excite.human.segments import NAMES
+from excite.human.skeleton import frame_turn
+from excite.human.weights import BELT_RADIUS, AddedMass, WornWeight, locate_added_mass
+from excite.identification.estimators.method_settings import own_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import EstimatorSettings, PairSettings
 from excite.identification.identify import identify
 from excite.identification.result import Identification
-from excite.logs.files import load_log
+from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.results import write_json
 from excite.robot.loading import load_robot
@@ -144,3 +150,65 @@ def _trials_within(log: Log, span: slice) -> Log:
     return replace(
         log, header=header, trials=tuple(replace(t, role=r) for t, r in zip(trials, roles, strict=True))
     )
+
+
+# The body identified with a weight beside the body without (section VIII of Jovic et al., T-RO 2016).
+
+_WITH_WEIGHT = "with_weight"
+
+
+def identify_wearing(
+    person: MeasuredPerson,
+    folder: Path,
+    located: AddedMass,
+    without: IdentifiedPerson,
+    loaded: int,
+    method: str = "hqp",
+    settings: EstimatorSettings | None = None,
+) -> WornWeight:
+    """Identify the segments from the trials with a weight, as section VIII of the paper does.
+
+    The segment that carries it need not mirror the other side, and its reference is the nominal one and the
+    weight. Written to the subfolder ``with_weight``: the log, the heavier model, ``segments.csv``.
+
+    Args:
+        person: the person as measured.
+        folder: log folder of all trials.
+        located: the weight.
+        without: what was identified from the trials without it.
+        loaded: how many trials, the last ones, were done wearing it.
+        method: registry name of the estimator.
+        settings: of the estimator.
+
+    Returns:
+        The weight, and the person with it.
+
+    Raises:
+        InputError: no trial is left without the weight.
+        NoSolutionError: the estimator found no parameters that pass its checks.
+    """
+    body = wearing_body(person.body, located)
+    log = load_log(folder, load_robot(folder / ROBOT_FILE))
+    log = replace(split_trials(log, loaded)[1], robot_text=urdf_text(body))
+    inside = folder / _WITH_WEIGHT
+    save_log(log, inside)
+    plates = tuple(sensor.name for sensor in log.header.sensors)
+    with atomic_path(inside / ROBOT_FILE) as temporary:
+        temporary.write_text(robot_yaml(body, log.header.rate_hz, plates), encoding="utf-8")
+    robot = load_robot(inside / ROBOT_FILE)
+    settings = own_settings(find_estimator(method), settings)
+    if isinstance(settings, PairSettings):
+        settings = replace(settings, asymmetric=(*settings.asymmetric, located.best.segment))
+    result = identify(robot, load_log(inside, robot), method, settings=settings)
+    table = segment_table(body, result)
+    with atomic_path(inside / "segments.csv") as temporary:
+        temporary.write_text(table.csv(), encoding="utf-8")
+    return WornWeight(located, without.table, table)
+
+
+def wearing_body(body: Body, located: AddedMass) -> Body:
+    """The nominal body with the weight that was found."""
+    best = located.best
+    turn = frame_turn(NAMES.index(best.segment))
+    inertia = best.mass * BELT_RADIUS**2 * np.eye(3)
+    return body.wearing(best.segment, BodyInertia(best.mass, turn.T @ np.array(best.place), inertia))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,12 +11,10 @@ import numpy as np
 
 from excite.atomic import atomic_path
 from excite.display import Shown
-from excite.errors import InputError, LogError, UnknownNameError
+from excite.errors import InputError, UnknownNameError
 from excite.finding import Finding
-from excite.formats.c3d import MAX_C3D_BYTES
-from excite.formats.file import plain_name, unpack_file
 from excite.formats.number import check_number
-from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, Dimensions, body_of
+from excite.human.body import ANTHROPOMETRY, DIMENSIONS, Anthropometry, Body, body_of
 from excite.human.markers.marker_set import (
     Calibration,
     MarkerSet,
@@ -26,9 +24,6 @@ from excite.human.markers.marker_set import (
 )
 from excite.human.models import PLACES, ROBOT_FILE, URDF_FILE, robot_yaml, urdf_text
 from excite.human.plates import PlateReading, find_support, plate_readings
-from excite.human.readers.c3d import C3dReader, check_recording
-from excite.human.readers.reader import RecordingReader
-from excite.human.readers.tables import CsvReader, StorageReader, TrcReader
 from excite.human.recording import (
     AXES,
     Recording,
@@ -38,14 +33,30 @@ from excite.human.recording import (
     up_axis,
     with_known_labels,
 )
+from excite.human.recording_files import paired_recordings
 from excite.human.segments import JOINT_NAMES, NAMES, Subject
 from excite.human.skeleton import base_pose, joint_angles, near_singular, place_segments
 from excite.human.trial_poses import TrialPoses, trial_poses
+from excite.human.weights import AddedMass, WornWeight
+from excite.identification.judgement.judgement import ChannelFit
 from excite.logs.files import save_log
 from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.butterworth import settling_samples
 from excite.progress import Progress, silent
+from excite.results import (
+    ADDED,
+    HIDDEN,
+    LEFT_OUT,
+    FilePath,
+    Name,
+    Positive,
+    Seconds,
+    Stated,
+    UnboundedPositive,
+    stated,
+    stated_later,
+)
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
@@ -92,42 +103,147 @@ class MeasureSettings:
             check_number(mass, f"segment_mass.{segment}", *_SEGMENT_KG, "kg")
 
 
+@dataclass(frozen=True)
+class TableMass(Stated):
+    """A segment's mass by two tables.
+
+    Attributes:
+        segment: name of the segment.
+        de_leva_kg: de Leva 1996 [kg].
+        dumas_kg: Dumas 2007 [kg].
+    """
+
+    segment: Name
+    de_leva_kg: Positive
+    dumas_kg: Positive
+
+
+@dataclass(frozen=True)
+class Dimension(Stated):
+    """A length of the calibrated body.
+
+    Attributes:
+        value_m: the length [m].
+        std_m: its standard deviation [m].
+    """
+
+    value_m: float
+    std_m: Positive
+
+
+@dataclass(frozen=True)
+class StoodOn(Stated):
+    """A force plate, and what stands on it.
+
+    Attributes:
+        plate: its name.
+        foot: the foot.
+        pressure_center_distance_m: from the centre of pressure to the foot, median [m].
+    """
+
+    plate: Name
+    foot: Name
+    pressure_center_distance_m: UnboundedPositive
+
+
+@dataclass(frozen=True)
+class TrialReport(Stated):
+    """A trial of a person.
+
+    Attributes:
+        trial: its name.
+        seconds: in which the plates carry the whole person [s].
+        rate_hz: of the frames [Hz].
+        plates_kg: mass that the plates say [kg]; null where they do not tell.
+        marker_rms_m: distance from its place on the calibrated body by marker, RMS [m].
+        plates: force plates and what stands on them.
+    """
+
+    trial: Name
+    seconds: Seconds = field(metadata=ADDED)
+    rate_hz: Positive = field(metadata=ADDED)
+    plates_kg: float = field(metadata=ADDED)
+    marker_rms_m: Mapping[Name, UnboundedPositive] = field(metadata=ADDED)
+    plates: tuple[StoodOn, ...] = field(metadata=ADDED)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class MeasuredPerson(Shown):
-    """A person as measured.
+class MeasuredPerson(Shown, Stated):
+    """What ``excite human`` found of a person.
 
     Attributes:
         body: dimensions calibrated, nominal inertial parameters.
         calibration: markers on the body.
         log: trials, ready to be identified from.
-        trials: by trial: RMS distance of each marker [m], mass that the plates say [kg], plates and their feet.
-        findings: what was odd in the files and what was done about it.
+        trials: in order.
+        findings: what was wrong with the recordings and what was done about it.
+        files: names of all files that were written, which the next run into the folder replaces.
+        added_mass: the weight that is worn; left out where none was looked for.
+        identification: as ``excite.identification/1``; left out where the segments were not identified.
+        ground_reaction: by role of the trials and component, world axes; left out likewise.
+        worn_weight: segments with and without the weight; left out where none was looked for.
     """
 
-    body: Body
-    calibration: Calibration
-    log: Log
-    trials: Mapping[str, Mapping[str, Any]]
-    findings: tuple[Finding, ...] = field(default=())
+    SCHEMA = "excite.human/1"
 
-    def to_json(self) -> dict[str, Any]:
-        """The document ``excite.human/1``."""
-        subject, d = self.body.subject, self.calibration.dimensions
-        other = {table: self.body.with_table(table) for table in ANTHROPOMETRY}  # type: ignore[arg-type]
-        return {
-            "schema": "excite.human/1",
-            **PLACES,
-            "subject": {"mass": subject.mass, "height": subject.height, "sex": subject.sex},
-            "table": self.body.table,
-            "segments": [
-                {"segment": name, **{f"{table}_kg": body.inertias[k].mass for table, body in other.items()}}
-                for k, name in enumerate(NAMES)
-            ],
-            "dimensions": _dimensions_json(d),
-            "marker_rms_m": self.calibration.rms,
-            "trials": [{"trial": name, **values} for name, values in self.trials.items()],
-            "findings": [finding.to_json() for finding in self.findings],
-        }
+    body: Body = field(metadata=HIDDEN)
+    calibration: Calibration = field(metadata=HIDDEN)
+    log: Log = field(metadata=HIDDEN)
+    trials: tuple[TrialReport, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    files: tuple[Name, ...] = ()
+    added_mass: AddedMass | None = field(default=None, metadata=LEFT_OUT)
+    identification: Any = field(default=None, metadata=LEFT_OUT)
+    ground_reaction: Mapping[Name, Mapping[Name, ChannelFit]] | None = field(default=None, metadata=LEFT_OUT)
+    worn_weight: WornWeight | None = field(default=None, metadata=LEFT_OUT)
+
+    @property
+    @stated_later
+    def robot_file(self) -> FilePath:
+        """robot.yaml of the person, relative to this file."""
+        return PLACES["robot_file"]
+
+    @property
+    @stated_later
+    def log_file(self) -> FilePath:
+        """Log folder of the trials, relative to this file."""
+        return PLACES["log_file"]
+
+    @property
+    @stated_later
+    def subject(self) -> Subject:
+        """The person."""
+        return self.body.subject
+
+    @property
+    @stated
+    def table(self) -> Name:
+        """Table of the nominal masses."""
+        return self.body.table
+
+    @property
+    @stated
+    def segments(self) -> tuple[TableMass, ...]:
+        """Masses by the tables."""
+        tables = [self.body.with_table(table).inertias for table in ("de_leva", "dumas")]
+        return tuple(
+            TableMass(name, *(part.mass for part in parts))
+            for name, *parts in zip(NAMES, *tables, strict=True)
+        )
+
+    @property
+    @stated_later
+    def dimensions(self) -> Mapping[Name, Dimension]:
+        """Lengths of the calibrated body by name."""
+        found = self.calibration.dimensions
+        pairs = zip(DIMENSIONS, found.values.tolist(), found.spread.tolist(), strict=True)
+        return {name: Dimension(value, spread) for name, value, spread in pairs}
+
+    @property
+    @stated_later
+    def marker_rms_m(self) -> UnboundedPositive:
+        """Distance of the markers from the calibrated body, RMS [m]."""
+        return self.calibration.rms
 
     def summary(self) -> str:
         """In words, for a terminal."""
@@ -136,21 +252,16 @@ class MeasuredPerson(Shown):
             f"person of {subject.mass:g} kg, {subject.height:g} m, {subject.sex}; segments by {self.body.table}",
             f"markers fit the calibrated body to {1e3 * self.calibration.rms:.1f} mm",
         ]
-        for name, values in self.trials.items():
-            rms = values["marker_rms_m"]
-            worst = max(rms, key=rms.get)
+        for trial in self.trials:
+            rms = trial.marker_rms_m
+            worst = max(rms, key=rms.__getitem__)
             typical = np.sqrt(np.mean(np.square(list(rms.values()))))
-            plates = ", ".join(f"{p['plate']} under {p['foot']}" for p in values["plates"])
+            plates = ", ".join(f"{item.plate} under {item.foot}" for item in trial.plates)
             lines.append(
-                f"{name}: {values['seconds']:.1f} s, markers {1e3 * typical:.1f} mm (worst {worst}, "
-                f"{1e3 * rms[worst]:.1f} mm), plates say {values['plates_kg']:.2f} kg; {plates}"
+                f"{trial.trial}: {trial.seconds:.1f} s, markers {1e3 * typical:.1f} mm (worst {worst}, "
+                f"{1e3 * rms[worst]:.1f} mm), plates say {trial.plates_kg:.2f} kg; {plates}"
             )
         return "\n".join([*lines, *(f"note: {finding.text}" for finding in self.findings)])
-
-
-def _dimensions_json(dimensions: Dimensions) -> dict[str, dict[str, float]]:
-    pairs = zip(DIMENSIONS, dimensions.values, dimensions.spread, strict=True)
-    return {name: {"value_m": float(value), "std_m": float(spread)} for name, value, spread in pairs}
 
 
 @one_blas_thread
@@ -204,7 +315,7 @@ def measure_recordings(
     calibration = calibrate_body(subject, markers.sites, [item.markers for item in (*still, *upright_trials)])
     body = body_of(subject, calibration.dimensions, settings.table).with_masses(settings.segment_mass)
     measured: list[MeasuredTrial] = []
-    reports: dict[str, dict[str, Any]] = {}
+    reports: list[TrialReport] = []
     findings: list[Finding] = [found for recording in still for found in recording.findings]
     for number, recording in enumerate(upright_trials):
         progress("trials", number, len(upright_trials))
@@ -218,11 +329,11 @@ def measure_recordings(
             )
         trial, report, found = measured_trial(body, calibration, recording, cutoff)
         measured.append(trial)
-        reports[trial.name] = report
+        reports.append(report)
         findings += found
     progress("trials", len(upright_trials), len(upright_trials))
     log = human_log(body, measured, settings.hold_out, cutoff)
-    return MeasuredPerson(body, calibration, log, reports, tuple(findings))
+    return MeasuredPerson(body, calibration, log, tuple(reports), tuple(findings))
 
 
 def _marker_set(settings: MeasureSettings, recordings: Sequence[Recording]) -> MarkerSet:
@@ -408,7 +519,7 @@ class Measured(NamedTuple):
     """A trial, what is reported of it, and what was found on the way."""
 
     trial: MeasuredTrial
-    report: dict[str, Any]
+    report: TrialReport
     findings: tuple[Finding, ...]
 
 
@@ -423,106 +534,13 @@ def measured_trial(
     name = recording.source.stem
     trial = MeasuredTrial(name, poses, readings, held.frames, recording.rate_hz)
     span = held.frames
-    report = {
-        "seconds": (span.stop - span.start) / recording.rate_hz,
-        "rate_hz": recording.rate_hz,
-        "plates_kg": held.mass,
-        "marker_rms_m": dict(poses.marker_rms),
-        "plates": [
-            {"plate": r.name, "foot": r.foot, "pressure_center_distance_m": r.distance} for r in readings
-        ],
-    }
+    report = TrialReport(
+        trial=name,
+        seconds=(span.stop - span.start) / recording.rate_hz,
+        rate_hz=recording.rate_hz,
+        plates_kg=held.mass,
+        marker_rms_m=dict(poses.marker_rms),
+        plates=tuple(StoodOn(r.name, r.foot, r.distance) for r in readings),
+    )
     singular = near_singular(joint_angles(poses.pose), name)
     return Measured(trial, report, (*poses.findings, *odd, *held.findings, *singular))
-
-
-# Which files belong together: markers with their forces, and standing recordings apart.
-
-_STANDING = ("static", "stand", "cal")
-
-
-def paired_recordings(
-    trials: Sequence[Path], static: Sequence[Path] = ()
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Read files and join markers with forces.
-
-    Forces belong to the markers' file of the same name but for its ending; where names differ, they are paired in
-    the order given. A file of markers without forces is a standing recording if its name says so (``static``).
-
-    Args:
-        trials: files with markers, forces, or both.
-        static: standing recordings.
-
-    Returns:
-        Trials with markers and forces; standing recordings.
-
-    Raises:
-        LogError: markers without forces or forces without markers.
-    """
-    read = [read_recording(path) for path in trials]
-    whole = [r for r in read if r.markers and r.plates]
-    bare = [r for r in read if r.markers and not r.plates]
-    forces = [r for r in read if not r.markers]
-    standing = [read_recording(path) for path in static]
-    for recording in standing:
-        if not recording.markers:
-            raise LogError("has no markers", source=recording.source, remedy="give a recording of standing")
-    named = {force.source.stem: force for force in forces}
-    joined, left = [], []
-    for recording in bare:
-        force = named.pop(recording.source.stem, None)
-        if force is None:
-            left.append(recording)
-        else:
-            joined.append(_join_recordings(recording, force))
-    rest = list(named.values())
-    moving = [r for r in left if not _is_standing(r)]
-    if len(rest) != len(moving) and len(rest) == len(left):
-        moving = left
-    standing += [r for r in left if r not in moving]
-    if len(rest) < len(moving):
-        raise LogError(
-            "has no force plates",
-            source=moving[len(rest)].source,
-            remedy="give the file with its forces (MOT, STO) of the same name, or pass it with --static",
-        )
-    if len(rest) > len(moving):
-        raise LogError(
-            "has forces only", source=rest[len(moving)].source, remedy="give the file with its markers too"
-        )
-    joined += [_join_recordings(markers, force) for markers, force in zip(moving, rest, strict=True)]
-    order = {path: i for i, path in enumerate(trials)}
-    found = sorted((*whole, *joined), key=lambda r: order[r.source])
-    if not found:
-        raise LogError(
-            "no trial with markers and forces", remedy="give C3D files, or TRC and MOT files together"
-        )
-    return tuple(found), tuple(standing)
-
-
-def _join_recordings(markers: Recording, forces: Recording) -> Recording:
-    return replace(markers, plates=forces.plates)
-
-
-def _is_standing(recording: Recording) -> bool:
-    stem = recording.source.stem.lower()
-    return any(word in stem for word in _STANDING)
-
-
-# Which reader answers to which ending.
-
-READERS: tuple[RecordingReader, ...] = (C3dReader(), TrcReader(), StorageReader(), CsvReader())
-
-
-def read_recording(path: Path) -> Recording:
-    """Read a file by its ending.
-
-    Raises:
-        LogError: no reader for it, or it is malformed.
-    """
-    for reader in READERS:
-        if plain_name(path).suffix.lower() in reader.suffixes:
-            with unpack_file(path, limit=MAX_C3D_BYTES, error=LogError) as plain:
-                return check_recording(replace(reader.read(plain), source=path))
-    known = ", ".join(suffix for reader in READERS for suffix in reader.suffixes)
-    raise LogError(f"no reader for {path.suffix[:60]!r}", source=path, remedy=f"use one of {known}")

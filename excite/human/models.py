@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import yaml
+from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
@@ -96,11 +97,9 @@ def _add_link(robot: ElementTree.Element, name: str, inertia: BodyInertia, box: 
 
 
 def _set_origin(parent: ElementTree.Element, place: Array, rotation: Array) -> None:
-    pitch = np.arcsin(np.clip(-rotation[2, 0], -1.0, 1.0))
-    roll, yaw = np.arctan2(rotation[2, 1], rotation[2, 2]), np.arctan2(rotation[1, 0], rotation[0, 0])
-    ElementTree.SubElement(
-        parent, "origin", xyz=_format_values(place), rpy=_format_values(np.array([roll, pitch, yaw]))
-    )
+    # Roll, pitch and yaw about the parent's axes.
+    turn = Rotation.from_matrix(rotation).as_euler("xyz")
+    ElementTree.SubElement(parent, "origin", xyz=_format_values(place), rpy=_format_values(turn))
 
 
 def _format_values(values: Array) -> str:
@@ -275,17 +274,13 @@ def _add_set(model: ElementTree.Element, kind: str, name: str) -> ElementTree.El
     return ElementTree.SubElement(outer, "objects")
 
 
-def _osim_format_values(values: Array) -> str:
-    return " ".join(f"{value + 0.0:.12g}" for value in values)
-
-
 def _add_body(bodies: ElementTree.Element, name: str, body: Body, k: int) -> None:
     inertia = body.inertias[k]
     element = ElementTree.SubElement(bodies, "Body", name=name)
     _add_leaf(element, "mass", f"{inertia.mass:.12g}")
-    _add_leaf(element, "mass_center", _osim_format_values(TO_ISB @ inertia.center))
+    _add_leaf(element, "mass_center", _format_values(TO_ISB @ inertia.center))
     moments = TO_ISB @ inertia.inertia @ TO_ISB.T
-    _add_leaf(element, "inertia", _osim_format_values(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
+    _add_leaf(element, "inertia", _format_values(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
 
 
 def _add_joint(joints: ElementTree.Element, segment: Segment, k: int, offset: Array) -> None:
@@ -328,19 +323,16 @@ def _complete_axes(axes: list[Array]) -> list[Array]:
 def _add_frame(frames: ElementTree.Element, owner: str, socket: str, place: Array, rotation: Array) -> None:
     frame = ElementTree.SubElement(frames, "PhysicalOffsetFrame", name=f"{owner}_offset")
     _add_leaf(frame, "socket_parent", socket)
-    _add_leaf(frame, "translation", _osim_format_values(place))
+    _add_leaf(frame, "translation", _format_values(place))
     # OpenSim's orientation: turns about body-fixed x, y, z.
-    x = np.arctan2(-rotation[1, 2], rotation[2, 2])
-    y = np.arcsin(np.clip(rotation[0, 2], -1.0, 1.0))
-    z = np.arctan2(-rotation[0, 1], rotation[0, 0])
-    _add_leaf(frame, "orientation", _osim_format_values(np.array([x, y, z])))
+    _add_leaf(frame, "orientation", _format_values(Rotation.from_matrix(rotation).as_euler("XYZ")))
 
 
 def _add_axis(transform: ElementTree.Element, name: str, axis: Array, coordinate: str | None) -> None:
     element = ElementTree.SubElement(transform, "TransformAxis", name=name)
     if coordinate is not None:
         _add_leaf(element, "coordinates", coordinate)
-    _add_leaf(element, "axis", _osim_format_values(axis))
+    _add_leaf(element, "axis", _format_values(axis))
     if coordinate is None:
         function = ElementTree.SubElement(element, "Constant", name="function")
         _add_leaf(function, "value", "0")
@@ -353,5 +345,5 @@ def _add_markers(markers: ElementTree.Element, model: MarkerModel) -> None:
     for label, segment, local in zip(model.labels, model.segment, model.local, strict=True):
         marker = ElementTree.SubElement(markers, "Marker", name=label)
         _add_leaf(marker, "socket_parent_frame", f"/bodyset/{NAMES[int(segment)]}")
-        _add_leaf(marker, "location", _osim_format_values(TO_ISB @ local))
+        _add_leaf(marker, "location", _format_values(TO_ISB @ local))
         _add_leaf(marker, "fixed", "true")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from excite.human.body import Body
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import NAMES, SIDES
 from excite.human.skeleton import Placement
+from excite.human.trial_poses import runs_of
 from excite.identification.judgement.judgement import ChannelFit, correlation
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
@@ -547,10 +547,6 @@ class ReactionTable:
             }
         return cls(fits)
 
-    def to_json(self) -> dict[str, Any]:
-        """By role and component: ``rmse``, ``cc``, ``reference_rmse``, ``reference_cc``."""
-        return {role: {axis: asdict(fit) for axis, fit in fits.items()} for role, fits in self.fits.items()}
-
     def summary(self) -> str:
         """The table in words, for a terminal."""
         lines = []
@@ -666,16 +662,12 @@ def _largest(readings: Sequence[PlateReading]) -> str:
 def _without_short_runs(flags: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
     """Runs of False shorter than ``shortest`` become True."""
     flags = flags.copy()
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~flags, [False]]).astype(int))).reshape(-1, 2)
-    for start, stop in edges:
+    for start, stop in runs_of(~flags):
         if stop - start < shortest:
             flags[start:stop] = True
     return flags
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> slice | None:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).reshape(-1, 2)
-    if not len(edges):
-        return None
-    start, stop = max(edges.tolist(), key=lambda edge: edge[1] - edge[0])
-    return slice(start, stop)
+    runs = runs_of(flags)
+    return slice(*max(runs, key=lambda run: run[1] - run[0])) if runs else None

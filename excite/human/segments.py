@@ -6,11 +6,12 @@ y to the left and z up while the subject stands with hanging arms and palms forw
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Literal
 
 from excite.errors import InputError
+from excite.results import ADDED, Positive, Stated
 
 SIDES = ("right", "left")
 RIGHT, LEFT = SIDES
@@ -103,7 +104,7 @@ _MASS, _HEIGHT = (5.0, 400.0), (0.5, 2.6)
 
 
 @dataclass(frozen=True)
-class Subject:
+class Subject(Stated):
     """A person.
 
     Attributes:
@@ -112,9 +113,9 @@ class Subject:
         sex: which column of the tables is taken.
     """
 
-    mass: float
-    height: float
-    sex: Sex
+    mass: Positive
+    height: Positive = field(metadata=ADDED)
+    sex: Sex = field(metadata=ADDED)
 
     def __post_init__(self) -> None:
         """Refuse numbers that no person has.

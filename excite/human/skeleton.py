@@ -68,7 +68,7 @@ class Pose:
             turn = step[:, 3:6] if k == 0 else step[:, COLUMNS[k]]
             if k in REVOLUTE_AXIS:
                 turn = turn * REVOLUTE_AXIS[k]
-            rotation[:, k] = rotation[:, k] @ rotation_exponential(turn)
+            rotation[:, k] = rotation[:, k] @ Rotation.from_rotvec(turn).as_matrix()
         return replace(self, position=self.position + step[:, :3], rotation=rotation)
 
 
@@ -139,21 +139,6 @@ def point_jacobian(placement: Placement, points: Array, segment: NDArray[np.int6
     return jacobian
 
 
-def rotation_exponential(turn: Array) -> Array:
-    """Rotation matrices ``(n, 3, 3)`` of rotation vectors ``(n, 3)`` (Rodrigues)."""
-    angle = np.linalg.norm(turn, axis=-1)
-    square = angle**2
-    small = angle < 1e-6
-    safe = np.where(small, 1.0, angle)
-    a = np.where(small, 1.0 - square / 6.0, np.sin(safe) / safe)
-    b = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    skew = np.zeros((*turn.shape[:-1], 3, 3))
-    x, y, z = np.moveaxis(turn, -1, 0)
-    skew[..., 0, 1], skew[..., 0, 2], skew[..., 1, 2] = -z, y, -x
-    skew[..., 1, 0], skew[..., 2, 0], skew[..., 2, 1] = z, -y, x
-    return np.eye(3) + a[..., None, None] * skew + b[..., None, None] * (skew @ skew)
-
-
 # Between postures (rotations) and the 34 joint angles of the model files.
 
 # The turn of an upper arm about its own axis ranges from some 60° outwards to 120° inwards; counted from the
@@ -168,7 +153,7 @@ def frame_turn(index: int) -> Array:
     if segment.kind != "upper_arm":
         return np.eye(3)
     inward = 1.0 if segment.side == "right" else -1.0
-    return rotation_exponential(np.array([[0.0, 0.0, inward * SHOULDER_TURN]]))[0]
+    return np.asarray(Rotation.from_rotvec([0.0, 0.0, inward * SHOULDER_TURN]).as_matrix())
 
 
 def joint_angles(pose: Pose) -> Array:
@@ -198,7 +183,7 @@ def pose_of(base: Array, angles: Array) -> Pose:
     for k, segment in enumerate(SEGMENTS):
         for axis in segment.axes:
             turn = np.outer(angles[:, column], np.eye(3)[axis.index] * axis.sign)
-            rotation[:, k] = rotation[:, k] @ rotation_exponential(turn)
+            rotation[:, k] = rotation[:, k] @ Rotation.from_rotvec(turn).as_matrix()
             column += 1
         rotation[:, k] = rotation[:, k] @ frame_turn(k)
     return Pose(base[:, :3].copy(), rotation)

@@ -150,19 +150,17 @@ def _filter_markers(points: Array, predicted: Array, recording: Recording, cutof
     some = shown.any(axis=0)
     filled[:, some] = lowpass(filled[:, some], rate, cutoff_hz, 3)
     for m in np.flatnonzero(some):
-        filled[_in_long_gap(shown[:, m], round(_LONGEST_FILL_S * rate)), m] = np.nan
+        for start, stop in runs_of(~shown[:, m]):
+            if stop - start > round(_LONGEST_FILL_S * rate):
+                filled[start:stop, m] = np.nan
     filled[:, ~some] = np.nan
     return filled
 
 
-def _in_long_gap(shown: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
-    """Frames that lie in a run of missing ones longer than ``longest``."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~shown, [False]]).astype(int)))
-    long = np.zeros(len(shown), dtype=bool)
-    for start, stop in edges.reshape(-1, 2):
-        if stop - start > longest:
-            long[start:stop] = True
-    return long
+def runs_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First frame of each run of True, and the one behind its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 class _Prior(NamedTuple):

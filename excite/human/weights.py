@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.errors import LogError
+from excite.human.segment_table import SegmentTable
 from excite.human.segments import NAMES
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
+from excite.results import HIDDEN, Name, Stated, Unbounded, UnboundedPositive, named, stated
 from excite.robot.robot import Robot
 from excite.rows.kinematics import filtered_rows, trial_kinematics
 from excite.rows.settings import ProblemSettings
@@ -33,8 +35,11 @@ _MOST, _MASS_SPREAD = 0.5, 10.0
 _CLEAR = 3.0
 
 
+Place = tuple[float, float, float]
+
+
 @dataclass(frozen=True)
-class Candidate:
+class Candidate(Stated):
     """A weight on one segment.
 
     Attributes:
@@ -47,62 +52,129 @@ class Candidate:
             fit, less what a place at the segment's edge and parameters that have to be just so take away.
     """
 
-    segment: str
-    mass: float
-    std: float
-    place: tuple[float, float, float]
-    cost: float
-    evidence: float
+    segment: Name
+    mass: float = field(metadata=named("mass_kg"))
+    std: UnboundedPositive = field(metadata=named("std_kg"))
+    place: Place = field(metadata=HIDDEN)
+    cost: Unbounded
+    evidence: Unbounded
 
 
 @dataclass(frozen=True)
-class AddedMass:
+class AddedMass(Stated):
     """The likeliest weight and the other segments' best.
 
     Attributes:
-        best: the likeliest.
         candidates: one for each segment, likeliest first.
         nothing: squared residual without any weight.
     """
 
-    best: Candidate
     candidates: tuple[Candidate, ...]
-    nothing: float
+    nothing: float = field(metadata=HIDDEN)
 
     @property
-    def tied(self) -> tuple[str, ...]:
+    def best(self) -> Candidate:
+        """The likeliest."""
+        return self.candidates[0]
+
+    @property
+    @stated
+    def segment(self) -> Name:
+        """Segment that carries it."""
+        return self.best.segment
+
+    @property
+    @stated
+    def mass_kg(self) -> float:
+        """Its mass [kg]."""
+        return self.best.mass
+
+    @property
+    @stated
+    def std_kg(self) -> UnboundedPositive:
+        """Standard deviation of the mass [kg]."""
+        return self.best.std
+
+    @property
+    @stated
+    def place_m(self) -> Place:
+        """Its centre in the joint frame of the segment [m]."""
+        return self.best.place
+
+    @property
+    @stated
+    def tied_segments(self) -> tuple[Name, ...]:
         """Segments that the data do not tell from the likeliest one, which comes first."""
         return tuple(c.segment for c in self.candidates if self.best.evidence - c.evidence < _CLEAR)
-
-    def to_json(self) -> dict[str, Any]:
-        """``{"segment", "tied_segments", "mass_kg", "std_kg", "place_m", "candidates"}``."""
-        listed = [
-            {
-                "segment": c.segment,
-                "mass_kg": c.mass,
-                "std_kg": c.std,
-                "cost": c.cost,
-                "evidence": c.evidence,
-            }
-            for c in self.candidates
-        ]
-        return {
-            "segment": self.best.segment,
-            "tied_segments": list(self.tied),
-            "mass_kg": self.best.mass,
-            "std_kg": self.best.std,
-            "place_m": list(self.best.place),
-            "candidates": listed,
-        }
 
     def summary(self) -> str:
         """One line."""
         best, second = self.best, self.candidates[1]
-        others = ", ".join(self.tied[1:])
+        others = ", ".join(self.tied_segments[1:])
         doubt = (
             f"or {others}, which look alike" if others else f"next: {second.segment}, {second.mass:.2f} kg"
         )
         return f"weight worn: {best.mass:.2f} ± {best.std:.2f} kg on {best.segment} ({doubt})"
+
+
+@dataclass(frozen=True)
+class WornSegment(Stated):
+    """A segment's mass without the weight and with it.
+
+    Attributes:
+        segment: name of the segment.
+        without_kg: identified from the trials without the weight [kg].
+        wearing_kg: identified from those with it [kg].
+    """
+
+    segment: Name
+    without_kg: float
+    wearing_kg: float
+
+
+@dataclass(frozen=True, eq=False)
+class WornWeight(Stated):
+    """Segments identified from the trials with a weight (table IV of Jovic et al., T-RO 2016).
+
+    Attributes:
+        located: where it was found, and how heavy.
+        without: masses from the trials without it.
+        wearing: masses from the trials with it.
+    """
+
+    located: AddedMass = field(metadata=HIDDEN)
+    without: SegmentTable = field(metadata=HIDDEN)
+    wearing: SegmentTable = field(metadata=HIDDEN)
+
+    @property
+    @stated
+    def segment(self) -> Name:
+        """Segment that carries the weight."""
+        return self.located.segment
+
+    @property
+    @stated
+    def mass_by_segments_kg(self) -> float:
+        """How much heavier that segment was identified [kg], the last row of the paper's table."""
+        row = self.segments[NAMES.index(self.segment)]
+        return row.wearing_kg - row.without_kg
+
+    @property
+    @stated
+    def segments(self) -> tuple[WornSegment, ...]:
+        """Masses of all segments."""
+        pairs = zip(self.without.rows, self.wearing.rows, strict=True)
+        return tuple(WornSegment(a.segment, a.identified, b.identified) for a, b in pairs)
+
+    def summary(self) -> str:
+        """The table in words, for a terminal."""
+        lines = ["segment masses [kg], identified:", f"  {'':16}{'without':>10}{'wearing':>10}{'more':>8}"]
+        lines += [
+            f"  {row.segment:16}{row.without_kg:10.2f}{row.wearing_kg:10.2f}{row.wearing_kg - row.without_kg:+8.2f}"
+            for row in self.segments
+        ]
+        lines.append(f"weight by the masses of {self.segment}: {self.mass_by_segments_kg:.2f} kg")
+        return "\n".join(lines)
 
 
 def best_fit(columns: Array, target: Array, box: Array, body_mass: float) -> Any:
@@ -201,7 +273,7 @@ def locate_added_mass(
     noise = max(1.0, min(2.0 * fit.cost for fit in fits.values()) / degrees)
     found = [weight_candidate(links[k], fit, boxes[k], noise) for k, fit in fits.items()]
     ranked = tuple(sorted(found, key=lambda item: -item.evidence))
-    return AddedMass(ranked[0], ranked, float(target @ target))
+    return AddedMass(ranked, float(target @ target))
 
 
 def _condense_rows(problem: IdentificationProblem, std: Array, zeros: Array) -> Array:

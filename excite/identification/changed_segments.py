@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations
 from math import lgamma
 from pathlib import Path
@@ -392,7 +392,7 @@ _STEP = 1e-6
 
 
 @dataclass(frozen=True)
-class ParameterRange:
+class ParameterRange(Stated):
     """Range of one parameter.
 
     Attributes:
@@ -409,16 +409,12 @@ class ParameterRange:
 
     link: str
     parameter: str
-    low: float
-    value: float
-    high: float
+    low: Unbounded
+    value: Unbounded
+    high: Unbounded
     unit: str
     measured: float
     clipped: bool = False
-
-    def to_json(self) -> dict[str, Any]:
-        """All fields."""
-        return asdict(self)
 
 
 def parameter_ranges(

@@ -339,8 +339,6 @@ def jackknife_std(values: Array) -> Array:
     return np.asarray(np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0)))
 
 
-# Gains, loads and all that is linear given them, by variable projection on condensed rows of all logs.
-
 _ROUNDS = 3
 
 
@@ -462,8 +460,6 @@ def _seen_share(matrix: Array, count: int) -> Array:
     return np.asarray((rows[size > RANK_TOLERANCE * size[0], :count] ** 2).sum(axis=0))
 
 
-# A load at the last link, from logs without and with it, with intervals that know the gains' own uncertainty.
-
 _NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _UNITS = ("kg", *("kg·m",) * 3, *("kg·m²",) * 6)
 # Least share of a parameter that has to lie in what the motions excite; what is less is another parameter's as well.
@@ -479,7 +475,8 @@ class WeighedLoad:
         parameters: ``(10,)`` in pinocchio's order [SI].
         half_width_95: ``(10,)`` half the width of their 95 % intervals, by leaving out one stretch of the logs at a
             time (the jackknife), those of the gains included; zero where stated.
-        determined: ``(10,)`` whether the motions tell the parameter from all others, and from zero.
+        seen: ``(10,)`` whether the motions tell the parameter from all others.
+        determined: ``(10,)`` whether they tell it from zero, too.
         gains: torque per logged torque or current by joint.
         gains_source: where they come from, in words.
         left: by joint, what is left of the torques or currents as share of their deviation.
@@ -488,7 +485,8 @@ class WeighedLoad:
 
     parameters: Array
     half_width_95: Array
-    determined: Array
+    seen: NDArray[np.bool_]
+    determined: NDArray[np.bool_]
     gains: Mapping[str, float]
     gains_source: str
     left: Mapping[str, float]
@@ -502,7 +500,7 @@ class WeighedLoad:
     @property
     def center(self) -> Array | None:
         """Centre of mass in the frame of the last joint ``(3,)`` [m]; None where it is not determined."""
-        if not self.determined[:4].any() or self.mass <= 0.0 or not self.determined[0]:
+        if not self.determined[0] or self.mass <= 0.0:
             return None
         return np.asarray(self.parameters[1:4] / self.mass)
 
@@ -640,10 +638,12 @@ def friction_that_grows(
 
 def _weigh_load(found: DriveGains, source: str, settings: ProblemSettings) -> WeighedLoad:
     half = stdtrit(len(found.gains_left_out) - 1, 0.975) * found.load_std
+    seen = found.load_seen > _SEEN
     return WeighedLoad(
         parameters=found.load,
         half_width_95=half,
-        determined=(found.load_seen > _SEEN) & (np.abs(found.load) > half),
+        seen=seen,
+        determined=seen & (np.abs(found.load) > half),
         gains=found.by_joint,
         gains_source=source,
         left=dict(zip(found.joints, (found.residual / found.signal).tolist(), strict=True)),

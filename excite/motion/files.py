@@ -30,7 +30,7 @@ from excite.motion.content import (
 )
 from excite.motion.motion import Motion, MotionMetadata
 from excite.motion.readers.registry import read_motion
-from excite.motion.setpoints import sampled_curve, stated_curve
+from excite.motion.setpoints import Curve, StatedCurve, sampled_curve, stated_curve
 from excite.robot.load import RobotLike, as_robot
 from excite.robot.robot import Robot
 
@@ -53,6 +53,7 @@ class MotionDocument(BaseModel):
     previous: _Name = ""
     following: _Name = Field(default="", alias="next")
     content_hash: _Name = ""
+    curve: StatedCurve | None = None
     verdict: dict[str, Any] | None = None
 
 
@@ -135,7 +136,17 @@ def load_motion(path: str | Path, robot: RobotLike) -> Motion:
     check_joints(columns, robot, path, "" if said is None else said.robot)
     check_time(columns, path)
     digest = content_hash(columns) if said is not None and said.content_hash else ""
-    curve = stated_curve(list(columns), columns["time"], goal=raw.goal, floating=robot.floating)
+    told = None if said is None else said.curve
+    curve: Curve | None = told
+    if curve is None:
+        curve = stated_curve(list(columns), columns["time"], goal=raw.goal, floating=robot.floating)
+    elif robot.floating:
+        raise MotionError(
+            f"states the curve {curve!r}, which no controller runs with a free base",
+            source=path,
+            field="curve",
+            remedy="leave it out",
+        )
     stack_columns(columns, [f"q.{joint}" for joint in joints], path)
     columns = sampled_curve(columns, joints, curve, path)
     columns = with_derivatives(columns, joints, path)
@@ -204,7 +215,7 @@ def _read_statement(metadata: Any, path: Path) -> MotionDocument | None:
         raise MotionError(
             "is no JSON object", source=path, field="metadata", remedy="write it with save_motion"
         )
-    if set(metadata) <= {"robot", "robot_hash"}:
+    if set(metadata) <= {"robot", "robot_hash", "curve"}:
         metadata = {"schema": SCHEMA, **metadata}
     if metadata.get("schema") != SCHEMA:
         found = metadata.get("schema")

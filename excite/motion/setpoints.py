@@ -9,11 +9,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.errors import MotionError
 
-Curve = Literal["quintic", "cubic", "linear", "spline"]
-"""Between samples: quintic and cubic polynomials that meet them and their derivatives, straight lines, or nothing that
+StatedCurve = Literal["linear", "hold"]
+"""Curves that no column tells, which a file may state: straight lines, or each row held until the next one."""
+Curve = Literal["quintic", "cubic", "spline"] | StatedCurve
+"""Between samples: quintic and cubic polynomials that meet them and their derivatives, a stated curve, or nothing that
 a controller would run: a spline through positions, of which v and a are derivatives."""
 # Slowest sampling at which a spline through positions still says what a controller would do [Hz]; what is slower and
 # states velocities is a goal.
@@ -52,7 +54,7 @@ def stated_curve(names: Sequence[str], time: Array, *, goal: bool, floating: boo
 def sampled_curve(
     columns: Mapping[str, Array], joints: Sequence[str], curve: Curve, path: Path
 ) -> dict[str, Array]:
-    """Columns of a cubic or linear curve at 200 Hz, with its own derivatives; others as they are.
+    """Columns of a cubic, linear or held curve at 200 Hz, with its own derivatives; others as they are.
 
     At a setpoint acceleration or velocity jumps from the value of one polynomial to that of the next. The samples
     stand half a step before and after, between which the jump happens: so fast it comes to a controller of that rate.
@@ -66,9 +68,12 @@ def sampled_curve(
     Raises:
         MotionError: it lasts longer than any motion.
     """
-    if curve not in ("cubic", "linear"):
+    if curve not in ("cubic", "linear", "hold"):
         return dict(columns)
     time = columns["time"]
+    q = np.column_stack([columns[f"q.{joint}"] for joint in joints])
+    if curve == "hold":
+        time, q = _held(time, q)
     h = np.diff(time)
     if time[-1] - time[0] > LONGEST_GOAL_S:
         raise MotionError(
@@ -82,7 +87,6 @@ def sampled_curve(
     within = np.arange(len(index)) - np.repeat(np.cumsum(cells) - cells, cells)
     index = np.r_[0, index, len(h) - 1]
     share = np.r_[0.0, (within + 0.5) / cells[index[1:-1]], 1.0]
-    q = np.column_stack([columns[f"q.{joint}"] for joint in joints])
     slope = np.diff(q, axis=0) / h[:, None]
     v = np.column_stack([columns[f"v.{joint}"] for joint in joints]) if curve == "cubic" else None
     values = _polynomials(q, slope, v, h, index, share[:, None])
@@ -95,26 +99,31 @@ def sampled_curve(
     return found
 
 
+def _held(time: Array, q: Array) -> tuple[Array, Array]:
+    """Setpoints of the lines that hold each row until the next one, to which the last of its cycles leads."""
+    step = np.minimum(1.0 / _CURVE_RATE_HZ, 0.5 * np.diff(time))
+    ends = np.column_stack([time[1:] - step, time[1:]]).ravel()
+    return np.r_[time[0], ends], np.vstack([q[:1], np.stack([q[:-1], q[1:]], axis=1).reshape(-1, q.shape[1])])
+
+
 def _polynomials(
     q: Array, slope: Array, v: Array | None, h: Array, index: NDArray[np.intp], s: Array
-) -> tuple[Array, Array, Array]:
+) -> Moved:
     """Positions, velocities and accelerations at shares ``(m, 1)`` of intervals."""
     length = h[index][:, None]
     if v is None:
-        return q[index] + s * length * slope[index], slope[index], np.zeros((len(index), q.shape[1]))
+        return Moved(q[index] + s * length * slope[index], slope[index], np.zeros((len(index), q.shape[1])))
     # Hermite: what is missing from the mean slope at either end.
     first, last = v[index] - slope[index], v[index + 1] - slope[index]
     square, cube = -2.0 * first - last, first + last
-    return (
+    return Moved(
         q[index] + length * s * (slope[index] + first + s * (square + s * cube)),
         slope[index] + first + s * (2.0 * square + 3.0 * s * cube),
         (2.0 * square + 6.0 * s * cube) / length,
     )
 
 
-def _rounded_corners(
-    time: Array, values: tuple[Array, Array, Array], index: NDArray[np.intp]
-) -> tuple[Array, tuple[Array, Array, Array]]:
+def _rounded_corners(time: Array, values: Moved, index: NDArray[np.intp]) -> tuple[Array, Moved]:
     """Lines with one more sample at each setpoint, where the acceleration that turns them is largest."""
     q, v, _ = values
     before = np.flatnonzero(np.diff(index))
@@ -125,6 +134,6 @@ def _rounded_corners(
         2.0 * turn / width,
     )
     instants = np.insert(time, before + 1, 0.5 * (time[before] + time[before + 1]))
-    return instants, tuple(  # type: ignore[return-value]
-        np.insert(old, before + 1, new, axis=0) for old, new in zip(values, middle, strict=True)
+    return instants, Moved(
+        *(np.insert(old, before + 1, new, axis=0) for old, new in zip(values, middle, strict=True))
     )

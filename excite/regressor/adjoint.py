@@ -9,8 +9,10 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.regressor import adjoint_loops, motion_loops
-from excite.regressor.tree import FREE_FLYER, REVOLUTE_UNBOUNDED, KinematicTree, read_tree
+from excite.lazy_kernel import LazyKernel
+from excite.regressor import motion_loops
+from excite.regressor.motion_loops import ACC, AXIS, POS
+from excite.regressor.tree import FREE_FLYER, PRISMATIC, REVOLUTE_UNBOUNDED, KinematicTree, read_tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,7 @@ def _regressor_gradient(
     state = np.empty((len(q), tree.n_segments + 1, motion_loops.STATE_SIZE))
     motion_loops.propagate_motion(tree.structure, tree.gravity, False, q, v, a, state)
     out = np.zeros((3, len(q), tree.nv))
-    adjoint_loops.adjoint_gradients(
+    adjoint_gradients(
         tree.kinds, tree.parents, tree.idx_v, v, a, state, row_joint, np.ascontiguousarray(weights),
         _ancestor_matrix(tree), out[0], out[1], out[2],
     )  # fmt: skip
@@ -117,3 +119,224 @@ def _ancestor_matrix(tree: KinematicTree) -> np.ndarray:
     for joint in range(1, tree.n_segments + 1):
         above[:, joint] |= above[:, tree.parents[joint]]
     return above
+
+
+# Compiled loop of the regressor's adjoint: from weights of its entries to gradients in q, v and a.
+#
+# With weights ``G`` the scalar is ``C = Σ G_rk Y_rk = Σ_r Σ_b s_r · f_b(g_br)``: body ``b`` with the ten
+# numbers ``g_br`` of row ``r`` as its inertial parameters, its wrench ``f_b = I a + v ×* I v`` projected on
+# the row's axis ``s_r``. Spatial vectors (angular part first) stand in the root frame of
+# :mod:`excite.regressor.motion_loops`, where turning joint k moves all that it carries rigidly, and what
+# moves together with its axis cancels. Derivatives of spatial velocity and acceleration: Carpentier and
+# Mansard (2018), section III.
+
+
+@LazyKernel
+def cross_motion(v, m, out):
+    """``out = v × m`` of two motions."""
+    out[0] = v[1] * m[2] - v[2] * m[1]
+    out[1] = v[2] * m[0] - v[0] * m[2]
+    out[2] = v[0] * m[1] - v[1] * m[0]
+    out[3] = v[1] * m[5] - v[2] * m[4] + v[4] * m[2] - v[5] * m[1]
+    out[4] = v[2] * m[3] - v[0] * m[5] + v[5] * m[0] - v[3] * m[2]
+    out[5] = v[0] * m[4] - v[1] * m[3] + v[3] * m[1] - v[4] * m[0]
+
+
+@LazyKernel
+def add_cross_force(scale, v, f, out):
+    """``out += scale · v ×* f`` of a motion and a force (moment first)."""
+    out[0] += scale * (v[1] * f[2] - v[2] * f[1] + v[4] * f[5] - v[5] * f[4])
+    out[1] += scale * (v[2] * f[0] - v[0] * f[2] + v[5] * f[3] - v[3] * f[5])
+    out[2] += scale * (v[0] * f[1] - v[1] * f[0] + v[3] * f[4] - v[4] * f[3])
+    out[3] += scale * (v[1] * f[5] - v[2] * f[4])
+    out[4] += scale * (v[2] * f[3] - v[0] * f[5])
+    out[5] += scale * (v[0] * f[4] - v[1] * f[3])
+
+
+@LazyKernel
+def to_body(s, m, out):
+    """A motion in the frame of the body with state ``s``, at its origin."""
+    l0 = m[3] + m[1] * s[POS + 2] - m[2] * s[POS + 1]
+    l1 = m[4] + m[2] * s[POS] - m[0] * s[POS + 2]
+    l2 = m[5] + m[0] * s[POS + 1] - m[1] * s[POS]
+    for i in range(3):
+        out[i] = s[i] * m[0] + s[3 + i] * m[1] + s[6 + i] * m[2]
+        out[3 + i] = s[i] * l0 + s[3 + i] * l1 + s[6 + i] * l2
+
+
+@LazyKernel
+def add_to_root(s, f, out):
+    """Add a force of the body's frame, brought to the root frame."""
+    f0 = s[0] * f[3] + s[1] * f[4] + s[2] * f[5]
+    f1 = s[3] * f[3] + s[4] * f[4] + s[5] * f[5]
+    f2 = s[6] * f[3] + s[7] * f[4] + s[8] * f[5]
+    p0, p1, p2 = s[POS], s[POS + 1], s[POS + 2]
+    out[0] += s[0] * f[0] + s[1] * f[1] + s[2] * f[2] + p1 * f2 - p2 * f1
+    out[1] += s[3] * f[0] + s[4] * f[1] + s[5] * f[2] + p2 * f0 - p0 * f2
+    out[2] += s[6] * f[0] + s[7] * f[1] + s[8] * f[2] + p0 * f1 - p1 * f0
+    out[3] += f0
+    out[4] += f1
+    out[5] += f2
+
+
+@LazyKernel
+def multiply_inertia(g, m, out):
+    """``out = I(g) m`` with ``g`` in the order m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+    out[0] = g[4] * m[0] + g[5] * m[1] + g[7] * m[2] + g[2] * m[5] - g[3] * m[4]
+    out[1] = g[5] * m[0] + g[6] * m[1] + g[8] * m[2] + g[3] * m[3] - g[1] * m[5]
+    out[2] = g[7] * m[0] + g[8] * m[1] + g[9] * m[2] + g[1] * m[4] - g[2] * m[3]
+    out[3] = g[0] * m[3] + m[1] * g[3] - m[2] * g[2]
+    out[4] = g[0] * m[4] + m[2] * g[1] - m[0] * g[3]
+    out[5] = g[0] * m[5] + m[0] * g[2] - m[1] * g[1]
+
+
+@LazyKernel
+def spatial_motion(kinds, parents, idx_v, v, a, state, axes, rates, vel, acc):
+    """Axes, their rates, velocities and accelerations (less gravity) of all bodies, each ``(n_joints + 1, 6)``."""
+    for i in range(6):
+        vel[0, i] = acc[0, i] = 0.0
+    for i in range(3):
+        acc[0, 3 + i] = state[0, ACC + i]
+    for j in range(1, kinds.shape[0]):
+        s, up = state[j], parents[j]
+        if kinds[j] == FREE_FLYER:
+            # The base stands still: its state holds nothing but gravity.
+            for i in range(3):
+                axes[j, i] = axes[j, 3 + i] = rates[j, i] = rates[j, 3 + i] = 0.0
+                vel[j, i] = vel[j, 3 + i] = acc[j, i] = 0.0
+                acc[j, 3 + i] = s[ACC + i]
+            continue
+        z0, z1, z2 = s[AXIS], s[AXIS + 1], s[AXIS + 2]
+        if kinds[j] == PRISMATIC:
+            axes[j, 0] = axes[j, 1] = axes[j, 2] = 0.0
+            axes[j, 3], axes[j, 4], axes[j, 5] = z0, z1, z2
+        else:
+            p0, p1, p2 = s[POS], s[POS + 1], s[POS + 2]
+            axes[j, 0], axes[j, 1], axes[j, 2] = z0, z1, z2
+            axes[j, 3], axes[j, 4], axes[j, 5] = p1 * z2 - p2 * z1, p2 * z0 - p0 * z2, p0 * z1 - p1 * z0
+        cross_motion(vel[up], axes[j], rates[j])
+        for i in range(6):
+            vel[j, i] = vel[up, i] + axes[j, i] * v[idx_v[j]]
+            acc[j, i] = acc[up, i] + axes[j, i] * a[idx_v[j]] + rates[j, i] * v[idx_v[j]]
+
+
+@LazyKernel
+def body_adjoint(g, s, axis, v, a, work, pull_a, pull_v, force):
+    """Add what one body and one row contribute, in the body's frame.
+
+    ``v, a`` are the body's own; ``work (5, 6)`` is scratch; ``pull_a`` and ``pull_v`` are the gradients in its
+    acceleration and velocity, ``force`` its wrench in the root frame.
+    """
+    own, h, u = work[0], work[1], work[2]
+    to_body(s, axis, own)
+    multiply_inertia(g, v, h)
+    cross_motion(v, own, u)
+    multiply_inertia(g, a, work[3])
+    add_cross_force(1.0, v, h, work[3])
+    add_to_root(s, work[3], force)
+    multiply_inertia(g, own, work[3])
+    multiply_inertia(g, u, work[4])
+    for i in range(6):
+        pull_a[i] += work[3][i]
+        pull_v[i] -= work[4][i]
+    add_cross_force(-1.0, own, h, pull_v)
+
+
+@LazyKernel
+def joint_gradient(
+    axis, rate, vel, acc, pulls, forces, row_axes, row_joint, carries, work, column, out_q, out_v, out_a
+):
+    """Gradients in one joint's coordinate from what its subtree pulls; ``vel, acc`` are those of its parent."""
+    pull_a, pull_v, moved = pulls[0], pulls[1], work[0]
+    for i in range(6):
+        moved[i] = pulls[2, i]
+        work[1, i] = 0.0
+    add_cross_force(-1.0, vel, pull_a, moved)
+    add_cross_force(-1.0, vel, pull_v, work[1])
+    add_cross_force(-1.0, acc, pull_a, work[1])
+    for r in range(row_joint.shape[0]):
+        if carries[row_joint[r]]:
+            add_cross_force(-1.0, row_axes[r], forces[r], work[1])
+    q_sum, v_sum, a_sum = 0.0, 0.0, 0.0
+    for i in range(6):
+        q_sum += axis[i] * work[1, i] + rate[i] * moved[i]
+        v_sum += axis[i] * (pull_v[i] + moved[i]) + rate[i] * pull_a[i]
+        a_sum += axis[i] * pull_a[i]
+    out_q[column], out_v[column], out_a[column] = q_sum, v_sum, a_sum
+
+
+@LazyKernel
+def subtree_pulls(
+    parents, state, row_axes, row_joint, vel, acc, weights, above, own, work, local, pulls, forces
+):
+    """What each body alone pulls: gradients in its acceleration and velocity, and its wrench by row."""
+    pulls[:] = 0.0
+    forces[:] = 0.0
+    for b in range(1, parents.shape[0]):
+        s = state[b]
+        to_body(s, vel[b], own[0])
+        to_body(s, acc[b], own[1])
+        local[:] = 0.0
+        for r in range(row_joint.shape[0]):
+            if above[row_joint[r], b]:
+                g = weights[r, 10 * (b - 1) : 10 * b]
+                body_adjoint(g, s, row_axes[r], own[0], own[1], work, local[0], local[1], forces[b, r])
+        add_cross_force(1.0, own[0], local[0], local[2])
+        for k in range(3):
+            add_to_root(s, local[k], pulls[k, b])
+
+
+@LazyKernel
+def gather_to_parent(body, parent, pulls, forces):
+    """Add a subtree's pulls and wrenches to its parent's."""
+    for i in range(6):
+        for k in range(3):
+            pulls[k, parent, i] += pulls[k, body, i]
+        for r in range(forces.shape[1]):
+            forces[parent, r, i] += forces[body, r, i]
+
+
+@LazyKernel
+def adjoint_gradients(kinds, parents, idx_v, v, a, state, row_joint, weights, above, out_q, out_v, out_a):
+    """Gradients ``(n, nv)`` of ``Σ weights · Y``, zero for a free base.
+
+    ``weights`` is ``(n, n_rows, 10·n_segments)``; ``row_joint (n_rows,)`` the joint of each row, of a free base six
+    times 1 (force rows first); ``above (n_joints + 1, n_joints + 1)`` whether one joint carries another or is it.
+    """
+    n, n_rows = kinds.shape[0], row_joint.shape[0]
+    axes, rates = np.zeros((n, 6)), np.zeros((n, 6))
+    vel, acc = np.empty((n, 6)), np.empty((n, 6))
+    own, work = np.empty((2, 6)), np.empty((5, 6))
+    local, pulls = np.empty((3, 6)), np.empty((3, n, 6))
+    forces, row_axes = np.empty((n, n_rows, 6)), np.zeros((n_rows, 6))
+    for t in range(state.shape[0]):
+        spatial_motion(kinds, parents, idx_v, v[t], a[t], state[t], axes, rates, vel, acc)
+        for r in range(n_rows):
+            # A loop: of the assignment of one slice to another numba compiles its refusal, too, for two seconds.
+            for i in range(6):
+                row_axes[r, i] = axes[row_joint[r], i]
+            if kinds[row_joint[r]] == FREE_FLYER:
+                row_axes[r, r + 3 if r < 3 else r - 3] = 1.0
+        subtree_pulls(
+            parents,
+            state[t],
+            row_axes,
+            row_joint,
+            vel,
+            acc,
+            weights[t],
+            above,
+            own,
+            work,
+            local,
+            pulls,
+            forces,
+        )
+        for b in range(n - 1, 0, -1):
+            up = parents[b]
+            if kinds[b] != FREE_FLYER:
+                joint_gradient(
+                    axes[b], rates[b], vel[up], acc[up], pulls[:, b], forces[b], row_axes, row_joint,
+                    above[:, up], work, idx_v[b], out_q[t], out_v[t], out_a[t],
+                )  # fmt: skip
+            gather_to_parent(b, up, pulls, forces)

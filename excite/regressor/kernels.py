@@ -8,6 +8,7 @@ Every function takes a pinocchio model, or a :class:`~excite.regressor.tree.Kine
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -144,13 +145,21 @@ def joint_torque_regressor(
     return out
 
 
-def block_of(tree: KinematicTree) -> tuple[Array, Array, Array]:
+class Block(NamedTuple):
+    """Memory of the compiled loops for a block of samples: scratch, and states of all bodies in two orders."""
+
+    room: Array
+    bodies: Array
+    samples: Array
+
+
+def block_of(tree: KinematicTree) -> Block:
     """What compiled loops need for the motion of a block of samples: scratch, and room for the states of all bodies as
     :func:`~excite.regressor.motion_loops.move_bodies` and :func:`~excite.regressor.motion_loops.by_sample` fill it.
     """
     bodies, size, lanes = tree.n_segments + 1, motion_loops.STATE_SIZE, motion_loops.LANES
     room = np.empty(motion_loops.ROOM_SIZE * lanes)
-    return room, np.empty((bodies, size * lanes)), np.empty((lanes, bodies, size))
+    return Block(room, np.empty((bodies, size * lanes)), np.empty((lanes, bodies, size)))
 
 
 def load_of(tree: KinematicTree) -> tuple[Array, Array]:

@@ -90,20 +90,114 @@ def rises(at, sign, n_bodies, mass, n_loads, out):
 
 
 @LazyKernel
+def rise_of_other(at, other, t, row, n_bodies, mass, n_loads):
+    """How far row ``row`` of ``other (n, 6, n_coordinates)[t]`` is above the model's value where the row
+    ``at (1, n_coordinates)`` has risen most."""
+    total = 0.0
+    for b in range(n_bodies):
+        k = OF_BODY * b
+        centre, moved, turned = 0.0, 0.0, 0.0
+        for i in range(k + 1, k + 4):
+            centre += abs(at[0, i])
+            moved += np.sign(at[0, i]) * other[t, row, i]
+        for i in range(k + 4, k + 7):
+            turned += np.sign(at[0, i]) * other[t, row, i]
+        total += moved + mass * np.sign(at[0, k] + centre) * (other[t, row, k] + moved) + turned
+    for k in range(OF_BODY * n_bodies, OF_BODY * n_bodies + n_loads):
+        if at[0, k] > 0.0:
+            total += other[t, row, k]
+    first = OF_BODY * n_bodies + n_loads
+    if at.shape[1] > first:
+        square, along = 0.0, 0.0
+        for k in range(first + 1, at.shape[1]):
+            square += at[0, k] * at[0, k]
+            along += at[0, k] * other[t, row, k]
+        length = np.sqrt(square)
+        if at[0, first] + length > 0.0:
+            total += other[t, row, first] + (along / length if length > 0.0 else 0.0)
+    return total
+
+
+@LazyKernel
+def form_row(form, of_wrench, t, out):
+    """A linear form ``(6,)`` of the wrench at a sample in the set's coordinates, into ``out (1, n_coordinates)``."""
+    for k in range(of_wrench.shape[2]):
+        out[0, k] = 0.0
+    for i in range(6):
+        factor = form[i]
+        if factor != 0.0:
+            for k in range(of_wrench.shape[2]):
+                out[0, k] += factor * of_wrench[t, i, k]
+
+
+@LazyKernel
+def lower_ratio(
+    plane, nominal, of_wrench, t, up, down, n_bodies, mass, n_loads, best, rounding, form, row
+):  # fmt: skip
+    """The least ratio of one plane at one sample where it is below ``best``, else that; ``form (6,)`` and ``row`` are
+    scratch."""
+    while True:
+        # What each component alone rises bounds what the plane does, at little cost.
+        most, value = 0.0, 0.0
+        for i in range(6):
+            form[i] = plane[i] + (best if i == 2 else 0.0)
+            value += form[i] * nominal[i]
+            most += form[i] * up[i] if form[i] > 0.0 else -form[i] * down[i]
+        if not value + most > 0.0:
+            return best
+        form_row(form, of_wrench, t, row)
+        above = value + rise_of_row(row, 0, 1.0, n_bodies, mass, n_loads)
+        if not above > rounding * nominal[2]:
+            return best
+        # What the ratio is for the parameters that are worst: it is less than the best so far, and occurs.
+        ratio = best - above / (nominal[2] + rise_of_other(row, of_wrench, t, 2, n_bodies, mass, n_loads))
+        if not ratio < best:
+            return best
+        best = ratio
+
+
+@LazyKernel
+def least_ratio(planes, nominal, of_wrench, n_bodies, mass, n_loads, best, rounding):
+    """The least ``−plane·w/f_z`` over samples, planes and the set, and the sample at which it is.
+
+    The set's wrenches are ``nominal (n, 6)`` and what ``of_wrench (n, 6, n_coordinates)`` adds; ``planes
+    (n or 1, n_planes, 6)`` of NaN are none. The sample is -1 where no ratio is below ``best``, and -2 where the
+    vertical force is not positive all over the set. Steps are those of Dinkelbach (1967).
+    """
+    sample, row = -1, np.empty((1, of_wrench.shape[2]))
+    up, down, form = np.empty(6), np.empty(6), np.empty(6)
+    for t in range(nominal.shape[0]):
+        for i in range(6):
+            up[i] = rise_of_row(of_wrench[t], i, 1.0, n_bodies, mass, n_loads)
+            down[i] = rise_of_row(of_wrench[t], i, -1.0, n_bodies, mass, n_loads)
+        if not nominal[t, 2] - down[2] > 0.0:
+            return best, -2
+        of_sample = t if planes.shape[0] > 1 else 0
+        for p in range(planes.shape[1]):
+            plane = planes[of_sample, p]
+            if np.isnan(plane).any():
+                continue
+            here = 0.0
+            for i in range(6):
+                here -= plane[i] * nominal[t, i]
+            if here / nominal[t, 2] < best:
+                best, sample = here / nominal[t, 2], t
+            lower = lower_ratio(
+                plane, nominal[t], of_wrench, t, up, down, n_bodies, mass, n_loads, best, rounding, form, row
+            )
+            if lower < best:
+                best, sample = lower, t
+    return best, sample
+
+
+@LazyKernel
 def rises_of_forms(forms, samples, of_wrench, n_bodies, mass, n_loads, scratch, out):
     """How far linear forms ``(n, 6)`` of wrenches at some samples rise, into ``out (n,)``.
 
     ``of_wrench (n_samples, 6, n_coordinates)``; ``scratch (1, n_coordinates)``.
     """
     for row in range(forms.shape[0]):
-        t = samples[row]
-        for k in range(of_wrench.shape[2]):
-            scratch[0, k] = 0.0
-        for i in range(6):
-            factor = forms[row, i]
-            if factor != 0.0:
-                for k in range(of_wrench.shape[2]):
-                    scratch[0, k] += factor * of_wrench[t, i, k]
+        form_row(forms[row], of_wrench, samples[row], scratch)
         out[row] = rise_of_row(scratch, 0, 1.0, n_bodies, mass, n_loads)
 
 

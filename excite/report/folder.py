@@ -34,10 +34,10 @@ _KINDS: Registry[Any] = Registry(
         "check": "excite.safety.verdict:CheckReport",
         "identification": "excite.documents.identification:Identification",
         "campaign": "excite.documents.campaign:Campaign",
-        "signals": "excite.documents.results:Signals",
-        "diagnosis": "excite.documents.diagnosis:Diagnosis",
-        "human": "excite.documents.results:Human",
-        "doctor": "excite.documents.results:Doctor",
+        "signals": "excite.logs.signals.trace:SignalTrace",
+        "diagnosis": "excite.diagnosis.answer.answer:Diagnosis",
+        "human": "excite.human.measure:MeasuredPerson",
+        "doctor": "excite.finding:Examination",
     },
 )
 # Commands that write them, where these have another name.

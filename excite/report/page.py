@@ -36,10 +36,11 @@ from excite.report.sections.diagnosed import (
     show_baseline,
     show_budget_by_channel,
     show_gap_by_channel,
+    show_log_findings,
+    show_torques_beside_model,
     show_verdict,
     show_where,
 )
-from excite.report.sections.doctored import show_log_findings, show_torques_beside_model
 from excite.report.sections.identified import (
     show_forces,
     show_masses,
@@ -47,8 +48,7 @@ from excite.report.sections.identified import (
     show_sessions,
     show_signals,
 )
-from excite.report.sections.motions import show_motions
-from excite.report.sections.moving import show_moving
+from excite.report.sections.motions import show_motions, show_moving
 from excite.report.sections.planned import show_excitation, show_refused, show_safety
 from excite.report.sections.section import Content, Section, section, section_content
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, css_variables, draw_figure, shorten_name, to_svg

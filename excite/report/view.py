@@ -16,11 +16,11 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.atomic import write_text
-from excite.documents.diagnosis import Diagnosis
-from excite.documents.document import read_document
+from excite.diagnosis.answer.answer import Diagnosis
+from excite.documents.document import model_of, read_document
 from excite.documents.plan import PlanDocument
 from excite.errors import InputError
-from excite.export.resolve_robot import robot_beside
+from excite.export.export import robot_beside
 from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
 from excite.logs.log import Trial
@@ -246,7 +246,7 @@ def _joint_columns(
 
 def _read_diagnosis(folder: Path, robot: str | None) -> Thing:
     document = read_document(
-        folder / "diagnosis.json", Diagnosis, remedy="write it again with excite diagnose"
+        folder / "diagnosis.json", model_of(Diagnosis), remedy="write it again with excite diagnose"
     ).content()
     if robot is not None:
         document["robot_file"] = (

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
+from excite.registry import add_installed
 from excite.robot.prismatic import sliding_joints
 from excite.robot.robot import Robot
 from excite.robot.shapes.stand_ins import shape_conditions
@@ -131,3 +132,4 @@ CHECKS: dict[str, type[Check]] = {
         SelfCollisionCheck,
     )
 }
+add_installed("checks", CHECKS)

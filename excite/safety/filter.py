@@ -53,9 +53,11 @@ class SafetyFilter:
         shares = Shares(robots=stated_parameters(robot)) if robust else Shares()
         self._repairs = make_repairs(robot, shares)
 
-    def filter(self, candidate: Candidate) -> FilterOutcome:
-        """Repair a candidate and judge the motion that results."""
+    def filter(self, candidate: Candidate | Motion) -> FilterOutcome:
+        """Repair a candidate and judge the motion that results; a motion is judged as it is."""
         seconds: dict[str, float] = {}
+        if isinstance(candidate, Motion):
+            return self._judged(candidate.metadata.generator, candidate, seconds)
         draft: Draft | Rejection = Draft(candidate)
         for repair in self._repairs:
             if isinstance(draft, Rejection):
@@ -68,26 +70,33 @@ class SafetyFilter:
         if draft.motion is None:
             rejection = draft.rejected("no_motion", "repairs")
             return FilterOutcome(candidate.name, candidate.generator, None, None, rejection, seconds)
+        return self._judged(candidate.generator, draft.motion, seconds)
+
+    def _judged(self, generator: str, motion: Motion, seconds: dict[str, float]) -> FilterOutcome:
         start = time.process_time()
-        verdict = check_motion(self._robot, draft.motion, robust=self._robust)
+        verdict = check_motion(self._robot, motion, robust=self._robust)
         seconds["check"] = time.process_time() - start
         return FilterOutcome(
-            candidate=candidate.name,
-            generator=candidate.generator,
-            motion=with_verdict(draft.motion, verdict.to_json(), self._robot.hash) if verdict.safe else None,
+            candidate=motion.name,
+            generator=generator,
+            motion=with_verdict(motion, verdict.to_json(), self._robot.hash) if verdict.safe else None,
             verdict=verdict,
-            rejection=_rejection_of(draft, verdict),
+            rejection=_rejection_of(motion.name, verdict),
             seconds=seconds,
-            postures=tuple(_posture_at(draft.motion, item.time_s) for item in verdict.violations),
+            postures=tuple(_posture_at(motion, item.time_s) for item in verdict.violations),
         )
 
 
-def filter_candidate(robot: Robot, candidate: Candidate | Proposal, *, robust: bool = False) -> FilterOutcome:
+# What the filter takes: a proposal is drawn first; a motion, whose maker has kept the limits, is judged as it is.
+Filtered = Candidate | Proposal | Motion
+
+
+def filter_candidate(robot: Robot, candidate: Filtered, *, robust: bool = False) -> FilterOutcome:
     """Make one candidate safe, or say why that failed.
 
     Args:
         robot: the robot.
-        candidate: the candidate, or a proposal, which is drawn first.
+        candidate: the candidate, or what one may be in place of it.
         robust: whether torque, zero-moment point and friction shall hold for all robots of the set that the
             description states.
 
@@ -109,7 +118,7 @@ def filter_candidate(robot: Robot, candidate: Candidate | Proposal, *, robust: b
 
 def filter_candidates(
     robot: Robot,
-    candidates: Iterable[Candidate | Proposal],
+    candidates: Iterable[Filtered],
     *,
     jobs: Jobs = 1,
     total: int | None = None,
@@ -122,7 +131,7 @@ def filter_candidates(
 
     Args:
         robot: the robot.
-        candidates: candidates, or proposals, which are drawn where they are judged; read as work proceeds.
+        candidates: candidates, or proposals, which are drawn where they are judged, or motions; read as work proceeds.
         jobs: number of processes, or an executor. The outcomes do not depend on it.
         total: how many candidates, where they do not say.
         progress: told after each candidate, stage ``filter``.
@@ -160,14 +169,14 @@ def _filter_of(robot: Robot, robust: bool) -> SafetyFilter:
     return SafetyFilter(robot, robust=robust)
 
 
-def _rejection_of(draft: Draft, verdict: Verdict) -> Rejection | None:
+def _rejection_of(name: str, verdict: Verdict) -> Rejection | None:
     """The rejection that a verdict means; reasons from the check start with ``check_``."""
     if verdict.safe:
         return None
     if verdict.violations:
         first = verdict.violations[0]
-        return draft.rejected(f"check_{first.kind}", first.where, first.time_s, first.value, first.limit)
-    return draft.rejected("check_not_computed", ", ".join(verdict.not_computed))
+        return Rejection(name, f"check_{first.kind}", first.where, first.time_s, first.value, first.limit)
+    return Rejection(name, "check_not_computed", ", ".join(verdict.not_computed))
 
 
 def _posture_at(motion: Motion, time_s: float | None) -> tuple[float, ...] | None:
@@ -184,7 +193,7 @@ def _handed_over(robot: Robot, outcome: FilterOutcome, keep: Keep | None) -> Fil
     return replace(outcome, motion=None, kept=keep(robot, outcome.motion))
 
 
-def _filter_one(shared: tuple[Robot, Keep | None, bool], candidate: Candidate | Proposal) -> FilterOutcome:
+def _filter_one(shared: tuple[Robot, Keep | None, bool], candidate: Filtered) -> FilterOutcome:
     robot, keep, robust = shared
     return _handed_over(robot, filter_candidate(robot, candidate, robust=robust), keep)
 

@@ -34,6 +34,7 @@ from excite.formats.arrays import read_npz
 from excite.regressor.kernels import base_link_regressor, block_of, joint_torque_regressor
 from excite.regressor.parameter_loops import (
     OF_BODY,
+    least_ratio,
     rises,
     rises_of_forms,
     torque_coordinates,
@@ -43,6 +44,9 @@ from excite.regressor.tree import read_tree
 from excite.robot.description import UncertaintyBlock
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
+
+# Share of the weight that rounding leaves of a linear form at its root.
+_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,18 +101,16 @@ class ParameterSet:
         rises_of_forms(forms, samples, of_wrench, len(self.bodies), self.mass, len(self.loads), scratch, out)
         return out
 
-    def rise_of_other(self, at: Array, other: Array) -> Array:
-        """How far other rows are above the model's value where rows have risen most, ``(…,)``, from coordinates."""
-        part, of = self._parts(at), self._parts(other)
-        sign = np.sign(part.bodies[..., 1:])
-        heavier = self.mass * np.sign(part.bodies[..., 0] + np.abs(part.bodies[..., 1:4]).sum(axis=-1))
-        moved = (sign[..., :3] * of.bodies[..., 1:4]).sum(axis=-1)
-        turned = (sign[..., 3:] * of.bodies[..., 4:]).sum(axis=-1)
-        found = (moved + heavier * (of.bodies[..., 0] + moved) + turned).sum(axis=-1)
-        found += np.where(part.loads > 0.0, of.loads, 0.0).sum(axis=-1)
-        length = np.linalg.norm(part.root, axis=-1)
-        along = (part.root * of.root).sum(axis=-1) / np.where(length > 0.0, length, 1.0)
-        return np.asarray(found + np.where(part.shift + length > 0.0, of.shift + along, 0.0))
+    def least_ratio(self, planes: Array, nominal: Array, of_wrench: Array, best: float) -> tuple[float, int]:
+        """The least ``−plane·w/f_z`` over samples, planes ``(n or 1, n_planes, 6)`` and the set, and its sample.
+
+        ``nominal (n, 6)`` are the model's wrenches; planes of NaN are none. The sample is -1 where no ratio is below
+        ``best``, and -2 where ``f_z`` is not positive all over the set.
+        """
+        ratio, sample = least_ratio(
+            planes, nominal, of_wrench, len(self.bodies), self.mass, len(self.loads), best, _ROUNDING
+        )
+        return float(ratio), int(sample)
 
     def farthest(self, at: Array) -> Array:
         """The member at which a row rises most, as what it has beyond the model, ``(10·n_segments,)``.
@@ -187,13 +189,12 @@ class RowsOfSet:
             found[..., -n_last:] = rows @ parameters.ellipsoid
         return WrenchRows(found, screws)
 
-    def of_torques(self, moved: Moved, shares: Array | None) -> Array:
-        """Rows of the motors' torques, ``(n, n_joints, n_coordinates)``.
+    def of_torques(self, moved: Moved, rows: WrenchRows, shares: Array | None) -> Array:
+        """Rows of the motors' torques, ``(n, n_joints, n_coordinates)``, from those of the wrench.
 
         ``shares (n, n_feet, 6, 6)`` are from the wrench to that of each foot; None of a robot that no foot carries.
         """
         robot, parameters, n = self._robot, self._set, len(moved.q)
-        rows = self.of_wrench(moved)
         taken = np.zeros_like(rows.screws)
         if shares is not None:
             for i, foot in enumerate(robot.feet):

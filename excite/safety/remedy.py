@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.motion.generators.generator import Candidate, Proposal
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.robot.description import UncertaintyBlock
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE
-from excite.safety.filter import filter_candidates
+from excite.safety.filter import Filtered, filter_candidates
 from excite.safety.refusals import Refused, Remedy
 
 # Refused candidates that are tried again with each change, and changes that are tried: some 30 candidates' work at
@@ -32,7 +31,7 @@ _MORE_FRICTION = 10.0
 def find_remedy(
     robot: Robot,
     refused: Sequence[Refused],
-    candidates: Sequence[Candidate | Proposal],
+    candidates: Sequence[Filtered],
     *,
     jobs: Jobs = 1,
     robust: bool = False,
@@ -63,7 +62,7 @@ def find_remedy(
 def _try_remedy(
     robot: Robot,
     group: tuple[Refused, ...],
-    candidates: Sequence[Candidate | Proposal],
+    candidates: Sequence[Filtered],
     jobs: Jobs,
     robust: bool,
 ) -> Remedy | None:

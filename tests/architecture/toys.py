@@ -22,11 +22,13 @@ class Toy:
         file: its file, below the package.
         text: what stands in it.
         lines: by file of the package, lines to put in, each before the first line that begins with the text given.
+        axis: where it is installed as a package of somebody else's, by an entry point; ``file`` is a module of that.
     """
 
     file: str
     text: str
-    lines: tuple[tuple[str, str, str], ...]
+    lines: tuple[tuple[str, str, str], ...] = ()
+    axis: str = ""
 
 
 def registered(
@@ -94,13 +96,13 @@ class ToySearch(CandidateSearch):
         ),
     ),
     "check": Toy(
-        "safety/checks/toy.py",
+        "toy_check.py",
         """
 from excite.safety.checks.base import Check, CheckResult
 from excite.safety.verdict import Violation
 
 
-class ToyCheck(Check):
+class Toy(Check):
     name = "toy"
 
     def judge(self, sweep):
@@ -108,9 +110,7 @@ class ToyCheck(Check):
             return CheckResult()
         return CheckResult(violations=(Violation("toy", 0.0, "anywhere", 1.0, 0.0),))
 """,
-        registered(
-            "safety/check.py", "safety.checks.toy", "ToyCheck", "ToyCheck", "        SelfCollisionCheck,"
-        ),
+        axis="checks",
     ),
     "repair": Toy(
         "safety/repairs/toy.py",
@@ -142,8 +142,8 @@ class ToyEstimator(Estimator[WlsSettings]):
     use = "tests"
     settings_class = WlsSettings
 
-    def estimate(self, problem, settings):
-        return replace(find_estimator("wls").estimate(problem, settings), method=self.name)
+    def solve(self, rows, settings):
+        return replace(find_estimator("wls").solve(rows, settings), method=self.name)
 """,
         (
             (
@@ -170,12 +170,12 @@ ToyLaw = SpringLaw
         ),
     ),
     "diagnosed effect": Toy(
-        "diagnosis/effects/toy.py",
+        "toy_effect.py",
         '''
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape
 
 
-class ToyDamping(Effect):
+class Toy(Effect):
     """``τ = c q v``: damping that grows with the position."""
 
     name = "toy"
@@ -187,17 +187,9 @@ class ToyDamping(Effect):
         j = context.row(location)
         return Shape({j: (context.q[:, j] * context.v[:, j])[:, None]})
 ''',
-        (
-            *registered(
-                "diagnosis/effects/registry.py",
-                "diagnosis.effects.toy",
-                "ToyDamping",
-                "ToyDamping()",
-                "        BaseTilt(),",
-            ),
-            # A word of the log format: only for logs that say that their model has it.
-            ("logs/vocabulary.py", '    "viscous_friction",', '    "toy",'),
-        ),
+        # A word of the log format: only for logs that say that their model has it.
+        (("logs/vocabulary.py", '    "viscous_friction",', '    "toy",'),),
+        axis="effects",
     ),
     "format": Toy(
         "formats/toy.py",
@@ -251,13 +243,13 @@ class ToyReader(MotionReader):
         ),
     ),
     "exporter": Toy(
-        "export/toy.py",
+        "toy_exporter.py",
         """
 from excite.atomic import write_text
 from excite.export.exporter import Exporter
 
 
-class ToyExporter(Exporter):
+class Toy(Exporter):
     name = "toy"
     suffix = ".txt"
     summary = "the number of samples"
@@ -265,7 +257,30 @@ class ToyExporter(Exporter):
     def write(self, motion, path):
         write_text(path, f"{motion.n_samples} samples")
 """,
-        (("export/registry.py", '        "csv": ', '        "toy": "excite.export.toy:ToyExporter",'),),
+        axis="exporters",
+    ),
+    "reader": Toy(
+        "toy_reader.py",
+        """
+import numpy as np
+
+from excite.conversion.recording import Column, Recording, Stream
+from excite.conversion.sources.source import Source
+
+
+class Toy(Source):
+    name = "toy"
+    summary = "numbers of one axis by another name (.txt)"
+
+    def recognises(self, path):
+        return path.name == "toy.txt"
+
+    def read(self, path):
+        time, q, tau = np.array(path.read_text().split(), dtype=float).reshape(3, -1)
+        columns = (Column("q", q, channel="q"), Column("tau", tau, channel="tau"))
+        return (Recording(str(path), "toy", (Stream("toy", columns, time),)),)
+""",
+        axis="readers",
     ),
     "report section": Toy(
         "report/sections/toy.py",
@@ -288,7 +303,7 @@ def show_toy(findings):
 def add_toys(package: Path) -> None:
     """Write the files of all toys into a copy of the package, and their lines into its registries."""
     for toy in TOYS.values():
-        file = package / toy.file
+        file = (package.parent if toy.axis else package) / toy.file
         if file.exists():
             raise FileExistsError(file)
         file.write_text(toy.text)
@@ -297,6 +312,12 @@ def add_toys(package: Path) -> None:
             place = min(i for i, row in enumerate(rows) if row.startswith(before))
             rows.insert(place, line)
             (package / name).write_text("\n".join(rows) + "\n")
+    about = package.parent / "toys-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: toys\nVersion: 1.0\n")
+    outside = [toy for toy in TOYS.values() if toy.axis]
+    points = [f"[excite.{toy.axis}]\ntoy = {Path(toy.file).stem}:Toy\n" for toy in outside]
+    (about / "entry_points.txt").write_text("\n".join(points))
 
 
 def planned(folder: Path) -> dict[str, Any]:
@@ -362,6 +383,21 @@ def _moved(robot: Any, motion: Any, folder: Path) -> dict[str, Any]:
     }
 
 
+def converted(folder: Path) -> dict[str, Any]:
+    """A recording that no format of the package recognises as what it is."""
+    import numpy as np
+
+    import excite
+    from tests.diagnosis.test_one_joint import URDF
+
+    (folder / "axis.urdf").write_text(URDF)
+    time = np.arange(0.0, 6.0, 0.01)
+    q = 0.5 * np.sin(3.0 * time)
+    np.savetxt(folder / "toy.txt", [time, q, 40.0 * np.gradient(q, time)])
+    excite.convert([folder / "toy.txt"], folder / "axis.urdf", folder / "toy_log")
+    return {"reader": float(abs(excite.load_log(folder / "toy_log").trials[0].q).max())}
+
+
 def diagnosed(folder: Path) -> dict[str, Any]:
     """An axis with the toy's damping, diagnosed; and once more with a model that is said to have it."""
     import numpy as np
@@ -413,4 +449,4 @@ def _remedy(call: Callable[[], object]) -> str:
 
 if __name__ == "__main__":
     place = Path(sys.argv[1])
-    print(json.dumps(planned(place) | diagnosed(place)))
+    print(json.dumps(planned(place) | converted(place) | diagnosed(place)))

@@ -28,11 +28,11 @@ from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.rows.settings import ProblemSettings
 from tests.benchmarks.table import Row
 from tests.reproduction import airbot_play_load, airbot_play_sessions, emps, lwr, tiago, tx40
+from tests.reproduction.imported import import_recordings
 from tests.reproduction.recordings import panda_log, ur10e_log
 
 DATA = Path(os.environ.get("EXCITE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))

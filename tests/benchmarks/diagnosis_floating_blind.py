@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.blind.documents import Answer
 from benchmarks.blind.floating import floating_draft
-from benchmarks.blind.hidden_effects import Answer
 from benchmarks.blind.make import build_floating_case
 from benchmarks.blind.score import BlindScore, score_diagnoses
 from excite.diagnosis.floating.answer import residual_of

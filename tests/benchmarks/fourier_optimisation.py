@@ -11,13 +11,14 @@ import time
 import numpy as np
 
 from excite.excitation.optimisation.limits import JointLimits
-from excite.excitation.optimisation.motions import FourierFamily, WaypointFamily
+from excite.excitation.optimisation.motions import FourierFamily
 from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise_excitation
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import measured_columns, regressor_rows
 from excite.robot.loading import load_robot
 from tests.benchmarks.table import Row
+from tests.benchmarks.waypoints import WaypointFamily
 from tests.reproduction.iiwa import HARMONICS, N_JOINTS, PERIOD_S, iiwa, published_base
 
 # One period, its harmonics, and repetitions. The article shows the first 20 s of its trajectory and does not say how

@@ -16,11 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.human.body import segment_box
-from excite.human.identified import identify_person
-from excite.human.measure import MeasureSettings, measure_person, measure_recordings, write_person
-from excite.human.segments import NAMES
-from excite.human.virtual import (
+from benchmarks.virtual_person import (
     Belt,
     VirtualSubject,
     draw_subject,
@@ -29,6 +25,10 @@ from excite.human.virtual import (
     record_standing,
     repeat_exercise,
 )
+from excite.human.body import segment_box
+from excite.human.identified import identify_person
+from excite.human.measure import MeasureSettings, measure_person, measure_recordings, write_person
+from excite.human.segments import NAMES
 from excite.human.weights import AddedMass, locate_added_mass
 from excite.logs.files import load_log
 from excite.robot.loading import load_robot

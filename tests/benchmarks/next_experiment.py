@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.blind.hidden_effects import HiddenEffect
+from benchmarks.blind.documents import HiddenEffect
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.next_experiment.choice import FILE

@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from benchmarks.blind.answers import read_entry
 from benchmarks.blind.board import score_board
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect, JointGap
+from benchmarks.blind.command import app
+from benchmarks.blind.documents import Answer, HiddenEffect, JointGap
 from benchmarks.blind.score import score_entry
-from excite.cli.main import app
 from excite.errors import InputError
 from excite.results import write_json
 from tests.documents.small import SMALL
@@ -170,14 +170,14 @@ def test_entries_are_scored_by_the_command_side_by_side(tmp_path: Path) -> None:
     entry(tmp_path / "good", case_000=good, case_001=said(seconds=2.0))
     entry(tmp_path / "idle", case_000=said(), case_001=said())
     both = ["--entry", str(tmp_path / "good"), "--entry", str(tmp_path / "idle")]
-    found = CliRunner().invoke(app, ["blind", "score", str(cases), *both])
+    found = CliRunner().invoke(app, ["score", str(cases), *both])
     assert found.exit_code == 0, found.output
     lines = [line for line in found.stdout.splitlines() if line.startswith("|")]
     assert len(lines) == 4
     assert len({line.count("|") for line in lines}) == 1
-    one = CliRunner().invoke(app, ["blind", "score", str(cases), *both[:2], "--json"])
+    one = CliRunner().invoke(app, ["score", str(cases), *both[:2], "--json"])
     assert json.loads(one.stdout)["figures"]["everything_found"] == pytest.approx(1 / 3)
-    lacking = CliRunner().invoke(app, ["blind", "score", str(cases), "--entry", str(tmp_path / "nowhere")])
+    lacking = CliRunner().invoke(app, ["score", str(cases), "--entry", str(tmp_path / "nowhere")])
     assert isinstance(lacking.exception, InputError)
 
 

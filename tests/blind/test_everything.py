@@ -22,7 +22,7 @@ from benchmarks.blind.arms_with_everything import (
     draw_mixture,
     true_shares,
 )
-from benchmarks.blind.hidden_effects import Answer
+from benchmarks.blind.documents import Answer
 from benchmarks.blind.make import load_answers, make_cases
 from excite.errors import InputError
 

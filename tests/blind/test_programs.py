@@ -15,13 +15,13 @@ import benchmarks.blind.arm_case
 from benchmarks.blind.answers import read_entry
 from benchmarks.blind.arm_case import arm_of
 from benchmarks.blind.case import build_case
+from benchmarks.blind.command import app
+from benchmarks.blind.documents import HiddenEffect
 from benchmarks.blind.draw import Draft
 from benchmarks.blind.entry import mujoco_sysid
 from benchmarks.blind.entry.alone import arm_log
 from benchmarks.blind.entry.mujoco_sysid import TrialFit, fitted_by_sysid
-from benchmarks.blind.hidden_effects import HiddenEffect
 from benchmarks.blind.make import load_answers
-from excite.cli.main import app
 from excite.errors import LogError
 from excite.logs.files import save_log
 from excite.results import write_json
@@ -46,7 +46,7 @@ def test_the_command_enters_and_scores_what_is_fitted_alone(biased: tuple[Path, 
     folder, hidden = biased
     cases, entry = str(folder / "cases"), folder / "alone"
     options = ["--method", "alone", "--jobs", "1", "--out", str(entry)]
-    found = CliRunner().invoke(app, ["blind", "enter", cases, *options])
+    found = CliRunner().invoke(app, ["enter", cases, *options])
     assert found.exit_code == 0, found.output
     answer = json.loads((entry / "case_000.json").read_text())
     named = {(item["effect"], item["location"]) for item in answer["effects"]}
@@ -55,7 +55,7 @@ def test_the_command_enters_and_scores_what_is_fitted_alone(biased: tuple[Path, 
     # The noise is counted too; of the other joints a bias takes nothing.
     assert shares.pop(hidden.location) > 0.9
     assert max(abs(share) for share in shares.values()) < 0.1
-    scored = CliRunner().invoke(app, ["blind", "score", cases, "--entry", str(entry), "--json"])
+    scored = CliRunner().invoke(app, ["score", cases, "--entry", str(entry), "--json"])
     figures = json.loads(scored.stdout)["figures"]
     assert (figures["single_named"], figures["single_placed"], figures["firm_wrong"]) == (1.0, 1.0, 0.0)
     assert figures["seconds_median"] > 0.0

@@ -141,8 +141,8 @@ def test_what_no_description_holds_is_a_line(tmp_path: Path) -> None:
         f"  not in it: {line}",
         "  a diagnosis with this robot finds again what is not in it",
     ]
-    assert applied.to_json(tmp_path.parent) == {
-        "robot": f"{tmp_path.name}/robot.yaml",
+    assert applied.to_json() == {
+        "robot": str(tmp_path / "robot.yaml"),
         "written": ["coulomb [N·m]: elbow_joint 2"],
         "left_out": [line],
     }

@@ -18,7 +18,7 @@ from excite.logs.log import Trial
 from excite.motion.collection import load_motions
 from excite.report.comparisons import PathComparison, Record, load_report_data
 from excite.report.page import report
-from excite.report.sections.moving import show_moving
+from excite.report.sections.motions import show_moving
 from excite.robot.load import load_robot
 from tests.identification.practice_log import arm_log
 

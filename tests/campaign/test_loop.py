@@ -109,3 +109,22 @@ def test_what_was_found_is_written_where_a_later_plan_fails(
     assert len(found["iterations"]) == 1
     assert not found["targets_met"]
     assert (tmp_path / "campaign" / "identification.json").is_file()
+
+
+def test_minutes_are_kept_and_only_what_they_reach_is_aimed_at(ur10: Robot, tmp_path: Path) -> None:
+    asked = CampaignSettings(n_candidates=4, max_iterations=2, minutes=0.25)
+    result = campaign(ur10, tmp_path, asked)
+    first = json.loads((tmp_path / "iteration_1" / "plan.json").read_text())
+    assert list(result.aims) == first["reaches"]
+    assert set(result.out_of_reach).isdisjoint(result.aims)
+    assert result.iterations[0].seconds <= 15.0 + 0.1
+    assert result.iterations[-1].seconds <= 30.0 + 0.1
+    for one in result.iterations:
+        assert set(one.rsd_percent) <= set(result.aims)
+        assert set(one.not_met) <= set(result.aims)
+        assert all(rsd <= 15.0 for name, rsd in one.rsd_percent.items() if name not in one.not_met)
+    summary = result.summary()
+    assert summary.startswith(f"0.25 min an iteration: {len(result.aims)} parameters aimed at")
+    assert all(summary.count(name) == 1 for name in result.out_of_reach if name not in first["reaches"])
+    document = json.loads((tmp_path / "campaign.json").read_text())
+    assert document["aims"] == first["reaches"] and document["minutes"] == 0.25

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.campaign.check import check
+from excite.campaign.assessment import check, rank
 from excite.campaign.plan import Plan, plan
 from excite.campaign.pool import OnDisk
-from excite.campaign.rank import rank
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion

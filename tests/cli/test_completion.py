@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from excite.export.simulators.registry import MODEL_FORMATS
+from excite.export.registry import MODEL_FORMATS
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.robot.catalogue import bundled_robots
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from excite.campaign.check import check
+from excite.campaign.assessment import check
 from excite.motion.collection import load_motions
 from excite.robot.loading import load_robot
 

@@ -21,8 +21,7 @@ from excite.cli.session.command_help import EXAMPLES
 from excite.cli.session.output import command_line, emit_result
 from excite.excitation.optimisation.objective import CRITERIA
 from excite.excitation.selection import SELECTIONS
-from excite.export.registry import EXPORTERS
-from excite.export.simulators.registry import MODEL_FORMATS
+from excite.export.registry import EXPORTERS, MODEL_FORMATS
 from excite.human.body import ANTHROPOMETRY
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.motion import files
@@ -103,7 +102,6 @@ def test_a_failure_with_json_is_a_document(name: str, capsys: pytest.CaptureFixt
         "campaign nobody",
         "report nowhere",
         "schema colour",
-        "blind score nowhere",
     ],
 )
 def test_a_file_or_name_that_is_not_there_ends_in_one_line_and_a_document(

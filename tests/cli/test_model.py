@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 import excite
 from excite.cli.main import app
 from excite.cli.model import _relative_change, _shown_changes
-from excite.export.simulators.subject_result import Change
+from excite.export.models.subject import Change
 from excite.logs.files import save_log
 from tests.diagnosis.two_joints import moved, two_joint_log
-from tests.export.simulators.identified_folder import known
+from tests.export.models.identified_folder import known
 
 _BODY = "<inertial><mass value='2'/><inertia ixx='.1' iyy='.1' izz='.1' ixy='0' ixz='0' iyz='0'/></inertial>"
 _LIMIT = "<axis xyz='0 1 0'/><limit lower='-1' upper='1' velocity='1' effort='90'/>"

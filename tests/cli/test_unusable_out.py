@@ -13,9 +13,7 @@ from excite.cli.main import app
 from excite.errors import InputError
 
 
-@pytest.mark.parametrize(
-    "command", [["diagnose", "log"], ["plan", "ur10"], ["blind", "make"], ["report", "here"]]
-)
+@pytest.mark.parametrize("command", [["diagnose", "log"], ["plan", "ur10"], ["report", "here"]])
 def test_a_file_is_no_folder_for_results(command: list[str], tmp_path: Path) -> None:
     file = tmp_path / "results"
     file.write_text("mine")

@@ -1,4 +1,4 @@
-"""Recordings as other programs write them: records in XML, nested tables, printed lines, numpy in cells."""
+"""Recordings as other programs write them: records in XML, nested tables, numpy in cells."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from scipy.io import savemat
 
 import excite
-from excite.conversion.columns.unnamed import understand_columns
+from excite.conversion.columns.choice import understand_columns
 from excite.conversion.explicit_mapping import Map
 from excite.conversion.guesses import UnclearError
 from excite.conversion.recording import load_machine
@@ -101,39 +101,6 @@ def test_numbers_in_cells_as_numpy_writes_them(data, arm, tmp_path):
         lines.append(f'{t},"[{next(cells)}]","[{next(cells)}]"')
     (tmp_path / "a.csv").write_text("\n".join(lines))
     holds(whole(tmp_path / "a.csv", arm, tmp_path), data)
-
-
-@pytest.mark.parametrize("heading", ["[INFO] [{:.6f}] [control]: ", "INFO at {:.6f} s=1: "])
-def test_lines_that_a_program_printed(heading, data, arm, tmp_path):
-    lines = ["[INFO] [1700000000.0] [control]: started"]
-    for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True):
-        lists = (", ".join(f"{value:.8f}" for value in row) for row in (q, tau))
-        lines.append(f"{heading.format(1.7e9 + t)}t: {t:.6f} q: [{next(lists)}] tau: [{next(lists)}]")
-    (tmp_path / "a.log").write_text("\n".join(lines))
-    holds(whole(tmp_path / "a.log", arm, tmp_path), data)
-
-
-@pytest.mark.parametrize("joint", ["J{n} ", "{name}: "])
-def test_lines_in_which_each_joint_has_the_same_names(joint, data, arm, tmp_path):
-    """``J1 pos=0.1 eff=2.0 | J2 pos=0.3 eff=1.0``: the first joint's were taken for all."""
-    lines = []
-    for k, t in enumerate(data["time"]):
-        parts = [
-            joint.format(n=j + 1, name=name) + f"pos={data['q'][k, j]:.9f} eff={data['tau'][k, j]:.9f}"
-            for j, name in enumerate(JOINTS)
-        ]
-        lines.append(f"[{1.7e9 + t:.6f}] [INFO] [loop]: {' | '.join(parts)}")
-    (tmp_path / "run.log").write_text("\n".join(lines))
-    holds(whole(tmp_path / "run.log", arm, tmp_path), data)
-
-
-def test_dictionaries_that_python_printed(data, arm, tmp_path):
-    lines = [
-        str({"t": float(t), "q": q.tolist(), "tau": tau.tolist()})
-        for t, q, tau in zip(data["time"], data["q"], data["tau"], strict=True)
-    ]
-    (tmp_path / "a.txt").write_text("\n".join(lines))
-    holds(whole(tmp_path / "a.txt", arm, tmp_path), data)
 
 
 def test_decimal_commas_in_quotation_marks_between_commas(data, arm, tmp_path):

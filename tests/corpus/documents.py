@@ -17,7 +17,7 @@ from excite.campaign.journal import CampaignSettings
 from excite.robot.catalogue import data_folder
 from excite.robot.loading import load_robot
 from tests.corpus.case import Case
-from tests.documents.small import ANSWERS, JOURNAL, PLAN, SMALL
+from tests.documents.small import JOURNAL, PLAN, SMALL
 
 _DELETE = object()
 _RESUME = [
@@ -316,7 +316,7 @@ _CAMPAIGNS = (
     _journal(
         "settings.seed", 4, "settings: the campaign there was started with seed 4, not 0", "--seed", "0"
     ),
-    _journal("settings.seed", -4, "settings.seed: is -4; choose"),
+    _journal("settings.seed", -4, "settings.seed: should be greater than or equal to 0, got -4"),
     _journal("settings.method", "guess", "settings: unknown method 'guess'"),
     _journal("settings.target_rsd", "low", "settings.target_rsd: is 'low', not a number"),
     _journal("schema", "excite.plan/1", "schema: schema is 'excite.plan/1'"),
@@ -347,23 +347,4 @@ _CAMPAIGNS = (
 )
 
 
-def _answers(what: str, document: object, line: str) -> Case:
-    def build(folder: Path) -> list[str]:
-        (folder / "cases" / "case_000").mkdir(parents=True)
-        _write(folder / "cases-answers.json", document)
-        return ["blind", "score", str(folder / "cases")]
-
-    return Case("answers", what, build, rf"cases-answers\.json: {line}")
-
-
-_ANSWERS = (
-    _answers("list", [], "is no JSON object"),
-    _answers("no case", {**ANSWERS, "cases": {}}, "cases: has no answer to case_000"),
-    _answers("kind", changed(ANSWERS, "cases.case_000.kind", "odd"), "cases.case_000.kind: should be"),
-    _answers(
-        "effect", changed(ANSWERS, "cases.case_000.effects.0.value", "big"), ".*value: is 'big', not a number"
-    ),
-    _answers("robot", changed(ANSWERS, "cases.case_000.robot", _DELETE), ".*robot: is missing"),
-)
-
-CASES: tuple[Case, ...] = (*_FIELDS, *_TEXTS, *_PLACES, *_ARRAYS, *_CAMPAIGNS, *_ANSWERS)
+CASES: tuple[Case, ...] = (*_FIELDS, *_TEXTS, *_PLACES, *_ARRAYS, *_CAMPAIGNS)

@@ -60,10 +60,6 @@ def _diagnose(*words: str) -> Callable[[Path], list[str]]:
     return build
 
 
-def _blind(*words: str) -> Callable[[Path], list[str]]:
-    return lambda folder: ["blind", "make", *words, "--out", str(folder / "made")]
-
-
 def _person(*words: str) -> Callable[[Path], list[str]]:
     return lambda folder: [*person(c3d(folder)), *words]
 
@@ -178,14 +174,6 @@ _FAMILIES = (
         ),
     ),
     ("diagnose", _each("--seed", ("nan", "-1", str(10**30)), _diagnose, "seed")),
-    (
-        "blind",
-        (
-            *_each("--cases", _WHOLE, _blind, "cases"),
-            ("--robot magic", _blind("--robot", "magic"), "magic"),
-            ("--base magic", _blind("--base", "magic"), "magic"),
-        ),
-    ),
     (
         "human",
         (

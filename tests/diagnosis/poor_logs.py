@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.blind.arm_case import Arm, arm_of
+from benchmarks.blind.documents import HiddenEffect
 from benchmarks.blind.forms import OWN_TERMS, hide_effect
-from benchmarks.blind.hidden_effects import HiddenEffect
 from excite.arrays import Array
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial

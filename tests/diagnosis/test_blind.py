@@ -13,9 +13,9 @@ from benchmarks.blind.arm_case import arm_of
 from benchmarks.blind.case import build_case, recordings_of
 from benchmarks.blind.case_score import parameter_error
 from benchmarks.blind.detectability import DETECTABLE, effect_detectability
+from benchmarks.blind.documents import Answer, HiddenEffect
 from benchmarks.blind.draw import Draft
 from benchmarks.blind.forms import hide_effect
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect
 from benchmarks.blind.make import answers_file, load_answers, make_cases
 from benchmarks.blind.score import score_case, score_diagnoses
 from excite.diagnosis.diagnose import diagnose

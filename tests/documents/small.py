@@ -144,23 +144,6 @@ JOURNAL = {
     },
 }
 TRUTH = {"schema": "excite.truth/1", "robot": "arm_of_mine", "masses": {"hand": 1.5}}
-ANSWERS = {
-    "schema": "excite.blind/1",
-    "seed": 0,
-    "cases": {
-        "case_000": {
-            "kind": "single",
-            "robot": "ur10",
-            "modelled": ["rigid_body"],
-            "effects": [{"effect": "backlash", "location": "elbow_joint", "value": 0.01}],
-            "noise": 1.0,
-        }
-    },
-}
-ANSWER = {
-    "schema": "excite.blind_answer/1",
-    "effects": [{"effect": "backlash", "location": "elbow_joint", "share": 0.6, "interval90": [0.5, 0.7]}],
-}
 SMALL: dict[str, dict[str, Any]] = {
     "plan": PLAN,
     "check": CHECK,
@@ -170,7 +153,5 @@ SMALL: dict[str, dict[str, Any]] = {
     "diagnosis": DIAGNOSIS,
     "journal": JOURNAL,
     "truth": TRUTH,
-    "blind": ANSWERS,
-    "blind_answer": ANSWER,
 }
 """By the word in the schema."""

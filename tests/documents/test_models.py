@@ -9,10 +9,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect
-from excite.campaign.check import check
+from excite.campaign.assessment import check, rank
 from excite.campaign.experiment import simulate
-from excite.campaign.rank import rank
 from excite.campaign.schemas import DOCUMENTS
 from excite.documents.document import read_document
 from excite.errors import InputError
@@ -56,8 +54,6 @@ def test_what_commands_write_is_accepted(tmp_path: Path) -> None:
     experiment = simulate(robot, motions, seed=1)
     experiment.save(tmp_path)
     diagnosis = two_joints_diagnosed()
-    hidden = HiddenEffect("backlash", "elbow", 0.01, "plain", {"depth": 1.0}, 3.0)
-    answer = Answer("single", "panda", ("rigid_body",), (hidden,), 1.0)
     for name, document in {
         "simulation": experiment.to_json(),
         "check": check(robot, motions).to_json(),
@@ -66,12 +62,11 @@ def test_what_commands_write_is_accepted(tmp_path: Path) -> None:
         "diagnosis": diagnosis.to_json(),
         "ambiguous": ambiguous(diagnosis).to_json(),
         "unknown": unknown(diagnosis).to_json(),
-        "answers": {"schema": "excite.blind/1", "seed": 0, "cases": {"case_000": answer.to_json()}},
     }.items():
         write_json(document, tmp_path / f"{name}.json")
     sample_folder(tmp_path / "sample", robot, n_motions=2)
     read_back = sorted(tmp_path.rglob("*.json"))
-    assert len(read_back) == 14
+    assert len(read_back) == 13
     for path in read_back:
         assert kept(read(path), json.loads(path.read_text())), path
 

@@ -12,7 +12,7 @@ from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.conditioning import motion_factor
 from excite.excitation.optimisation.chain import AmplitudeSums, Clearance
 from excite.excitation.optimisation.limits import JointLimits, linear_rows, peak_shares
-from excite.excitation.optimisation.motions import FourierFamily, MotionFamily, WaypointFamily
+from excite.excitation.optimisation.motions import FourierFamily, MotionFamily
 from excite.excitation.optimisation.near_bodies import closest_points
 from excite.excitation.optimisation.objective import CRITERIA, Objective, make_criterion
 from excite.excitation.optimisation.program import TorqueLimits, solve_program
@@ -23,6 +23,7 @@ from excite.regressor.kernels import base_link_regressor, inverse_dynamics, join
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
+from tests.benchmarks.waypoints import WaypointFamily
 
 _STEP = 1e-6
 FAMILY = FourierFamily(8.0, 3)

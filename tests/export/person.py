@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.virtual_person import draw_subject
 from excite.human.body import Body
 from excite.human.models import URDF_FILE, robot_yaml, urdf_text
-from excite.human.virtual import draw_subject
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

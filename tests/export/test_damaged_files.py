@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,28 +10,22 @@ import pytest
 
 from excite.errors import ExciteError
 from excite.export.export import export_motion
+from excite.export.exporter import motion_rows
 from excite.export.registry import EXPORTERS
-from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from tests.export.conftest import ready
 
 # In this process, of text or Parquet; bags and YAML are read in one of their own, and have tests of their own.
+ROBOT = "panda"
 HERE = ("ur-script", "mujoco-keyframes", "lerobot", "franka", "unitree", "openhrp")
 
 
 @pytest.fixture(scope="module")
-def arm() -> Robot:
-    return load_robot("panda")
-
-
-@pytest.fixture(scope="module")
-def short(arm: Robot) -> Motion:
+def short() -> Motion:
     """A tenth of a second, which is cut off moving."""
-    motion = load_motion(sorted((library_folder("panda") / "motions").glob("*.parquet"))[0], arm)
-    n = 8
-    return replace(motion, time=motion.time[:n], q=motion.q[:n], v=motion.v[:n], a=motion.a[:n])
+    return motion_rows(ready("panda")[1], slice(8))
 
 
 def damaged(content: bytes, rng: np.random.Generator) -> bytes:
@@ -59,9 +52,8 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(
     settings = {"unitree": {"motors": "model", "kp": 60, "kd": 2}}.get(format)
     robot, motion = arm, short
     if format == "ur-script":
-        robot = load_robot("ur10")
-        motion = load_motion(library_folder("ur10") / "motions" / "random_joint_015.parquet", robot)
-        motion = replace(motion, time=motion.time[:8], q=motion.q[:8], v=motion.v[:8], a=motion.a[:8])
+        robot, motion = ready("ur10")
+        motion = motion_rows(motion, slice(8))
     whole = export_motion(
         motion, robot, format, tmp_path / "whole", settings=settings, unsafe_anyway="damage"
     )

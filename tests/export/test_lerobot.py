@@ -10,24 +10,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from excite.conversion.sources.lerobot import LeRobotSource
-from excite.errors import InputError, MotionError
+from excite.errors import MotionError
 from excite.export.export import export_motion
-from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_file
 
-
-@pytest.fixture(scope="module")
-def arm() -> Robot:
-    return load_robot("panda")
-
-
-@pytest.fixture(scope="module")
-def motion(arm: Robot) -> Motion:
-    return load_motion(sorted((library_folder("panda") / "motions").glob("*.parquet"))[0], arm)
+ROBOT = "panda"
 
 
 @pytest.mark.parametrize("version", ["v3.0", "v2.1"])
@@ -94,12 +84,6 @@ def test_what_version_3_says_of_episodes_and_tasks(arm: Robot, motion: Motion, t
     actions = np.array(pq.read_table(path / "data/chunk-000/file-000.parquet")["action"].to_pylist())
     np.testing.assert_allclose(stats["action"]["std"], actions.std(axis=0), rtol=1e-6)
     assert stats["timestamp"]["count"] == [n]
-
-
-def test_a_rate_that_is_no_whole_number_is_refused(arm: Robot, motion: Motion, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"lerobot: rate_hz: is 62\.5 Hz, and LeRobot counts whole frames"):
-        export_motion(motion, arm, "lerobot", tmp_path / "set", 62.5)
-    assert not list(tmp_path.iterdir())
 
 
 def test_damaged_data_sets_are_one_line(arm: Robot, motion: Motion, tmp_path: Path) -> None:

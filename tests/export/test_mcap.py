@@ -8,26 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.errors import InputError
 from excite.export.export import export_motion
-from excite.motion.collection import library_folder
-from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+
+ROBOT = "ur10"
 
 mcap_reader = pytest.importorskip("mcap.reader")
 mcap_ros2 = pytest.importorskip("mcap_ros2.decoder")
-
-
-@pytest.fixture(scope="module")
-def arm() -> Robot:
-    return load_robot("ur10")
-
-
-@pytest.fixture(scope="module")
-def motion(arm: Robot) -> Motion:
-    return load_motion(library_folder("ur10") / "motions" / "random_joint_015.parquet", arm)
 
 
 def read(path: Path):
@@ -80,10 +68,3 @@ def test_states_are_streamed_at_the_motions_times(arm: Robot, motion: Motion, tm
         [state.velocity for _, _, state in states], numbers(trajectory, "velocities")
     )
     assert [file.name for file in tmp_path.iterdir()] == ["first.mcap"]
-
-
-@pytest.mark.parametrize("topic", ["", "joint_command", "/a b", "/1", "/a/"])
-def test_what_is_no_topic_is_refused(topic: str, arm: Robot, motion: Motion, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="mcap: topic: is "):
-        export_motion(motion, arm, "mcap", tmp_path / "first", settings={"topic": topic})
-    assert not list(tmp_path.iterdir())

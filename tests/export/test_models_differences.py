@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,13 +18,13 @@ from tests.export.identified import identification_of
 from tests.identification.synthetic import arm_rows, assemble
 
 
-def test_every_parameter_is_in_the_table_with_its_own_numbers() -> None:
+def test_every_parameter_is_in_the_table_with_its_own_numbers(tmp_path: Path) -> None:
     robot = load_robot("ur10")
     parameters = robot.nominal_parameters.copy()
     parameters[51:54] += 0.5
     found = identification_of(robot, parameters)
-    table = find_differences(found.to_json()["standard_parameters"])
-    rows = list(csv.DictReader(io.StringIO(table.to_csv())))
+    table = find_differences(found.to_json()["standard_parameters"]).save(tmp_path / "differences.csv")
+    rows = list(csv.DictReader(io.StringIO(table.read_text())))
     assert [row["link"] for row in rows[::10]] == [segment.link for segment in robot.segments]
     assert len(rows) == 60
     names = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -37,7 +38,6 @@ def test_every_parameter_is_in_the_table_with_its_own_numbers() -> None:
     assert [(r["link"], r["parameter"]) for r in rows if r["clear"] == "1"] == [
         ("wrist_3_link", axis) for axis in ("mx", "my", "mz")
     ]
-    assert table.summary().count("clear") == 3
 
 
 def test_a_document_without_nominal_values_gives_no_table() -> None:

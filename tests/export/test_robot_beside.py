@@ -13,8 +13,7 @@ from excite.campaign.journal import CampaignSettings
 from excite.campaign.loop import campaign
 from excite.campaign.plan import plan
 from excite.cli.main import _run
-from excite.export.export import export_motions
-from excite.export.resolve_robot import robot_beside
+from excite.export.export import export_motions, robot_beside
 from excite.motion.files import save_motion
 from excite.report.view import read_thing
 from excite.robot.load import keep_description, load_robot

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from excite.errors import InputError, MotionError
+from excite.errors import MotionError
 from excite.export.export import export_motion
-from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
@@ -19,16 +18,7 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_file
 from excite.safety.repairs.retiming import plan_transfer
 
-
-@pytest.fixture(scope="module")
-def arm() -> Robot:
-    return load_robot("panda")
-
-
-@pytest.fixture(scope="module")
-def motion(arm: Robot) -> Motion:
-    file = sorted((library_folder("panda") / "motions").glob("*.parquet"))[0]
-    return load_motion(file, arm)
+ROBOT = "panda"
 
 
 @pytest.fixture(scope="module")
@@ -78,17 +68,6 @@ def test_the_command_that_sends_it_fits_an_argument_or_reads_a_file(
         "# ros2 action send_goal /left/arm/follow_joint_trajectory control_msgs/action/FollowJointTrajectory"
         " --stdin < long.yaml"
     )
-
-
-@pytest.mark.parametrize("name", ["", "arm controller", "a//b", "a;reboot", "bärm"])
-def test_what_is_no_controllers_name_is_refused(
-    name: str, arm: Robot, motion: Motion, tmp_path: Path
-) -> None:
-    with pytest.raises(InputError, match="ros2-yaml: controller: is "):
-        export_motion(motion, arm, "ros2-yaml", tmp_path / "first", settings={"controller": name})
-    with pytest.raises(InputError, match="ros2-yaml: topic: is no setting; choose one of controller"):
-        export_motion(motion, arm, "ros2-yaml", tmp_path / "first", settings={"topic": "/x"})
-    assert not list(tmp_path.iterdir())
 
 
 GOAL = """trajectory:

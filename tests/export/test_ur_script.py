@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from excite.errors import InputError
 from excite.export.export import export_motion
-from excite.motion.collection import library_folder
-from excite.motion.files import load_motion
 from excite.motion.motion import Motion
-from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+
+ROBOT = "ur10"
 
 
 @dataclass
@@ -66,16 +64,6 @@ def call(word: str, done: Run) -> None:
     done.calls.append((match[1], q, [float(value.split("=")[-1]) for value in rest.split(",")]))
 
 
-@pytest.fixture(scope="module")
-def arm() -> Robot:
-    return load_robot("ur10")
-
-
-@pytest.fixture(scope="module")
-def motion(arm: Robot) -> Motion:
-    return load_motion(library_folder("ur10") / "motions" / "random_joint_015.parquet", arm)
-
-
 @pytest.mark.parametrize(("asked", "rate"), [(None, 500), (125.0, 125)])
 def test_the_program_goes_to_the_start_runs_every_sample_and_stops(
     asked: float | None, rate: int, arm: Robot, motion: Motion, tmp_path: Path
@@ -99,18 +87,10 @@ def test_the_program_goes_to_the_start_runs_every_sample_and_stops(
     np.testing.assert_allclose(sent[-1], motion.q[-1], atol=1e-12)
 
 
-def test_settings_are_the_servos_and_are_kept_within_the_manuals_ranges(
-    arm: Robot, motion: Motion, tmp_path: Path
-) -> None:
+def test_settings_are_the_servos(arm: Robot, motion: Motion, tmp_path: Path) -> None:
     settings = {"lookahead": "0.05", "gain": 500, "settle": 0, "confirm": "no"}
     done = run(export_motion(motion, arm, "ur-script", tmp_path / "a", settings=settings).read_text())
     assert not done.questions and done.of("servoj")[0][1] == [0.0, 0.0, 0.002, 0.05, 500.0]
-    for name, value in (("lookahead", 0.3), ("gain", 99), ("gain", "much"), ("confirm", "perhaps")):
-        with pytest.raises(InputError, match=f"ur-script: {name}: is "):
-            export_motion(motion, arm, "ur-script", tmp_path / "b", settings={name: value})
-    with pytest.raises(InputError, match="rate_hz: is 250 Hz, and the controller runs at 500 or 125 Hz"):
-        export_motion(motion, arm, "ur-script", tmp_path / "b", 250.0)
-    assert [path.name for path in tmp_path.iterdir()] == ["a.script"]
 
 
 def test_the_operator_is_asked_and_told_of_an_unsafe_motion(
@@ -123,15 +103,3 @@ def test_the_operator_is_asked_and_told_of_an_unsafe_motion(
     named = motion.renamed('2 "nd"\nname')
     program = export_motion(named, arm, "ur-script", tmp_path / "n").read_text()
     assert "def motion_2__nd__name():" in program and run(program).questions[0].count('"') == 4
-
-
-@pytest.mark.parametrize("name", ["panda", "jaco2", "go2", "hrp2like"])
-def test_other_robots_are_refused_in_one_line(name: str, tmp_path: Path) -> None:
-    robot = load_robot(name)
-    n = 5
-    q = np.tile(robot.rest, (n, 1))
-    zero = np.zeros((n, robot.model.nv))
-    still = Motion("still", robot.name, robot.joint_names, np.arange(n) * 0.01, q, zero, zero)
-    with pytest.raises(InputError, match="URScript moves a chain of six that turn") as caught:
-        export_motion(still, robot, "ur-script", tmp_path / "still")
-    assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())

@@ -14,7 +14,7 @@ import yaml
 from excite.conversion.sources.registry import read_source
 from excite.errors import ExciteError, LogError
 from excite.formats.documents import read_yaml
-from excite.human.measure import read_recording
+from excite.human.recording_files import read_recording
 from excite.logs.files import load_log
 from excite.motion.files import load_motion
 from excite.robot.load import load_robot

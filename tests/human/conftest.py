@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from excite.human.measure import MeasuredPerson, measure_recordings
-from excite.human.recording import Recording
-from excite.human.virtual import (
+from benchmarks.virtual_person import (
     Performance,
     VirtualSubject,
     draw_subject,
@@ -17,6 +15,8 @@ from excite.human.virtual import (
     record_performance,
     record_standing,
 )
+from excite.human.measure import MeasuredPerson, measure_recordings
+from excite.human.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,9 @@ import excite
 from excite.cli.main import app
 from excite.errors import InputError, LogError
 from excite.formats import c3d as c3d_structure
-from excite.human.measure import MeasureSettings, read_recording
+from excite.human.measure import MeasureSettings
 from excite.human.recording import Recording
+from excite.human.recording_files import read_recording
 from tests.corpus.practice import c3d
 from tests.corpus.recordings import _csv, _mot, _trc
 from tests.logs.test_bad_files import CHANGES, damaged

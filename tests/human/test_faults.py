@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.virtual_person import write_mot, write_trc
 from excite.cli.main import app
 from excite.errors import LogError
-from excite.human.measure import MeasureSettings, measure_recordings, read_recording
+from excite.human.measure import MeasureSettings, measure_recordings
+from excite.human.recording_files import read_recording
 from excite.human.segments import JOINT_NAMES, Subject
-from excite.human.virtual import write_mot, write_trc
 from tests.human.recordings import write_c3d
 
 
@@ -65,7 +66,7 @@ def test_millimetres_called_metres_are_named_and_converted(session, tmp_path):
     turned = replace(read, markers=read.turned(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])).markers)
     found = measured(session, turned)
     assert "millimetres" in kinds(found)["units"]
-    assert found.trials["a"]["plates_kg"] == pytest.approx(70.0, rel=0.01)
+    assert found.trials[0].plates_kg == pytest.approx(70.0, rel=0.01)
 
 
 @pytest.mark.slow
@@ -226,5 +227,5 @@ def test_plates_of_stored_recordings_are_put_right(case, file, said):
         pytest.skip("no recordings here")
     found = measure_recordings(Subject(mass=70.0, height=1.82, sex="male"), [read_recording(path)])
     assert any(said in finding.text for finding in found.findings)
-    assert found.trials[path.stem]["plates_kg"] == pytest.approx(70.6, abs=0.1)
-    assert found.trials[path.stem]["seconds"] == pytest.approx(5.0, abs=0.1)
+    assert found.trials[0].plates_kg == pytest.approx(70.6, abs=0.1)
+    assert found.trials[0].seconds == pytest.approx(5.0, abs=0.1)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import excite
+from benchmarks.virtual_person import simulate_person
 from excite.human.identified import identify_person
 from excite.human.measure import measure_person, write_person
 from excite.human.segments import Subject
-from excite.human.virtual import simulate_person
 
 SUBJECT = Subject(70.0, 1.82, "male")
 

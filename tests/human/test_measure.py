@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.virtual_person import ground_wrench, perform_exercise, true_model
 from excite.cli.main import app
 from excite.human.measure import write_person
 from excite.human.models import urdf_text
 from excite.human.plates import ReactionTable, ground_reactions
 from excite.human.segments import JOINT_NAMES
-from excite.human.virtual import ground_wrench, perform_exercise, true_model
 from excite.logs.files import load_log
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.loading import load_robot
@@ -26,7 +26,7 @@ def test_dimensions_and_marker_residuals(session, person):
     found = person.calibration.dimensions
     assert np.abs(found.values - true.values).max() < 0.03
     assert person.calibration.rms < 0.006
-    assert all(rms < 0.012 for rms in person.trials["virtual"]["marker_rms_m"].values())
+    assert all(rms < 0.012 for rms in person.trials[0].marker_rms_m.values())
     assert not person.findings
 
 
@@ -48,9 +48,9 @@ def test_joint_angles_follow_the_truth(session, person):
 
 
 def test_plates_carry_the_weight_under_the_right_feet(session, person):
-    report = person.trials["virtual"]
-    assert report["plates_kg"] == pytest.approx(70.0, rel=0.01)
-    assert {plate["plate"]: plate["foot"] for plate in report["plates"]} == {
+    report = person.trials[0]
+    assert report.plates_kg == pytest.approx(70.0, rel=0.01)
+    assert {plate.plate: plate.foot for plate in report.plates} == {
         "plate_right": "right_foot",
         "plate_left": "left_foot",
     }
@@ -95,7 +95,7 @@ def test_ground_reaction_of_the_true_body_is_that_of_inverse_dynamics(session, p
     table = ReactionTable.of([found])
     fit = table.fits["identification"]["fz"]
     assert fit.rmse == pytest.approx(68.7, abs=1.0) and fit.reference_rmse < 0.5
-    assert "GRFM y" in table.summary() and table.to_json()["identification"]["tx"]["unit"] == "N·m"
+    assert "GRFM y" in table.summary() and table.fits["identification"]["tx"].unit == "N·m"
 
 
 def test_one_command_from_c3d_to_a_table(session, tmp_path):

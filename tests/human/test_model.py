@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from excite.errors import InputError
 from excite.human.body import body_of
-from excite.human.markers.inverse_kinematics import MarkerModel, marker_equations, solve_tree
+from excite.human.markers.inverse_kinematics import MarkerModel, solve_poses
 from excite.human.models import osim_text, robot_yaml, urdf_text
 from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS, Subject
 from excite.human.skeleton import base_pose, frame_turn, joint_angles, place_segments, point_jacobian, pose_of
@@ -100,22 +100,27 @@ def test_absurd_subjects_are_refused(mass, height, sex, says):
         Subject(mass, height, sex)
 
 
-def test_the_step_along_the_tree_is_the_dense_one():
-    """Normal matrix and gradient from composite bodies, and their solution, against the Jacobian's."""
+@pytest.mark.parametrize("robust", [False, True])
+def test_no_step_from_the_posture_that_markers_ask_for_costs_less(robust):
+    """Markers seen in part and a centimetre off, one of them far: the cost is flat there in all 40 directions."""
     rng = np.random.default_rng(2)
-    base, angles = postures(1, seed=4)
-    placed = place_segments(pose_of(base, angles), BODY.offsets)
+    base, angles = postures(3, seed=4)
+    angles *= 0.5
     segment = np.arange(45) % 15
-    points = placed.points(segment, 0.1 * rng.normal(size=(45, 3)))
-    target, weight = points + 0.01 * rng.normal(size=points.shape), rng.uniform(0.0, 2.0, 45)
-    jacobian = point_jacobian(placed, points, segment)[0]
-    dense = np.einsum("mij,m,mik->jk", jacobian, weight, jacobian) + 0.5 * np.eye(40)
-    right = np.einsum("mij,m,mi->j", jacobian, weight, (target - points)[0])
-    normal, step = np.zeros((40, 40)), np.empty(40)
-    world, origin = placed.rotation[0], placed.origin[0]
-    marker_equations(target[0], weight, segment, world, origin, points[0], normal, step)
-    assert step == pytest.approx(right, abs=1e-10)
-    normal[np.diag_indices(40)] += 0.5
-    assert np.tril(normal) == pytest.approx(np.tril(dense), abs=1e-9)
-    solve_tree(normal, step)
-    assert step == pytest.approx(np.linalg.solve(dense, right), abs=1e-9)
+    model = MarkerModel(
+        tuple(f"M{i}" for i in range(45)), segment, 0.1 * rng.normal(size=(45, 3)), BODY.offsets
+    )
+    true = pose_of(base, angles)
+    points = model.predicted(true) + 0.01 * rng.normal(size=(3, 45, 3))
+    points[0, :5], points[1, 7] = np.nan, points[1, 7] + 0.3
+    found = solve_poses(model, points, true, steps=200, robust=robust).pose
+
+    def cost(pose):
+        return solve_poses(model, points, pose, steps=0, robust=robust).cost
+
+    least, h = cost(found), 1e-3
+    for column in range(40):
+        ahead, behind = (cost(found.moved(np.eye(40)[[column]] * sign * h)) for sign in (1.0, -1.0))
+        slope, curvature = (ahead - behind) / (2.0 * h), (ahead + behind - 2.0 * least) / h**2
+        # What Newton's step along it would gain is nothing against the cost.
+        assert (curvature > 0.0).all() and (slope**2 / (2.0 * curvature) < 1e-4 * least).all(), column

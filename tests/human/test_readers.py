@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.virtual_person import write_mot, write_trc
 from excite.errors import InputError, LogError
 from excite.human.markers.marker_set import MarkerSite, find_marker_set, read_marker_set
-from excite.human.measure import read_recording
 from excite.human.plates import pressure_center
-from excite.human.virtual import write_mot, write_trc
+from excite.human.recording_files import read_recording
 from tests.human.c3d_file import DEC, Style, plate_of, write
 from tests.human.recordings import write_c3d
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.virtual_person import perform_exercise, record_performance
 from excite.cli.main import app
 from excite.errors import InputError, UnknownNameError
 from excite.human.body import BodyInertia, body_of
 from excite.human.segments import NAMES, Subject
-from excite.human.virtual import perform_exercise, record_performance
 from tests.human.recordings import write_c3d
 
 WHO = ["--mass", "70", "--height", "1.82", "--sex", "male"]

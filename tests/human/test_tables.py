@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from excite.human.body import ANTHROPOMETRY, body_of
+from excite.human.segment_tables import DE_LEVA_TABLE, DUMAS_TABLE
 from excite.human.segments import NAMES, Subject
-from excite.human.tables import de_leva, dumas
 
 
 def paired_sum(rows, trunk) -> float:
@@ -17,11 +17,11 @@ def paired_sum(rows, trunk) -> float:
 
 @pytest.mark.parametrize("sex", ["male", "female"])
 def test_mass_fractions_add_up(sex):
-    rows = de_leva.TABLE[sex]
+    rows = DE_LEVA_TABLE[sex]
     assert paired_sum(rows, ("head", "trunk")) == pytest.approx(100.0, abs=0.02)
     thirds = sum(rows[f"{part} trunk"].mass for part in ("upper", "mid", "lower"))
     assert thirds == pytest.approx(rows["trunk"].mass, abs=0.011)
-    assert paired_sum(dumas.TABLE[sex], ("head", "torso", "pelvis")) == pytest.approx(100.0, abs=0.21)
+    assert paired_sum(DUMAS_TABLE[sex], ("head", "torso", "pelvis")) == pytest.approx(100.0, abs=0.21)
 
 
 @pytest.mark.parametrize("sex", ["male", "female"])
@@ -30,7 +30,7 @@ def test_mass_fractions_add_up(sex):
 )
 def test_de_levas_two_end_points_mean_the_same_body(sex, part, again):
     """Radii of gyration in millimetres do not depend on the end points that a segment's length is taken from."""
-    one, two = de_leva.TABLE[sex][part], de_leva.TABLE[sex][again]
+    one, two = DE_LEVA_TABLE[sex][part], DE_LEVA_TABLE[sex][again]
     for axis in ("sagittal", "transverse", "longitudinal"):
         a, b = getattr(one, axis) * one.length, getattr(two, axis) * two.length
         assert a == pytest.approx(b, rel=0.005)

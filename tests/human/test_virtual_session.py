@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.virtual_person import simulate_person
 from excite.errors import InputError, UnknownNameError
 from excite.human.measure import measure_person
 from excite.human.segments import Subject
-from excite.human.virtual import simulate_person
 
 SUBJECT = Subject(58.0, 1.65, "female")
 
@@ -20,7 +20,7 @@ def test_files_say_who_was_simulated_and_what_was_worn(tmp_path):
     names = [path.name for path in (*session.standing, *session.moving, *session.wearing)]
     assert names == ["standing.trc", "moving.trc", "moving.mot", "wearing.trc", "wearing.mot"]
     person = measure_person(SUBJECT, [*session.moving, *session.wearing], session.standing)
-    weights = [trial["plates_kg"] for trial in person.trials.values()]
+    weights = [trial.plates_kg for trial in person.trials]
     assert weights == pytest.approx([58.0, 62.0], abs=0.5)
     # Cameras, skin and lengths are those of a person: not exact, and not wild.
     assert 1e-3 < person.calibration.rms < 6e-3

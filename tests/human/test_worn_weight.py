@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from excite.cli.main import app
-from excite.errors import InputError
-from excite.human.identified import split_trials
-from excite.human.segments import Subject
-from excite.human.virtual import (
+from benchmarks.virtual_person import (
     Belt,
     draw_subject,
     perform_exercise,
@@ -22,6 +18,10 @@ from excite.human.virtual import (
     repeat_exercise,
     simulate_person,
 )
+from excite.cli.main import app
+from excite.errors import InputError
+from excite.human.identified import split_trials
+from excite.human.segments import Subject
 from excite.human.weights import AddedMass, Candidate
 from tests.human.recordings import write_c3d
 
@@ -32,10 +32,10 @@ def candidate(segment: str, evidence: float) -> Candidate:
 
 def test_segments_that_look_alike_are_said_to():
     candidates = (candidate("pelvis", -1.0), candidate("torso", -3.5), candidate("head", -9.0))
-    found = AddedMass(candidates[0], candidates, 500.0)
-    assert found.tied == ("pelvis", "torso") and "or torso, which look alike" in found.summary()
-    clear = AddedMass(candidates[0], (candidates[0], candidates[2]), 500.0)
-    assert clear.tied == ("pelvis",) and "next: head" in clear.summary()
+    found = AddedMass(candidates, 500.0)
+    assert found.tied_segments == ("pelvis", "torso") and "or torso, which look alike" in found.summary()
+    clear = AddedMass((candidates[0], candidates[2]), 500.0)
+    assert clear.tied_segments == ("pelvis",) and "next: head" in clear.summary()
 
 
 def test_trials_with_and_without_a_weight_are_kept_apart(person):

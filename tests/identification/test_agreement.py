@@ -14,8 +14,9 @@ from excite.identification.estimators.conic import (
     DensityRealisable,
     PhysicallyConsistent,
     PhysicallyFeasible,
+    QuadraticProgram,
 )
-from excite.identification.estimators.hqp import HierarchicalProgram
+from excite.identification.estimators.hqp import BoundedNearBase, HierarchicalProgram
 from excite.identification.estimators.least_squares import (
     Huber,
     LeastSquares,
@@ -25,7 +26,6 @@ from excite.identification.estimators.least_squares import (
     WlsSettings,
 )
 from excite.identification.estimators.physical import PhysicalRetrieval
-from excite.identification.estimators.quadratic import BoundedNearBase, QuadraticProgram
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.identification.statistics import base_statistics

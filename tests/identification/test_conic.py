@@ -15,20 +15,21 @@ from excite.identification.estimators.conic import (
     DensityRealisable,
     PhysicallyConsistent,
     PhysicallyFeasible,
+    QuadraticProgram,
     conic_distance,
     interior_point,
     refine_answer,
 )
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.scaled_problem import pullback_metric
-from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
+from excite.identification.inertia import central_inertia_matrices, inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement.judgement import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.robot.loading import load_robot
 from tests.identification.estimated import estimated
 from tests.identification.synthetic import arm_problem, segment_index, wrench_problem
 
-CONIC = (PhysicallyConsistent, DensityRealisable, PhysicallyFeasible)
+CONIC = (PhysicallyConsistent, DensityRealisable, PhysicallyFeasible, QuadraticProgram)
 # A weak pull lets noise push bodies out of what can exist, so that the cones bind.
 WEAK = dict(alpha=1e-2, inertia_floor=0.0)
 
@@ -104,13 +105,17 @@ class TestGuarantees:
         found = estimated(kind(), problem, **WEAK)
         parameters = found.parameters
         assert (parameters[::10] >= -1e-9).all()
-        assert np.linalg.eigvalsh(central_inertia_matrices(parameters)).min() > -1e-9
+        # qp promises them about the joint frames, the others about the centres of mass.
+        moments = inertia_matrices if kind is QuadraticProgram else central_inertia_matrices
+        assert np.linalg.eigvalsh(moments(parameters)).min() > -1e-9
         least = np.linalg.eigvalsh(pseudo_inertia_matrices(parameters))[:, 0]
         if kind.consistent:
             assert least.min() >= -1e-9
             assert least.min() < 1e-6, "nothing binds: the test shows nothing"
         else:
-            assert least.min() < -1e-4, "cls2 does not promise the triangle inequality; here it breaks"
+            assert least.min() < -1e-4, (
+                f"{kind.name} does not promise the triangle inequality; here it breaks"
+            )
 
     def test_cls3_centres_and_masses_lie_in_their_ellipsoids(self, problem):
         """Eq. (6) of Golluccio et al. 2020, and tr(J Q) ≥ 0, from the parameters."""
@@ -178,7 +183,7 @@ class TestLyingSolvers:
         np.testing.assert_allclose(found.parameters, honest.parameters, atol=1e-5)
 
 
-@pytest.mark.parametrize("kind", [PhysicallyConsistent, DensityRealisable])
+@pytest.mark.parametrize("kind", [PhysicallyConsistent, DensityRealisable, QuadraticProgram])
 @pytest.mark.parametrize("regulariser", ["euclidean", "pullback"])
 def test_contradiction_is_reported(kind, regulariser, g1):
     """A total mass below that of the feet, which stay nominal."""

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.identification.constraints.cones import icosphere_corners, quadratic_rows
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
+from excite.identification.estimators.hqp import icosphere_corners, quadratic_rows
 from excite.identification.estimators.projection import distance_to_optimum
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement.judgement import check_consistency, correlation

@@ -10,19 +10,17 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.identification.constraints.cones import icosphere_corners
 from excite.identification.constraints.linear import equivalent_boxes
+from excite.identification.estimators.conic import QpSettings, QuadraticProgram
 from excite.identification.estimators.estimator import Estimate, SolveStatus
+from excite.identification.estimators.hqp import icosphere_corners
 from excite.identification.estimators.least_squares import LeastSquares, LsSettings
 from excite.identification.estimators.method_settings import estimator_settings
-from excite.identification.estimators.projection import ProjectionAnswer
-from excite.identification.estimators.quadratic import QpSettings, QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.inertia import inertia_matrices
 from excite.identification.judgement.judgement import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
-from tests.identification.dual_active_set import project
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
@@ -144,7 +142,7 @@ class TestConstraintsOfTheProgram:
         assert (first <= boxes[:, 1] * mass[:, None] + 1e-7).all()
         least = np.linalg.eigvalsh(inertia_matrices(parameters))[:, 0]
         nominal = np.linalg.eigvalsh(inertia_matrices(problem.prior))[:, 0]
-        assert (least >= 0.05 * nominal * (1 - 2e-3)).all()
+        assert (least >= 0.05 * nominal * (1 - 1e-6)).all()
 
     def test_all_sphere_vectors_hold(self, problem):
         """Eq. (13) of Jovic et al. 2016 on its 10 242 vectors, evaluated directly."""
@@ -174,31 +172,6 @@ class TestConstraintsOfTheProgram:
         assert np.isfinite(caught.value.best.parameters).all()
 
 
-class TestLyingSolvers:
-    def test_answer_that_breaks_constraints(self, problem):
-        def ignores_constraints(target, constraints):
-            return ProjectionAnswer(target.copy(), np.zeros(len(constraints.bound)))
-
-        with pytest.raises(NoSolutionError, match="violated"):
-            QuadraticProgram(ignores_constraints).estimate(problem, QpSettings(total_mass=45.0))
-
-    def test_feasible_answer_that_is_not_optimal(self, problem):
-        def too_far(target, constraints):
-            honest = project(target, constraints)
-            nominal = project(target + 5.0, constraints)
-            return ProjectionAnswer(nominal.z, honest.multipliers)
-
-        with pytest.raises(NoSolutionError, match="not optimal"):
-            QuadraticProgram(too_far).estimate(problem, QpSettings())
-
-    def test_answer_that_is_not_finite(self, problem):
-        def lost(target, constraints):
-            return ProjectionAnswer(np.full_like(target, np.nan), np.zeros(len(constraints.bound)))
-
-        with pytest.raises(NoSolutionError, match="not finite"):
-            QuadraticProgram(lost).estimate(problem, QpSettings())
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [
@@ -207,7 +180,6 @@ class TestLyingSolvers:
         ("prior_spread", -1.0),
         ("total_mass", 0.0),
         ("inertia_floor", 1.5),
-        ("sphere_subdivisions", 9),
         ("symmetry", -0.1),
         ("alpha", "much"),
         ("alpha", True),

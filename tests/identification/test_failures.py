@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 
 from excite.cli.main import app
 from excite.errors import NoSolutionError
-from excite.identification.constraints.cones import icosphere_corners
 from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators import (
     least_squares as ls,
@@ -29,10 +28,11 @@ from excite.identification.estimators.conic import (
     DensityRealisable,
     PhysicallyConsistent,
     PhysicallyFeasible,
+    QuadraticProgram,
     interior_point,
 )
 from excite.identification.estimators.estimator import SolveStatus
-from excite.identification.estimators.hqp import HierarchicalProgram
+from excite.identification.estimators.hqp import BoundedNearBase, HierarchicalProgram, icosphere_corners
 from excite.identification.estimators.least_squares import (
     Huber,
     LeastSquares,
@@ -40,7 +40,6 @@ from excite.identification.estimators.least_squares import (
     WeightedLeastSquares,
 )
 from excite.identification.estimators.projection import ProjectionAnswer
-from excite.identification.estimators.quadratic import BoundedNearBase, QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.physical import feasible_set
@@ -60,11 +59,6 @@ def no_point(*_):
 def no_numbers(target, rows):
     """A projector whose answer is not a number."""
     return ProjectionAnswer(np.full_like(target, np.nan), np.zeros(len(rows.bound)))
-
-
-def no_care(target, rows):
-    """A projector that ignores its constraints."""
-    return ProjectionAnswer(target.copy(), np.zeros(len(rows.bound)))
 
 
 def no_cone(problem):
@@ -103,9 +97,8 @@ def linear_violation(problem: IdentificationProblem, parameters: np.ndarray) -> 
 @pytest.mark.parametrize(
     "estimator",
     [
-        pytest.param(QuadraticProgram(no_point), id="qp, none"),
-        pytest.param(QuadraticProgram(no_numbers), id="qp, nan"),
-        pytest.param(QuadraticProgram(no_care), id="qp, ignores"),
+        pytest.param(QuadraticProgram(no_cone), id="qp, claims"),
+        pytest.param(QuadraticProgram(no_cone_numbers), id="qp, nan"),
         pytest.param(HierarchicalProgram(no_point), id="hqp, none"),
         pytest.param(HierarchicalProgram(no_numbers), id="hqp, nan"),
         pytest.param(PhysicallyFeasible(no_cone), id="cls2, claims"),
@@ -174,7 +167,7 @@ def folder(tmp_path_factory):
 
 
 SOLVERS = {
-    "qp": (QuadraticProgram, no_point),
+    "qp": (QuadraticProgram, no_cone),
     "hqp": (HierarchicalProgram, no_numbers),
     "cls1": (BoundedNearBase, no_point),
     "cls2": (PhysicallyFeasible, no_cone),

@@ -15,6 +15,8 @@ from excite.identification.estimators.conic import Cls3Settings, DensityRealisab
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hierarchy import HierarchyAnswer, HierarchyState, Level, solve_hierarchy
 from excite.identification.estimators.hqp import (
+    BoundedNearBase,
+    Cls1Settings,
     HierarchicalProgram,
     HqpSettings,
     _recomputed_status,
@@ -22,14 +24,9 @@ from excite.identification.estimators.hqp import (
 )
 from excite.identification.estimators.least_squares import Huber, RobustSettings
 from excite.identification.estimators.projection import ActiveSetProjector
-from excite.identification.estimators.quadratic import (
-    BoundedNearBase,
-    Cls1Settings,
-    bound_rows,
-    parameter_bounds,
-)
 from excite.identification.estimators.scaled_problem import scaled_parameters
 from excite.identification.physical.bounds import KnownBounds
+from excite.identification.physical.default_bounds import bound_rows, parameter_bounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, Field, fields, replace
+from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.identification.estimators.conic import Cls3Settings, LmiSettings
+from excite.identification.estimators.conic import Cls3Settings, LmiSettings, QpSettings
 from excite.identification.estimators.hqp import HqpSettings
 from excite.identification.estimators.method_settings import (
     estimator_settings,
     methods_with,
     own_settings,
 )
-from excite.identification.estimators.quadratic import QpSettings
 from excite.identification.estimators.registry import (
     DEFAULT_METHOD,
     ESTIMATORS,
@@ -37,7 +36,7 @@ KNOWN = {
     "wls": {"weight_iterations"},
     "robust": {"huber"},
     "map": {"alpha"},
-    "qp": {"alpha", "com_boxes", "inertia_floor", "sphere_subdivisions", "symmetry", "asymmetric"},
+    "qp": {"alpha", "com_boxes", "inertia_floor", "symmetry", "asymmetric"},
     "hqp": {
         "com_boxes", "sphere_epsilon", "sphere_subdivisions", "mirror", "asymmetric", "mass_range",
         "segment_mass_range",
@@ -99,7 +98,7 @@ class TestSettingsOfAnotherClass:
         assert isinstance(found, LmiSettings) and found.com_boxes is boxes
         assert (found.alpha, found.inertia_floor) == (2.0, 0.1)
         for odd in (
-            replace(given, sphere_subdivisions=3),
+            HqpSettings(sphere_subdivisions=3),
             HqpSettings(mirror=None),
             HqpSettings(segment_mass_range={"a": 0.2}),
             Cls3Settings(com_ellipsoids=boxes),

@@ -9,12 +9,14 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.identification.constraints.cones import icosphere_corners
 from excite.identification.constraints.linear import within_bounds
 from excite.identification.estimators.hqp import (
+    BoundedNearBase,
+    Cls1Settings,
     HierarchicalProgram,
     HqpSettings,
     SphereRows,
+    icosphere_corners,
     masses_in_range,
     mirrored_pairs,
     mirrored_parameters,
@@ -27,7 +29,6 @@ from excite.identification.estimators.least_squares import (
 )
 from excite.identification.estimators.method_settings import estimator_settings, methods_with
 from excite.identification.estimators.projection import ProjectionAnswer
-from excite.identification.estimators.quadratic import BoundedNearBase, Cls1Settings
 from excite.identification.inertia import inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std

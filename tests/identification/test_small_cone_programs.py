@@ -14,6 +14,7 @@ from excite.identification.estimators import conic as module
 from excite.identification.estimators.conic import (
     ConicAnswer,
     ConicProblem,
+    Program,
     conic_distance,
     conic_estimate,
     conic_violations,
@@ -182,7 +183,7 @@ class TestEstimates:
         monkeypatch.setattr(module, "refine_answer", lambda problem, answer: answer)
 
     def solve(self, solver, arm, weighted, objective) -> Estimate:
-        return conic_estimate("lmi", weighted, objective, heavier(arm, 1.0), (), solver)
+        return conic_estimate("lmi", weighted, Program(objective, heavier(arm, 1.0), ()), solver)
 
     def test_a_plane_is_reached_at_the_foot_of_the_perpendicular(self, arm, weighted, objective):
         best = self.solve(moved_by(0.0), arm, weighted, objective)

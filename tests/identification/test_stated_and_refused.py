@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.identification.constraints.linear import LinearConstraints, equivalent_boxes
-from excite.identification.estimators import quadratic as qp_module
-from excite.identification.estimators.conic import LmiSettings, PhysicallyConsistent
+from excite.identification.constraints.linear import equivalent_boxes
+from excite.identification.estimators.conic import (
+    LmiSettings,
+    PhysicallyConsistent,
+    QpSettings,
+    QuadraticProgram,
+)
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.hierarchy import SemiProjection, pursue, semi_project
 from excite.identification.estimators.hqp import (
@@ -33,8 +37,7 @@ from excite.identification.estimators.least_squares import (
 )
 from excite.identification.estimators.method_settings import estimator_settings, methods_with
 from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings
-from excite.identification.estimators.projection import ActiveSetProjector, ProjectionAnswer
-from excite.identification.estimators.quadratic import QpSettings, QuadraticProgram
+from excite.identification.estimators.projection import ActiveSetProjector
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS, method_summaries
 from excite.identification.estimators.scaled_problem import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings, known_segments
@@ -225,30 +228,6 @@ def test_qp_says_that_no_point_is_there_and_what_it_breaks(arm):
     best = caught.value.best
     assert best.status is SolveStatus.INFEASIBLE and caught.value.remedy == best.status.value
     assert best.violations["total_mass"] > 0.0 and best.distance == np.inf
-
-
-def test_qp_gives_up_after_its_rounds_with_the_best_it_knows(arm, monkeypatch):
-    noisy = arm_problem(arm.robot, seed=5, duration=1.0, noise=0.3)
-    settings = QpSettings(alpha=1e-4, inertia_floor=0.5, sphere_subdivisions=3)
-    assert QuadraticProgram().estimate(noisy, settings).status is SolveStatus.SOLVED
-    monkeypatch.setattr(qp_module, "_MAX_ROUNDS", 1)
-    with pytest.raises(NoSolutionError, match=r"method qp found no solution \(cut limit\)") as caught:
-        QuadraticProgram().estimate(noisy, settings)
-    best = caught.value.best
-    assert best.status is SolveStatus.CUT_LIMIT and caught.value.remedy == SolveStatus.CUT_LIMIT.value
-    least, usual = (np.linalg.eigvalsh(inertia_matrices(x))[:, 0] for x in (best.parameters, arm.prior))
-    assert (least >= 0.49 * usual).all(), "the best point known meets what it was asked for"
-
-
-def test_qp_refuses_an_answer_off_the_optimum(arm):
-    def lazy(target: np.ndarray, rows: LinearConstraints) -> ProjectionAnswer | None:
-        true = project(target + 1.0, rows)
-        return None if true is None else ProjectionAnswer(true.z, np.zeros(len(rows.bound)))
-
-    with pytest.raises(NoSolutionError, match=r"\(not optimal\)") as caught:
-        QuadraticProgram(lazy).estimate(arm, QpSettings())
-    assert caught.value.best.status is SolveStatus.NOT_OPTIMAL
-    assert np.isfinite(caught.value.best.parameters).all()
 
 
 def test_hqp_starts_where_all_vectors_hold_and_cuts_what_does_not(arm):

@@ -124,13 +124,15 @@ def test_the_command_writes_the_load(robot, logs, tmp_path):
         save_log(replace(log, header=stated, robot_text=robot.urdf), tmp_path / name)
     done = excite(
         "identify-load", "ur10", tmp_path / "bare", tmp_path / "unknown", "--calibration", tmp_path / "known",
-        "--calibration-mass", "2.5", "--out", tmp_path / "out", "--json", cwd=tmp_path,
+        "--calibration-mass", "2.5", "--format", "ur", "--out", tmp_path / "out", "--json", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     document = json.loads((tmp_path / "out" / "load.json").read_text())
     assert document == json.loads(done.stdout)
     assert document["schema"] == "excite.load/1"
     assert abs(document["parameters"]["m"]["value"] - MASS) < 0.05
+    assert (tmp_path / "out" / "load.script").read_text() == document["controller"]["text"]
+    assert document["controller"]["mass"] == document["parameters"]["m"]["value"]
     lone = excite("identify-load", "ur10", "bare", "unknown", "--calibration-mass", "2", cwd=tmp_path)
     assert lone.returncode == 4 and lone.stderr.count("\n") == 1 and "give both" in lone.stderr
 

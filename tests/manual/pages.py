@@ -12,7 +12,8 @@ from pathlib import Path
 
 from excite.cli.main import _run
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+ROOT = Path(__file__).resolve().parents[2]
+DOCS, SKILLS = ROOT / "docs", ROOT / "skills"
 _BLOCK = re.compile(r"^```(python|bash)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
 _WORDS = "show() { printf '%s\\0' \"$@\"; }; show "
 
@@ -41,8 +42,8 @@ def blocks_of(page: Path) -> list[Block]:
 
 
 def pages() -> Iterator[Path]:
-    """Pages with blocks that are to be run."""
-    for page in sorted(DOCS.rglob("*.md")):
+    """Pages and skills with blocks that are to be run."""
+    for page in sorted([*DOCS.rglob("*.md"), *SKILLS.rglob("*.md")]):
         if "generated" not in page.parts and blocks_of(page):
             yield page
 
@@ -58,7 +59,7 @@ def run_page(page: Path, folder: Path) -> None:
     os.chdir(folder)
     try:
         for block in blocks_of(page):
-            where = f"{page.relative_to(DOCS)}:{block.line}"
+            where = f"{page.relative_to(ROOT)}:{block.line}"
             if block.language == "python":
                 exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), names)
             else:

@@ -16,7 +16,14 @@ from excite.simulation.rehearsal import AT_LIMIT, FELL, SLIPPED, TOUCHED
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "reference" / "findings.md").read_text(encoding="utf-8")
 # What makes something that has a code, and which of its arguments the code is.
-MAKERS = {"Finding": 0, "Violation": 0, "first_violations": 0, "magnitude_result": 0, "rejected": 0}
+MAKERS = {
+    "Finding": 0,
+    "Violation": 0,
+    "first_violations": 0,
+    "magnitude_result": 0,
+    "rejected": 0,
+    "Rejection": 1,
+}
 # Where codes stand in tables that loops go through, or are made by a rule of their own.
 TABLES = (
     "safety/checks/ground.py",
@@ -41,7 +48,7 @@ def made_in(path: Path) -> Iterator[str]:
             name = getattr(node.func, "id", getattr(node.func, "attr", ""))
             if name in MAKERS:
                 named = [item.value for item in node.keywords if item.arg == "kind"]
-                for code in (named or node.args)[:1]:
+                for code in (named or node.args[MAKERS[name] :])[:1]:
                     if isinstance(code, ast.Constant) and isinstance(code.value, str):
                         yield code.value
         elif isinstance(node, ast.For) and path.as_posix().endswith(TABLES):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from excite.export.simulators.model_format import JOINT_TERMS, SERVO_TERMS
-from excite.export.simulators.registry import MODEL_FORMATS
+from excite.export.models.model_format import JOINT_TERMS, SERVO_TERMS
+from excite.export.registry import MODEL_FORMATS
 from tests.manual.pages import DOCS
 
 PAGE = (DOCS / "simulators.md").read_text(encoding="utf-8")
@@ -27,7 +27,7 @@ def test_what_it_calls_lost_is_what_a_format_lacks() -> None:
     for term, row in NAMES.items():
         for name, cell in zip(MODEL_FORMATS, CELLS[row], strict=True):
             kind = MODEL_FORMATS[name]
-            held = term in kind.terms or term in kind.servo_terms
+            held = term in kind.held
             # What stays as its author wrote it is neither held nor lost.
             assert (cell == "lost") == (not held and cell != "the author's"), (term, name)
             assert cell != "the author's" or term not in kind.lacks

@@ -8,8 +8,7 @@ import pytest
 
 from excite import load_robot
 from excite.errors import MotionError
-from excite.motion.motion import Motion, interpolate_motion
-from excite.motion.quintics import base_step, move_base
+from excite.motion.motion import Motion, base_step, interpolate_motion, move_base
 from excite.robot.robot import Robot
 
 

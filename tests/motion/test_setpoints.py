@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 import excite
 from excite.errors import MotionError
+from excite.formats.lerobot import write_data_set
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
+from excite.motion.readers.tables import STATEMENT
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 
@@ -135,3 +138,55 @@ def test_uneven_setpoints_and_long_waits(arm: Robot, tmp_path: Path) -> None:
     assert kinds(arm, load_motion(written(month, tmp_path / "goal.csv"), arm)) == {"time_gap"}
     with pytest.raises(MotionError, match="lasts 1e"):
         load_motion(written(only(month, "q", "v"), tmp_path / "goal.csv"), arm)
+
+
+def replayed(columns: dict[str, np.ndarray], arm: Robot, curve: str, folder: Path) -> Path:
+    """A LeRobot data set of the positions, whose statement says how they are replayed."""
+    path = folder / f"data_set_{curve}_{len(list(folder.iterdir()))}"
+    path.mkdir()
+    names = {"action": [f"{joint}.pos" for joint in arm.joint_names]}
+    data = {
+        "action": np.column_stack([columns[f"q.{joint}"] for joint in arm.joint_names]).astype(np.float32)
+    }
+    fps = round(1.0 / STEP_S)
+    write_data_set(data, names, path, fps=fps, robot=arm.name, task="replay", version="v3.0")
+    (path / STATEMENT).write_text(json.dumps({"curve": curve}))
+    return path
+
+
+@pytest.mark.parametrize("form", ["table", "data set"])
+def test_actions_that_are_held_jump_and_lines_where_they_are_stated_do_not(
+    arm: Robot, tmp_path: Path, form: str
+) -> None:
+    columns = only(setpoints(arm), "q")
+
+    def load(curve: str) -> Motion:
+        if form == "data set":
+            return load_motion(replayed(columns, arm, curve, tmp_path), arm)
+        path = written(columns, tmp_path / f"{curve}.csv")
+        path.write_text(f'# {{"schema": "excite.motion/1", "curve": "{curve}"}}\n{path.read_text()}')
+        return load_motion(path, arm)
+
+    wrist = arm.joint_index("wrist_3_joint")
+    held, q = load("hold"), columns["q.wrist_3_joint"]
+    # Away from the last cycle of each row and from the corner after it, by a loop of its own.
+    for time, value in zip(held.time, held.q[:, wrist], strict=True):
+        row = int(time / STEP_S + 1e-9)
+        if 0.0026 < (time + 1e-9) % STEP_S < STEP_S - 0.0051:
+            assert value == pytest.approx(q[row], abs=1e-6)
+    assert np.abs(held.v[:, wrist]).max() == pytest.approx(np.abs(np.diff(q)).max() / 0.005, rel=1e-4)
+    assert {"joint_velocity", "joint_acceleration"} <= kinds(arm, held) and "rate_too_low" not in kinds(
+        arm, held
+    )
+    lines = load("linear")
+    assert np.abs(lines.v).max() == pytest.approx(np.abs(np.diff(q)).max() / STEP_S, rel=1e-4)
+    # Steps far below an encoder's are within the limit of jerk.
+    columns["q.wrist_3_joint"] = arm.rest[wrist] + 1e-5 * (q - arm.rest[wrist])
+    assert not kinds(arm, load("hold"))
+
+
+def test_a_curve_that_is_none_is_refused(arm: Robot, tmp_path: Path) -> None:
+    path = written(only(setpoints(arm), "q"), tmp_path / "goal.csv")
+    path.write_text(f'# {{"schema": "excite.motion/1", "curve": "wavy"}}\n{path.read_text()}')
+    with pytest.raises(MotionError, match="curve"):
+        load_motion(path, arm)

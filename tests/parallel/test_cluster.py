@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from excite.campaign.check import check
+from excite.campaign.assessment import check
 from excite.cli.main import _run
 from excite.errors import InputError
 from excite.motion.generators.mixture import plan_candidates, plan_proposals

@@ -15,7 +15,7 @@ from excite.provenance import made_by
 from excite.report.comparisons import Record, load_report_data, save_report_data
 from excite.report.html import html_table
 from excite.report.page import report
-from excite.report.sections.moving import show_moving
+from excite.report.sections.motions import show_moving
 from excite.results import write_json
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log

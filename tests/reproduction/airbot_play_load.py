@@ -12,8 +12,8 @@ from excite.identification.load import identify_drive_gains, identify_load
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
+from tests.reproduction.imported import import_recordings
 from tests.reproduction.recordings import percent_left
 
 FOLDER = "airbot_play_load_pair"

@@ -14,7 +14,7 @@ import numpy as np
 from excite.formats.registry import format_of
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
+from tests.reproduction.imported import import_recordings
 from tests.reproduction.pendulum import pendulum_urdf
 
 FOLDER = "bam_xl330_pendulum"

@@ -1,7 +1,7 @@
 """Jovic et al. 2016 (IEEE T-RO), section VIII: a person with a weighted belt, here a virtual one.
 
 A man of 70 kg and 1.82 m, 35 markers, two force plates; camera noise, soft tissue and the plates' noise and zeros
-at published levels (excite.human.virtual names them). Each trial repeats the same motion as people do, with
+at published levels (benchmarks.virtual_person names them). Each trial repeats the same motion as people do, with
 other timing and range.
 """
 
@@ -13,12 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.human.body import segment_box
-from excite.human.identified import IdentifiedPerson, added_mass, identify_person
-from excite.human.measure import MeasuredPerson, measure_recordings, write_person
-from excite.human.plates import ReactionTable
-from excite.human.segments import NAMES
-from excite.human.virtual import (
+from benchmarks.virtual_person import (
     Belt,
     VirtualSubject,
     draw_subject,
@@ -27,7 +22,12 @@ from excite.human.virtual import (
     record_standing,
     repeat_exercise,
 )
-from excite.human.weight import WornWeight, identify_wearing
+from excite.human.body import segment_box
+from excite.human.identified import IdentifiedPerson, added_mass, identify_person, identify_wearing
+from excite.human.measure import MeasuredPerson, measure_recordings, write_person
+from excite.human.plates import ReactionTable
+from excite.human.segments import NAMES
+from excite.human.weights import WornWeight
 
 # Table III: RMSE and CC by component, identified and Dumas.
 TABLE_3: dict[str, tuple[float, float, float, float]] = {

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
+from tests.reproduction.imported import import_recordings
 
 FOLDER = "brfd_friction_backlash"
 JOINT = "stroke"

@@ -15,9 +15,9 @@ from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.rows.settings import ProblemSettings
+from tests.reproduction.imported import import_recordings
 
 JOINT = "slide"
 NEWTON_PER_VOLT = 35.15065188248547

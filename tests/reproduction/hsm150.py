@@ -10,8 +10,8 @@ from pathlib import Path
 from excite.identification.sessions.compare import Sessions, identify_sessions, split_sessions
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
+from tests.reproduction.imported import import_recordings
 
 FOLDER = "hsm150_two_motor"
 JOINT = "shaft"

@@ -8,8 +8,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.constraints.cones import com_ellipsoids
-from excite.identification.constraints.linear import default_bounds
-from excite.identification.estimators.quadratic import Cls1Settings
+from excite.identification.constraints.linear import bounds_about_nominal
+from excite.identification.estimators.hqp import Cls1Settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.problem import IdentificationProblem, build_problem
@@ -63,7 +63,7 @@ class Trajectories:
         problem, mass = self.problems[trajectory], parameters[::10]
         settings = Cls1Settings()
         spread = prior_std(problem, settings.spreads(self.robot))
-        bounds = default_bounds(problem, spread, settings.bound_width).reshape(2, -1, 10)[:, :, 1:4]
+        bounds = bounds_about_nominal(problem, spread, settings.bound_width).reshape(2, -1, 10)[:, :, 1:4]
         first = parameters.reshape(-1, 10)[:, 1:4]
         room = 1e-6 * np.abs(bounds).max()
         placed = bool(((first >= bounds[0] - room) & (first <= bounds[1] + room)).all())

@@ -10,8 +10,8 @@ from excite.arrays import Array
 from excite.identification.problem import IdentificationProblem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.robot.catalogue import example_robot_data
+from tests.reproduction.imported import import_recordings
 
 UR10E_JOINTS = (
     "shoulder_pan_joint",

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.robot.catalogue import example_robot_data
+from tests.reproduction.imported import import_recordings
 from tests.reproduction.recordings_data import DATA
 
 # The recordings' names of the model's joints; the jaw, whose reading is no angle, stays where it is.

@@ -15,10 +15,10 @@ from excite.identification.explanation import estimate_torque_delay
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.robot.catalogue import example_robot_data
 from excite.rows.settings import ProblemSettings
+from tests.reproduction.imported import import_recordings
 from tests.reproduction.recordings import percent_left
 
 FOLDER = "tiago_arm_figaroh"

@@ -14,10 +14,10 @@ from excite.identification.identify import identify
 from excite.identification.load import identify_drive_gains
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
+from tests.reproduction.imported import import_recordings
 from tests.reproduction.recordings import UR10E_GAINS, UR10E_JOINTS, ur10e_log
 
 MASS = 2.805

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from excite.robot.shapes import link_shapes as kept_hulls
-from excite.robot.shapes.link_shapes import kept_hull
-from excite.robot.shapes.meshes import Hull, convex_hull
+from excite.robot.shapes.link_shapes import Hull, convex_hull, kept_hull
 
 POINTS = np.random.default_rng(3).normal(size=(500, 3))
 SETTINGS = (40, 0.01)

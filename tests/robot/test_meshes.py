@@ -13,8 +13,8 @@ from scipy.spatial import ConvexHull
 
 from excite.errors import RobotError
 from excite.robot.catalogue import example_robot_data
+from excite.robot.shapes.link_shapes import convex_hull
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.meshes import convex_hull
 
 MESHES = ["g1_description/meshes/head_link.STL", "talos_data/meshes/v2/hip_y_collision.stl"]
 

@@ -11,7 +11,7 @@ import pytest
 
 import excite
 from excite.errors import RobotError
-from tests.export.simulators.identified_folder import known
+from tests.export.models.identified_folder import known
 
 LINK = (
     "<inertial><pose>0 0 -0.2 0 0 0</pose><mass>2</mass>"

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.parquet as parquet
 import pytest
 
-from excite.campaign.check import check
+from excite.campaign.assessment import check
 from excite.motion.content import content_hash, motion_columns, with_verdict
 from excite.motion.files import load_motion, save_motion
 from excite.motion.motion import Motion

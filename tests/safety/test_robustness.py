@@ -22,7 +22,7 @@ from excite.robot.loading import load_robot, portable_description
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.joints import drive_torques
-from excite.safety.checks.robustness import worst_friction, worst_torque, worst_zmp
+from excite.safety.checks.robustness import judge_robustness
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter import filter_candidates
 from excite.safety.ground_forces import cone_facets, friction_edges, shares_of_wrench
@@ -100,7 +100,7 @@ def test_torques_of_an_arm_are_those_of_the_worst_of_1024_corners(arm: Robot) ->
     sweep = Sweep(arm, arm_motion(arm, 0.6, 0.2))
     samples, limits = sweep.torque_samples, arm.limits.torque
     for whole, part in ((3, 6), (6, 2)):
-        found = worst_torque(sweep, some_bodies(arm.model, whole, part))
+        found = judge_robustness(sweep, some_bodies(arm.model, whole, part)).worst["joint_torque_nm"]
         assert found is not None
         drives = drive_torques(sweep) - forces(arm.model, sweep.fine, samples)
         brute = min(
@@ -161,9 +161,9 @@ def test_margins_of_a_humanoid_are_those_of_the_worst_of_1024_corners(
         tau = forces(changed, fine, sweep.torque_samples)
         tau = tree_torques(tau, some_wrenches, shares, jacobians) + drives
         torque = min(torque, float((humanoid.limits.torque - np.abs(tau)).min()))
-    assert worst_zmp(sweep, some).value == pytest.approx(zmp, abs=1e-9)
-    assert worst_friction(sweep, some).value == pytest.approx(push, abs=1e-9)
-    assert worst_torque(sweep, some).value == pytest.approx(torque, abs=1e-9)
+    assert judge_robustness(sweep, some).worst["zmp_m"].value == pytest.approx(zmp, abs=1e-9)
+    assert judge_robustness(sweep, some).worst["friction"].value == pytest.approx(push, abs=1e-9)
+    assert judge_robustness(sweep, some).worst["joint_torque_nm"].value == pytest.approx(torque, abs=1e-9)
 
 
 def tree_torques(tau: np.ndarray, wrench: np.ndarray, shares: np.ndarray, jacobians: list) -> np.ndarray:
@@ -195,7 +195,7 @@ def test_over_one_foot_none_of_1000_corners_of_all_bodies_is_worse(humanoid: Rob
     motion = replace(still, contacts={**still.contacts, other: np.zeros(9, dtype=bool)})
     sweep = Sweep(humanoid, motion)
     every = parameter_set(humanoid.model, mass=MASS, com=COM, inertia=INERTIA)
-    found = worst_zmp(sweep, every)
+    found = judge_robustness(sweep, every).worst["zmp_m"]
     assert found is not None
     rng, least = np.random.default_rng(5), np.inf
     stand = next(i for i, foot in enumerate(humanoid.feet) if foot.name != other)
@@ -212,7 +212,7 @@ def test_over_one_foot_none_of_1000_corners_of_all_bodies_is_worse(humanoid: Rob
         least = min(least, -float((hull[:, :2] @ point + hull[:, 2]).max()))
     assert found.value <= least
     # All bodies' centres to one side alone move the robot's by as much.
-    assert found.value <= worst_zmp(sweep, parameter_set(humanoid.model)).value - COM
+    assert found.value <= judge_robustness(sweep, parameter_set(humanoid.model)).worst["zmp_m"].value - COM
 
 
 def test_margins_never_exceed_the_model_s_and_fall_as_the_set_grows(
@@ -220,12 +220,12 @@ def test_margins_never_exceed_the_model_s_and_fall_as_the_set_grows(
 ) -> None:
     for robot, motion in ((arm, arm_motion(arm, 0.6, 0.2)), (humanoid, short_squat)):
         sweep, verdict = Sweep(robot, motion), check_motion(robot, motion)
-        for judge, nominal in (
-            (worst_torque, verdict.margins.joint_torque_nm),
-            (worst_zmp, verdict.margins.zmp_m),
-            (worst_friction, None),
+        for name, nominal in (
+            ("joint_torque_nm", verdict.margins.joint_torque_nm),
+            ("zmp_m", verdict.margins.zmp_m),
+            ("friction", None),
         ):
-            before = judge(sweep, parameter_set(robot.model))
+            before = judge_robustness(sweep, parameter_set(robot.model)).worst.get(name)
             if before is None:
                 assert nominal is None
                 continue
@@ -240,16 +240,18 @@ def test_margins_never_exceed_the_model_s_and_fall_as_the_set_grows(
                 {"mass": 0.1, "com": 0.01, "inertia": 0.2, "loads": [hand]},
                 {"mass": 0.1, "com": 0.01, "inertia": 0.2, "loads": [replace(hand, mass=2.0)]},
             ):
-                after = judge(sweep, parameter_set(robot.model, **sizes))
-                assert after.value <= before.value, (robot.name, judge.__name__, sizes)
+                after = judge_robustness(sweep, parameter_set(robot.model, **sizes)).worst[name]
+                assert after.value <= before.value, (robot.name, name, sizes)
                 before = after
-            assert before.value < judge(sweep, parameter_set(robot.model)).value
+            assert before.value < judge_robustness(sweep, parameter_set(robot.model)).worst.get(name).value
 
 
 def test_a_load_counts_where_it_hangs_and_where_it_does_not(arm: Robot) -> None:
     sweep = Sweep(arm, arm_motion(arm, 0.6, 0.2))
     joint, point, most = arm.model.njoints - 1, np.array([0.0, 0.02, 0.1]), 4.0
-    found = worst_torque(sweep, parameter_set(arm.model, loads=[Load(joint, point, most)]))
+    found = judge_robustness(sweep, parameter_set(arm.model, loads=[Load(joint, point, most)])).worst[
+        "joint_torque_nm"
+    ]
     samples, limits, loaded = sweep.torque_samples, arm.limits.torque, arm.model.copy()
     loaded.inertias[joint] += pin.Inertia(most, point, np.zeros((3, 3)))
     bare = forces(arm.model, sweep.fine, samples)
@@ -267,7 +269,10 @@ def test_an_ellipsoid_s_margins_are_the_formula_s(arm: Robot, humanoid: Robot, s
         root = rng.normal(size=(n, 5)) * 0.02 * np.abs(robot.nominal_parameters)[:, None]
         ellipsoid = Ellipsoid.of_covariance(robot.nominal_parameters, root @ root.T, 2.0)
         some = parameter_set(robot.model, ellipsoid=ellipsoid)
-        zmp, torque = worst_zmp(sweep, some), worst_torque(sweep, some)
+        zmp, torque = (
+            judge_robustness(sweep, some).worst.get("zmp_m"),
+            judge_robustness(sweep, some).worst["joint_torque_nm"],
+        )
         if robot is arm:
             data, rises = robot.model.createData(), []
             for k in sweep.torque_samples:
@@ -289,7 +294,7 @@ def test_an_ellipsoid_s_margins_are_the_formula_s(arm: Robot, humanoid: Robot, s
             wrench = world_wrenches(changed, sweep.fine, np.array([at]))[0]
             point = np.array([-wrench[4], wrench[3]]) / wrench[2]
             values.append(-float((hull[:, :2] @ point + hull[:, 2]).max()))
-        nominal = worst_zmp(sweep, parameter_set(robot.model)).value
+        nominal = judge_robustness(sweep, parameter_set(robot.model)).worst["zmp_m"].value
         assert zmp.value <= min(values) + 1e-12
         assert min(values) - zmp.value < 0.2 * (nominal - zmp.value)
 
@@ -297,7 +302,7 @@ def test_an_ellipsoid_s_margins_are_the_formula_s(arm: Robot, humanoid: Robot, s
 def test_friction_left_is_the_push_that_a_linear_program_finds(humanoid: Robot, short_squat: Motion) -> None:
     """The least share of the vertical force by which a push at the feet's middle takes the wrench out of the cone."""
     sweep = Sweep(humanoid, short_squat)
-    found = worst_friction(sweep, parameter_set(humanoid.model))
+    found = judge_robustness(sweep, parameter_set(humanoid.model)).worst["friction"]
     at = int(np.argmin(np.abs(sweep.fine.time - found.time_s)))
     corners = np.concatenate([points[at] for points in sweep.sole_corners])
     friction = np.repeat(
@@ -356,7 +361,10 @@ def test_an_arm_has_no_feet_to_judge(arm: Robot, swinging: Motion) -> None:
     assert verdict.safe
     assert set(verdict.robust.worst) == {"joint_torque_nm"}
     assert verdict.robust.to_json()["zmp_m"] is None
-    assert verdict.robust.joint_torque_nm == worst_torque(Sweep(arm, swinging), stated_parameters(arm)).value
+    assert (
+        verdict.robust.joint_torque_nm
+        == judge_robustness(Sweep(arm, swinging), stated_parameters(arm)).worst["joint_torque_nm"].value
+    )
     assert Sweep(arm, swinging).motion.n_samples > RATE_HZ / 10
 
 
@@ -405,8 +413,12 @@ def test_an_identification_s_file_is_the_set(arm: Robot, tmp_path: Path) -> None
     robot = load_robot(tmp_path / "robot.yaml")
     sweep = Sweep(robot, arm_motion(robot, 0.6, 0.2))
     ellipsoid = Ellipsoid(arm.nominal_parameters, 3.0 * root)
-    expected = worst_torque(sweep, parameter_set(robot.model, ellipsoid=ellipsoid))
-    assert worst_torque(sweep, stated_parameters(robot)).value == pytest.approx(expected.value, abs=1e-9)
+    expected = judge_robustness(sweep, parameter_set(robot.model, ellipsoid=ellipsoid)).worst[
+        "joint_torque_nm"
+    ]
+    assert judge_robustness(sweep, stated_parameters(robot)).worst["joint_torque_nm"].value == pytest.approx(
+        expected.value, abs=1e-9
+    )
     np.savez(tmp_path / "u.npz", links=links[::-1], parameters=arm.nominal_parameters, covariance=covariance)
     with pytest.raises(RobotError, match="no uncertainty of this robot's links"):
         stated_parameters(load_robot(tmp_path / "robot.yaml"))

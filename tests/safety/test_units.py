@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.campaign.check import check
+from excite.campaign.assessment import check
 from excite.motion.motion import Motion
 from excite.report.page import report
 from excite.results import write_json

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from benchmarks.blind.arm_case import Servo, arm_of
-from benchmarks.blind.hidden_effects import Answer, HiddenEffect
+from benchmarks.blind.documents import Answer, HiddenEffect
 from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot

@@ -27,7 +27,7 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
-    from excite.export.resolve_robot import robot_beside  # lazy: pydantic
+    from excite.export.export import robot_beside  # lazy: pinocchio
 
     # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
     whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)

@@ -73,6 +73,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "excite identify-load ur10 bare loaded --calibration known --calibration-mass 2.5",
             "weighed by one that was",
         ),
+        ("excite identify-load ur10 bare loaded --format ur --out load", "for the controller, as URScript"),
     ),
     "model": (
         ("excite model arm_result --format mjcf -o arm_mujoco", "the identified robot for MuJoCo"),
@@ -120,19 +121,6 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("excite schema identification", "of identification.json"),
     ),
     "demo": (("excite demo --out demo", "some minutes, ends in demo/report.html"),),
-    "blind make": (
-        ("excite blind make --cases 4 --out blind", "four arms' logs, what is hidden beside them"),
-        ("excite blind make --cases 4 --base floating --out standing", "standing robots"),
-        ("excite blind make --cases 4 --class everything --out mixed", "three to eight effects each"),
-    ),
-    "blind enter": (
-        ("excite blind enter blind --out ours", "what `excite diagnose` says of every case"),
-        ("excite blind enter blind --method alone --out alone", "each effect alone, lowest BIC"),
-    ),
-    "blind score": (
-        ("excite blind score blind --out score", "how many effects are found"),
-        ("excite blind score blind --entry ours --entry alone", "a table of answers made elsewhere"),
-    ),
 }
 
 

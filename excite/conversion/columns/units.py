@@ -250,7 +250,15 @@ def trailing_unit(words: list[str]) -> tuple[list[str], str]:
     return words, ""
 
 
-def of_both(words: list[str], unit: str) -> tuple[list[str], str, str]:
+class UnitsOfBoth(NamedTuple):
+    """Words of a name before its units, the unit of joints that turn, and that of joints that slide, or empty."""
+
+    words: list[str]
+    turning: str
+    sliding: str
+
+
+def of_both(words: list[str], unit: str) -> UnitsOfBoth:
     """A unit of joints that turn and one of those that slide, where a name ends with both: ``pos_deg_mm``."""
     others, before = trailing_unit(words)
     for turning, sliding in ((before, unit), (unit, before)):
@@ -259,5 +267,5 @@ def of_both(words: list[str], unit: str) -> tuple[list[str], str, str]:
             and QUANTITY_OF_UNIT[turning] == QUANTITY_OF_UNIT.get(sliding)
             and sliding in OF_SLIDING
         ):
-            return others, turning, sliding
-    return words, unit, ""
+            return UnitsOfBoth(others, turning, sliding)
+    return UnitsOfBoth(words, unit, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -41,17 +42,19 @@ class LeRobotSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        data = read_data_set(path, LogError)
-        fps = data.fps
-        note = f"{fps:g} rows a second: inertia and friction of slow motion show, delays and rotors do not"
-        said = {"fps": fps or None, "maybe_shares": True}
-        found: list[Recording] = []
-        for episode, arrays in data.episodes():
-            name, time = f"episode_{episode:06d}", arrays.pop("time", None)
-            columns = tuple(_feature_columns(data, arrays))
-            streams = (Stream(name, columns, time),) if columns else ()
-            found.append(Recording(str(path), name, streams, said, (note,) if fps else ()))
-        return tuple(found)
+        return tuple(recordings_of_episodes(read_data_set(path, LogError)))
+
+
+def recordings_of_episodes(data: DataSet) -> Iterator[Recording]:
+    """The episodes of a data set, one after the other."""
+    fps = data.fps
+    note = f"{fps:g} rows a second: inertia and friction of slow motion show, delays and rotors do not"
+    said = {"fps": fps or None, "maybe_shares": True}
+    for episode, arrays in data.episodes():
+        name, time = f"episode_{episode:06d}", arrays.pop("time", None)
+        columns = tuple(_feature_columns(data, arrays))
+        streams = (Stream(name, columns, time),) if columns else ()
+        yield Recording(str(data.path), name, streams, said, (note,) if fps else ())
 
 
 def _feature_columns(data: DataSet, arrays: dict[str, Any]) -> list[Column]:

@@ -18,11 +18,12 @@ from excite.formats.file import (
     unpack_file,
     unreadable,
 )
-from excite.registry import Registry
+from excite.registry import Registry, installed
 
 SOURCES: Registry[Source] = Registry(
     "source",
-    {
+    installed("readers")
+    | {
         "lerobot": "excite.conversion.sources.lerobot:LeRobotSource",
         "bag": "excite.conversion.sources.bag:BagSource",
         "mcap": "excite.conversion.sources.bag:McapSource",
@@ -35,7 +36,6 @@ SOURCES: Registry[Source] = Registry(
         "npz": "excite.conversion.sources.arrays:NpzSource",
         "echo": "excite.conversion.sources.text:EchoSource",
         "xml": "excite.conversion.sources.records:XmlSource",
-        "printed": "excite.conversion.sources.text:PrintedSource",
         "json": "excite.conversion.sources.records:JsonSource",
         "text": "excite.conversion.sources.text:TextSource",
     },

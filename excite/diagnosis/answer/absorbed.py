@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 from scipy.special import ndtri
@@ -13,35 +13,49 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.equations.units import unit_at
 from excite.display import span
+from excite.results import HIDDEN, Interval, Name, Stated, Unbounded, UnboundedPositive, stated
 from excite.robot.robot import Robot
 
 
 @dataclass(frozen=True)
-class Absorbed:
-    """A size of one joint that the record decided, and that is no effect therefore.
+class Absorbed(Stated):
+    """A size of one joint that was taken from the record before the first effect was asked for.
 
     Attributes:
         joint: its joint.
-        parameter: what it is: a word of ``modelled``, a gain of the servo, a torque constant.
+        parameter: word of modelled, gain of the servo or torque constant.
         size: value, deviation and unit.
-        interval90: of the value; None where it was not computed.
+        interval90: 90 % interval [unit]; null where it was not computed.
     """
 
-    joint: str
-    parameter: str
-    size: Estimate
-    interval90: tuple[float, float] | None = None
+    joint: Name
+    parameter: Name
+    size: Estimate = field(metadata=HIDDEN)
+    interval90: Interval | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """As it stands in the document."""
-        return {
-            "joint": self.joint,
-            "parameter": self.parameter,
-            "value": self.size.value,
-            "std": self.size.std,
-            "unit": self.size.unit,
-            "interval90": None if self.interval90 is None else list(self.interval90),
-        }
+    @property
+    @stated
+    def value(self) -> Unbounded:
+        """Fitted [unit]."""
+        return self.size.value
+
+    @property
+    @stated
+    def std(self) -> UnboundedPositive | None:
+        """Standard deviation [unit]; null where it is not known."""
+        return self.size.std
+
+    @property
+    @stated
+    def unit(self) -> Name:
+        """SI unit."""
+        return self.size.unit
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Self:
+        """See :meth:`Stated.from_json`."""
+        size, between = Estimate.from_json(content), content["interval90"]
+        return cls(content["joint"], content["parameter"], size, None if between is None else tuple(between))
 
 
 def estimated_gains(

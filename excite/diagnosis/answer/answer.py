@@ -4,29 +4,53 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Any, Literal
 
 from excite.diagnosis.answer.absorbed import Absorbed, absorbed_lines
-from excite.diagnosis.answer.budget import Budget
-from excite.diagnosis.answer.candidate import Candidate, RobotChanges, in_words, measured, percent, sized
+from excite.diagnosis.answer.budget import Budget, ChannelBudget, Detectable
+from excite.diagnosis.answer.candidate import (
+    Applied,
+    Candidate,
+    RobotChanges,
+    in_words,
+    measured,
+    percent,
+    sized,
+)
 from excite.diagnosis.answer.gap import Curves, Gap, RolloutPath, Where, closed_in_words
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.display import Row, Tabled, span
 from excite.finding import Finding
-from excite.results import finite
+from excite.results import (
+    ADDED,
+    FEW,
+    HIDDEN,
+    LEFT_OUT,
+    FilePath,
+    Name,
+    Seconds,
+    Stated,
+    UnboundedPositive,
+    added_as,
+    named,
+    stated,
+    stated_with,
+)
 
 # What a diagnosis says: its verdict, gap and effects, as a document, as a sentence and in words for a
 # terminal.
 
-SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]
 # Up to so many times the noise floor a model is said to reach it.
 _AT_FLOOR = 1.3
 
 
+_Errors = Annotated[dict[Name, UnboundedPositive], FEW]
+
+
 @dataclass(frozen=True)
-class Rollout:
+class Rollout(Stated):
     """Short roll-outs of the nominal and of the augmented simulator against the record.
 
     Attributes:
@@ -42,30 +66,24 @@ class Rollout:
         path: of a trial, for a picture; no part of the document. None where there is none.
     """
 
-    before: dict[str, float]
-    after: dict[str, float]
-    horizon_s: float
-    model: str | None
-    driven_by: str = "logged torque"
+    before: _Errors
+    after: _Errors
+    horizon_s: Seconds
+    model: FilePath | None
+    driven_by: str = field(default="logged torque", metadata=added_as("the record"))
     warnings: tuple[str, ...] = ()
-    floor: dict[str, float] = field(default_factory=dict)
-    path: RolloutPath | None = None
+    floor: _Errors = field(default_factory=dict)
+    path: RolloutPath | None = field(default=None, metadata=HIDDEN)
 
-    def to_json(self) -> dict[str, Any]:
-        """The comparison as it stands in the document."""
-        return {
-            "before": dict(self.before),
-            "after": dict(self.after),
-            "floor": dict(self.floor),
-            "horizon_s": self.horizon_s,
-            "model": self.model,
-            "driven_by": self.driven_by,
-            "warnings": list(self.warnings),
-        }
+    @staticmethod
+    def contradiction(found: Any) -> str:
+        """A channel before that is not there after."""
+        lacking = next((name for name in found.before if name not in found.after), None)
+        return "" if lacking is None else f"after should have the channel {lacking[:60]!r} of before"
 
 
 @dataclass(frozen=True)
-class NextExperiment:
+class NextExperiment(Stated):
     """What to measure next.
 
     Attributes:
@@ -76,15 +94,53 @@ class NextExperiment:
 
     why: str
     separates: tuple[str, ...]
-    motion: str | None = None
+    motion: FilePath | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """The proposal as it stands in the document."""
-        return {"why": self.why, "separates": list(self.separates), "motion": self.motion}
+
+@dataclass(frozen=True)
+class LogFault(Stated):
+    """Something that was wrong with the record.
+
+    Attributes:
+        kind: a word that programs can test for.
+        where: trial, channel or both.
+        what: one sentence with the number.
+        cause: the likely cause.
+        repaired: whether it was repaired for the diagnosis.
+    """
+
+    kind: Name
+    where: str
+    what: str
+    cause: str
+    repaired: bool
+
+
+@dataclass(frozen=True)
+class Noticed(Finding):
+    """What the doctor found in the record."""
+
+    @property
+    @stated
+    def code(self) -> Name:
+        """As kind."""
+        return self.kind
+
+    @property
+    @stated
+    def where(self) -> str:
+        """Trials and places."""
+        return super().where
+
+    @property
+    @stated
+    def message(self) -> str:
+        """As text."""
+        return self.text
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis(Tabled):
+class Diagnosis(Tabled, Stated):
     """Where the gap lies, which effect causes it, how far it shrinks.
 
     Attributes:
@@ -109,28 +165,36 @@ class Diagnosis(Tabled):
         trivial: by channel, what predictors far simpler than a simulator reach where it is judged.
         changes: what the first none, one, two … of the accepted effects change of the robot; no part of the document.
         curves: a validation trial before and after, for figures; no part of the document. None where there are none.
+        applied: the robot that was written with the effects; left out where none was.
+        log_file: the log, relative to the document's folder; null where it was made in memory.
+        robot_file: the nominal robot where another than the log's was given, likewise.
     """
 
-    robot: str
+    SCHEMA = "excite.diagnosis/1"
+
+    robot: Name = field(metadata=ADDED)
     verdict: Verdict
-    effect: str | None
-    location: str | None
-    tied_locations: tuple[str, ...]
+    effect: Name | None
+    location: Name | None
+    tied_locations: tuple[Name, ...]
     candidates: tuple[Candidate, ...]
-    effects: tuple[Candidate, ...]
+    effects: tuple[Candidate, ...] = field(metadata=added_as(()))
     gap: Gap
-    where: tuple[Where, ...]
+    where: Annotated[tuple[Where, ...], FEW]
     simulation: Rollout | None = None
-    n_tied: int = 0
+    n_tied: int = field(default=0, metadata=HIDDEN)
     next_experiment: NextExperiment | None = None
-    faults: tuple[Finding, ...] = ()
+    faults: tuple[Finding, ...] = field(default=(), metadata=HIDDEN)
     warnings: tuple[str, ...] = ()
-    budget: Budget | None = None
+    budget: Budget | None = field(default=None, metadata=HIDDEN)
     modelled: tuple[str, ...] = ()
-    absorbed: tuple[Absorbed, ...] = ()
-    trivial: dict[str, TrivialErrors] = field(default_factory=dict)
-    changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False)
-    curves: Curves | None = field(default=None, compare=False, repr=False)
+    absorbed: tuple[Absorbed, ...] = field(default=(), metadata=named("baseline"))
+    trivial: Annotated[dict[Name, TrivialErrors], FEW] = field(default_factory=dict)
+    changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False, metadata=HIDDEN)
+    curves: Curves | None = field(default=None, compare=False, repr=False, metadata=HIDDEN)
+    applied: Applied | None = field(default=None, metadata=LEFT_OUT)
+    log_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
+    robot_file: FilePath | None = field(default=None, metadata=LEFT_OUT)
 
     tables = ("candidates", "effects", "gap", "where", "budget", "findings")
 
@@ -144,51 +208,61 @@ class Diagnosis(Tabled):
             accepted = {(item.effect, item.location) for item in self.effects}
             return [candidate_row(item, accepted) for item in getattr(self, table)]
         if table == "gap":
-            return [{"channel": name, **asdict(item)} for name, item in self.gap.per_channel.items()]
+            return [item.row(channel=name) for name, item in self.gap.per_channel.items()]
         if table == "where":
-            return [item.to_json() for item in self.where]
+            return [item.row() for item in self.where]
         if table == "budget":
             return [] if self.budget is None else budget_rows(self.budget)
-        return [fault_entry(item) for item in self.faults]
+        return [item.row() for item in self.log]
 
     @property
     def ambiguous_with(self) -> tuple[Candidate, ...]:
         """Candidates that the data cannot tell apart; empty unless the verdict is ``ambiguous``."""
         return self.candidates[: self.n_tied] if self.verdict == "ambiguous" else ()
 
-    def to_json(self) -> dict[str, Any]:
-        """The document ``excite.diagnosis/1``; what is infinite or not known is null."""
-        return finite(
-            {
-                "schema": SCHEMA,
-                "robot": self.robot,
-                "verdict": self.verdict,
-                "effect": self.effect,
-                "location": self.location,
-                "tied_locations": list(self.tied_locations),
-                "candidates": [item.to_json() for item in self.candidates],
-                "n_tied": len(self.ambiguous_with),
-                "effects": [item.to_json() for item in self.effects],
-                "gap": self.gap.to_json(),
-                "simulation": None if self.simulation is None else self.simulation.to_json(),
-                "where": [item.to_json() for item in self.where],
-                "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
-                "sentence": self.sentence(),
-                "log": [fault_entry(item) for item in self.faults],
-                "findings": [
-                    {"code": item.kind, "where": item.where, "message": item.text, **item.to_json()}
-                    for item in self.faults
-                ],
-                "warnings": list(self.warnings),
-                "modelled": list(self.modelled),
-                "baseline": [item.to_json() for item in self.absorbed],
-                "trivial": {name: item.to_json() for name, item in self.trivial.items()},
-                **({} if self.budget is None else self.budget.to_json()),
-            }
+    @property
+    @stated_with(stated="n_tied", added=0)
+    def n_ambiguous(self) -> int:
+        """Number of leading candidates that the data cannot tell apart."""
+        return len(self.ambiguous_with)
+
+    @property
+    @stated_with(added=())
+    def log(self) -> tuple[LogFault, ...]:
+        """What was wrong with the record."""
+        return tuple(
+            LogFault(item.kind, item.where, item.text, item.remedy, item.repaired) for item in self.faults
         )
 
+    @property
+    @stated_with(added=())
+    def findings(self) -> tuple[Noticed, ...]:
+        """The same, with their figures."""
+        return tuple(
+            Noticed(**{one.name: getattr(item, one.name) for one in fields(Finding)}) for item in self.faults
+        )
+
+    @property
+    @stated_with(stated="budget", added={}, **LEFT_OUT)
+    def shares(self) -> Annotated[dict[Name, ChannelBudget], FEW] | None:
+        """Where each channel's gap goes; left out where it was not computed."""
+        return None if self.budget is None else self.budget.channels
+
+    @property
+    @stated_with(added="", **LEFT_OUT)
+    def budget_sentence(self) -> str | None:
+        """The budget in one sentence."""
+        return None if self.budget is None else self.budget.sentence()
+
+    @property
+    @stated_with(added=(), **LEFT_OUT)
+    def detectable(self) -> tuple[Detectable, ...] | None:
+        """How large effects would have to be for the record to show them."""
+        return None if self.budget is None else self.budget.detectable
+
+    @stated_with(added="")
     def sentence(self) -> str:
-        """The one sentence that a person would repeat to a colleague."""
+        """What was found, in the one sentence that a person would repeat to a colleague."""
         gap = f"{percent(self.gap.before)} of the signal"
         of = "gap of the positions" if self.gap.of_positions else "gap"
         closes = f"closes {100 * self.gap.share_closed:.0f} % of the {of} above the noise"
@@ -349,7 +423,7 @@ def candidate_row(item: Candidate, accepted: set[tuple[str, str | None]]) -> dic
 def trivial_table(errors: Mapping[str, TrivialErrors]) -> list[str]:
     """Lines with the model's error beside those of simple predictors; none where there are no such ones."""
     names = ("model", "command", "delayed_command", "fir", "repeat")
-    rows = {name: [item.to_json()[n] for n in names] for name, item in errors.items()}
+    rows = {name: [getattr(item, n) for n in names] for name, item in errors.items()}
     if all(value is None for row in rows.values() for value in row[1:]):
         return []
     width = max([len(name) for name in errors] + [7])
@@ -420,17 +494,6 @@ def _line(item: Candidate, standing: str) -> str:
 def fault_lines(faults: Sequence[Finding]) -> list[str]:
     """One line a finding of the doctor."""
     return [f"log: {item.text} ({item.remedy}{'; repaired' if item.repaired else ''})" for item in faults]
-
-
-def fault_entry(item: Finding) -> dict[str, Any]:
-    """A finding in the form of the document's ``log``."""
-    return {
-        "kind": item.kind,
-        "where": item.where,
-        "what": item.text,
-        "cause": item.remedy,
-        "repaired": item.repaired,
-    }
 
 
 # What a budget's figures leave open, in words: intervals that say little, and a gap that lies elsewhere.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from excite.diagnosis.answer.candidate import in_words
+from excite.results import Interval, Name, Stated, Unbounded, UnboundedPositive
 
 # What differs between repeats of one command beyond the noise of a trial.
 NOT_REPEATED = "does not repeat"
@@ -14,7 +14,7 @@ _WORTH = 0.05
 
 
 @dataclass(frozen=True)
-class EffectShare:
+class EffectShare(Stated):
     """What an effect takes of a channel's gap.
 
     Attributes:
@@ -24,23 +24,14 @@ class EffectShare:
         interval90: of the share, by blocks left out of what is fitted and of what judges.
     """
 
-    effect: str
-    location: str
-    share: float
-    interval90: tuple[float, float]
-
-    def to_json(self) -> dict[str, Any]:
-        """As it stands in the document."""
-        return {
-            "effect": self.effect,
-            "location": self.location,
-            "share": self.share,
-            "interval90": list(self.interval90),
-        }
+    effect: Name
+    location: Name
+    share: Unbounded
+    interval90: Interval
 
 
 @dataclass(frozen=True)
-class UnnamedShare:
+class UnnamedShare(Stated):
     """What a function of one thing takes, which has no name.
 
     Attributes:
@@ -50,23 +41,14 @@ class UnnamedShare:
         torque: its values there [the channel's unit].
     """
 
-    follows: str
-    share: float
-    knots: tuple[float, ...] = ()
-    torque: tuple[float, ...] = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """As it stands in the document."""
-        return {
-            "follows": self.follows,
-            "share": self.share,
-            "knots": list(self.knots),
-            "torque": list(self.torque),
-        }
+    follows: Name
+    share: Unbounded
+    knots: tuple[Unbounded, ...] = ()
+    torque: tuple[Unbounded, ...] = ()
 
 
 @dataclass(frozen=True)
-class ChannelBudget:
+class ChannelBudget(Stated):
     """A channel's gap and where it goes; shares of effects, unnamed ones and the rest add up to one.
 
     Attributes:
@@ -79,25 +61,13 @@ class ChannelBudget:
         unit: of noise floor and gap; of commands alone that of the torque that the servo must have asked for.
     """
 
-    noise_floor: float
-    gap: float
+    noise_floor: UnboundedPositive
+    gap: UnboundedPositive
     effects: tuple[EffectShare, ...]
     unnamed: tuple[UnnamedShare, ...]
-    rest: float
-    weight: float = 0.0
-    unit: str = ""
-
-    def to_json(self) -> dict[str, Any]:
-        """As it stands in the document."""
-        return {
-            "noise_floor": self.noise_floor,
-            "gap": self.gap,
-            "unit": self.unit,
-            "weight": self.weight,
-            "effects": [item.to_json() for item in self.effects],
-            "unnamed": [item.to_json() for item in self.unnamed],
-            "rest": self.rest,
-        }
+    rest: Unbounded
+    weight: Unbounded = 0.0
+    unit: Name = ""
 
 
 @dataclass(frozen=True)
@@ -130,24 +100,20 @@ class Named:
 
 
 @dataclass(frozen=True)
-class Detectable:
+class Detectable(Stated):
     """How large an effect would have to be for a record to show it.
 
     Attributes:
         effect: its name.
         location: its place.
-        size: of its one parameter, at which it would be worth its price.
-        unit: SI unit.
+        size: smallest size that would be named [unit], at which it is worth its price; null where none would.
+        unit: SI unit; 1 where it has none.
     """
 
-    effect: str
-    location: str
-    size: float
-    unit: str
-
-    def to_json(self) -> dict[str, Any]:
-        """As it stands in the document."""
-        return {"effect": self.effect, "location": self.location, "size": self.size, "unit": self.unit}
+    effect: Name
+    location: Name
+    size: UnboundedPositive
+    unit: Name
 
 
 @dataclass(frozen=True)
@@ -163,14 +129,6 @@ class Budget:
     channels: dict[str, ChannelBudget]
     named: tuple[Named, ...]
     detectable: tuple[Detectable, ...] = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """Its fields of the document."""
-        return {
-            "budget": {name: item.to_json() for name, item in self.channels.items()},
-            "budget_sentence": self.sentence(),
-            "detectable": [item.to_json() for item in self.detectable],
-        }
 
     @property
     def weights(self) -> dict[str, float]:

@@ -5,70 +5,57 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Annotated
 
 from excite.arrays import Array
+from excite.results import Interval, Name, Stated, Unbounded, UnboundedPositive, named
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Stated):
     """A fitted parameter of an effect.
 
     Attributes:
-        value: in ``unit``.
-        std: standard deviation in ``unit``, None where it was not computed.
-        unit: SI unit.
+        value: in its unit.
+        std: standard deviation in its unit; null where it is not known.
+        unit: SI unit; 1 where it has none.
     """
 
-    value: float
-    std: float | None
-    unit: str
+    value: Unbounded
+    std: UnboundedPositive | None
+    unit: Name
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Candidate(Stated):
     """An effect at a place, fitted on the identification trials.
 
     Attributes:
-        effect: name of the effect, a word of ``excite.logs.vocabulary.EFFECTS``.
+        effect: name of the effect.
         location: joint, link, sensor (``SENSOR.AXIS``, ``SENSOR.AXIS->AXIS``), ``base``, ``torque`` or ``wrench``.
         parameters: fitted parameters by name.
         evidence: log-likelihood ratio against the model without it, per effective sample summed, less the
             price of its parameters and of the candidates tried [nats].
-        gap_after: root mean square over channels of the normalised gap on the validation trials.
-        share_closed: ``1 − (after² − floor²)/(before² − floor²)``.
+        gap_after: gap with it, as share of the signal: root mean square over channels on the trials that judge.
+        share_closed: share of the gap above the noise that it closes, ``1 − (after² − floor²)/(before² − floor²)``: of
+            the torques, or wrenches, on the trials that judge; an accepted effect together with those before it, every
+            other one alone.
         tied_locations: places that the data cannot tell from ``location``, itself among them.
         probability: probability that this is the effect and the place; what the candidates' probabilities lack to 1
-            is something that none of them is. None unless computed.
-        interval: 90 % interval of ``share_closed``; None unless computed.
+            is something that none of them is; null where it was not computed.
+        interval: 90 % interval of the share closed; null where it was not computed.
     """
 
-    effect: str
-    location: str | None
-    parameters: dict[str, Estimate]
-    evidence: float
-    gap_after: float
-    share_closed: float
-    tied_locations: tuple[str, ...] = ()
-    probability: float | None = None
-    interval: tuple[float, float] | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """The candidate as it stands in the document."""
-        return {
-            "effect": self.effect,
-            "location": self.location,
-            "parameters": {
-                name: {"value": item.value, "std": item.std, "unit": item.unit}
-                for name, item in self.parameters.items()
-            },
-            "evidence": self.evidence,
-            "gap_after": self.gap_after,
-            "share_closed": self.share_closed,
-            "tied_locations": list(self.tied_locations),
-            "probability": self.probability,
-            "share_closed_90": None if self.interval is None else list(self.interval),
-        }
+    effect: Name
+    location: Name | None
+    parameters: dict[Name, Estimate]
+    evidence: Unbounded
+    gap_after: UnboundedPositive
+    share_closed: Unbounded
+    tied_locations: tuple[Name, ...] = ()
+    probability: UnboundedPositive | None = None
+    interval: Interval | None = field(default=None, metadata=named("share_closed_90"))
 
 
 def measured(item: Estimate) -> str:
@@ -144,3 +131,27 @@ class RobotChanges:
     armature: Mapping[str, float] = field(default_factory=dict)
     bodies: Mapping[str, Array] = field(default_factory=dict)
     beyond: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Applied(Stated):
+    """A robot that was written with the effects of a diagnosis in it.
+
+    Attributes:
+        robot: its ``robot.yaml``; in a document from ``--out``, or from the working folder.
+        written: what was changed, a sentence each.
+        left_out: what the files have no place for, a sentence each.
+    """
+
+    robot: Annotated[Path, "path"]
+    written: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    def summary(self) -> str:
+        """A line each."""
+        lines = [f"robot with the effects: {self.robot}"]
+        lines += [f"  {text}" for text in self.written or ("nothing was found that it did not have",)]
+        lines += [f"  not in it: {text}" for text in self.left_out]
+        if self.left_out:
+            lines.append("  a diagnosis with this robot finds again what is not in it")
+        return "\n".join(lines)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,11 @@ from excite.arrays import Array
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.units import force_unit
 from excite.logs.signals.butterworth import noise_bandwidth
+from excite.results import FEW, Interval, Name, Stated, Unbounded, UnboundedPositive, added_as, named
 
 
 @dataclass(frozen=True)
-class ChannelGap:
+class ChannelGap(Stated):
     """Gap of one channel: RMS over the validation trials of measured minus predicted [the channel's unit].
 
     Attributes:
@@ -27,14 +28,14 @@ class ChannelGap:
         unit: of the three.
     """
 
-    before: float
-    after: float
-    noise_floor: float
-    unit: str = "N·m"
+    before: UnboundedPositive
+    after: UnboundedPositive
+    noise_floor: UnboundedPositive
+    unit: Name = field(default="N·m", metadata=added_as(""))
 
 
 @dataclass(frozen=True)
-class Gap:
+class Gap(Stated):
     """The gap over all channels: root mean square over them, each divided by its standard deviation.
 
     Attributes:
@@ -44,43 +45,24 @@ class Gap:
         share_closed: ``1 − (after² − floor²)/(before² − floor²)``; 0 where there was nothing to close.
         per_channel: by channel, in its own unit.
         interval: 90 % interval of what the effects, sized as they are, close on motions like the record's, their
-            noise known; None where it was not computed or the record does not tell.
+            noise known; null where it was not computed or the record does not tell.
     """
 
-    before: float
-    after: float
-    noise_floor: float
-    share_closed: float
-    per_channel: dict[str, ChannelGap]
-    interval: tuple[float, float] | None = None
+    before: UnboundedPositive
+    after: UnboundedPositive
+    noise_floor: UnboundedPositive
+    share_closed: Unbounded
+    per_channel: Annotated[dict[Name, ChannelGap], FEW]
+    interval: Interval | None = field(default=None, metadata=named("share_closed_90"))
 
     @property
     def of_positions(self) -> bool:
         """Whether it is a gap of positions, in roll-outs, as that of a log without torques is."""
         return of_positions(item.unit for item in self.per_channel.values())
 
-    def to_json(self) -> dict[str, Any]:
-        """The gap as it stands in the document."""
-        return {
-            "before": self.before,
-            "after": self.after,
-            "noise_floor": self.noise_floor,
-            "share_closed": self.share_closed,
-            "share_closed_90": None if self.interval is None else list(self.interval),
-            "per_channel": {
-                name: {
-                    "before": item.before,
-                    "after": item.after,
-                    "noise_floor": item.noise_floor,
-                    "unit": item.unit,
-                }
-                for name, item in self.per_channel.items()
-            },
-        }
-
 
 @dataclass(frozen=True)
-class Where:
+class Where(Stated):
     """One line of the map of where the gap lies.
 
     Attributes:
@@ -92,21 +74,11 @@ class Where:
         dependence: share of the residual's power that each thing explains, by name, 0…1.
     """
 
-    channel: str
-    share: float
-    depends_on: str
-    band_hz: tuple[float, float]
-    dependence: dict[str, float] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, Any]:
-        """The line as it stands in the document."""
-        return {
-            "channel": self.channel,
-            "share": self.share,
-            "depends_on": self.depends_on,
-            "band_hz": list(self.band_hz),
-            "dependence": dict(self.dependence),
-        }
+    channel: Name
+    share: Unbounded
+    depends_on: Name
+    band_hz: Interval
+    dependence: Annotated[dict[Name, Unbounded], FEW] = field(default_factory=dict)
 
 
 def of_positions(units: Iterable[str]) -> bool:

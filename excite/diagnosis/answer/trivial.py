@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from excite.finding import Finding, list_names
+from excite.results import HIDDEN, Name, Stated, UnboundedPositive
 
 # Up to so many times the floor a model does what can be done, and its neighbours tell nothing.
 _AT_FLOOR = 1.3
 
 
 @dataclass(frozen=True)
-class TrivialErrors:
+class TrivialErrors(Stated):
     """RMS errors of one channel on the rows that judge [unit]; None what the record does not tell.
 
     Attributes:
-        command: of the command taken for the position.
+        command: of the command taken for the position; null for torques.
         delayed_command: of the command a while ago, to a scale and an offset.
         fir: of a linear filter from the command to the position.
-        repeat: by which trials with the same command differ.
+        repeat: by which trials with the same command differ; null without such.
         model: of the simulator with the effects found.
         floor: what no model can go below.
         unit: of them all.
@@ -30,34 +30,21 @@ class TrivialErrors:
         fir_s: length of the filter [s].
     """
 
-    command: float | None = None
-    delayed_command: float | None = None
-    fir: float | None = None
-    repeat: float | None = None
-    model: float | None = None
-    floor: float = 0.0
-    unit: str = "rad"
-    delay_s: float | None = None
-    fir_s: float | None = None
+    command: UnboundedPositive | None = None
+    delayed_command: UnboundedPositive | None = None
+    fir: UnboundedPositive | None = None
+    repeat: UnboundedPositive | None = None
+    model: UnboundedPositive | None = None
+    floor: float = field(default=0.0, metadata=HIDDEN)
+    unit: Name = "rad"
+    delay_s: UnboundedPositive | None = None
+    fir_s: UnboundedPositive | None = None
 
     @property
     def best(self) -> float | None:
         """The least error of the predictors that have learnt from commands."""
         known = [value for value in (self.delayed_command, self.fir) if value is not None]
         return min(known) if known else None
-
-    def to_json(self) -> dict[str, Any]:
-        """As it stands in the document."""
-        return {
-            "command": self.command,
-            "delayed_command": self.delayed_command,
-            "fir": self.fir,
-            "repeat": self.repeat,
-            "model": self.model,
-            "unit": self.unit,
-            "delay_s": self.delay_s,
-            "fir_s": self.fir_s,
-        }
 
 
 def beaten(errors: Mapping[str, TrivialErrors]) -> tuple[Finding, ...]:
@@ -101,7 +88,7 @@ def _by(item: TrivialErrors) -> str:
 
 def overall(errors: Mapping[str, TrivialErrors], name: str) -> float | None:
     """Root mean square over the channels of one of the errors; None where any channel lacks it."""
-    values = [item.to_json()[name] for item in errors.values()]
+    values = [getattr(item, name) for item in errors.values()]
     if not values or any(v is None for v in values):
         return None
     return float(np.sqrt(np.mean(np.square(values))))

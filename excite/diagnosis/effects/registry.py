@@ -15,6 +15,7 @@ from excite.diagnosis.effects.friction import (
 from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.effects.gears.gear_effect import Armature, JointElasticity
 from excite.diagnosis.effects.readings import ActuatorLag, EncoderOffset, TimeDelay, TorqueBias, TorqueGain
+from excite.registry import add_installed
 
 EFFECTS: dict[str, Effect] = {
     effect.name: effect
@@ -39,3 +40,4 @@ EFFECTS: dict[str, Effect] = {
         BaseTilt(),
     )
 }
+add_installed("effects", EFFECTS)

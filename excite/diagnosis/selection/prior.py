@@ -179,7 +179,7 @@ class Slab:
                 cross[self.index[j]] += self.always[j].T @ part
             rest = whole - cross.T @ cho_solve(self.factor, cross)
         least = _LEAST * np.diag(np.diag(whole))
-        return (0.5 * (rest + rest.T) + least) / max(int(self.use.sum()), 1)
+        return np.asarray((0.5 * (rest + rest.T) + least) / max(int(self.use.sum()), 1))
 
 
 def atom_of(term: Term, slab: Slab, changes: Sequence[Mapping[int, Array]] = ()) -> Atom:

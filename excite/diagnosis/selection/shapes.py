@@ -294,13 +294,53 @@ def other_forms(
             tried += [(form, form.starts(other.theta)) for form in other.effect.richer]
         for form, starts in tried:
             begun = [_begun(makers[i], form, term, theta) for theta in starts[:_STARTS]]
-            gains = [(company.gain_of(t)[0], k, t) for k, t in enumerate(begun) if t is not None]
-            # The two best of the starts, each to its own end.
-            for _, _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
-                best, gain = searched_beside(company, makers[i], start)
+            for best, gain in _best_of(company, makers[i], begun):
                 if gain > own - _BEHIND:
                     found.append((replace(best, started=term.started), makers[i]))
     return found
+
+
+def forms_unlike_grids(
+    gram: Gram,
+    terms: Sequence[Term],
+    slab: Slab,
+    maker: TermMaker,
+    effects: Sequence[Effect],
+    joints: Sequence[str],
+) -> list[Term]:
+    """Richer forms where no plain one on its grid fits anything, at their best beside a model.
+
+    Args:
+        gram: of the record.
+        terms: of the model.
+        slab: unit of their torques.
+        maker: of columns at what the model predicts.
+        effects: whose forms are tried.
+        joints: at which they are.
+    """
+    company, found = Company.of(gram, terms, slab), []
+    for joint in joints:
+        for effect in effects:
+            for form in effect.richer:
+                there = joint in effect.locations(maker.context)
+                starts = form.own_starts(maker.context, joint) if there else []
+                begun = [maker.make(form, joint, theta) for theta in starts]
+                found += [best for best, gain in _best_of(company, maker, begun) if gain > _WORTH]
+    return found
+
+
+def _best_of(
+    company: Company, maker: TermMaker, begun: Sequence[Term | None]
+) -> Iterator[tuple[Term, float]]:
+    """The two best of some starts, each at its own end, with its nats; without what is no longer what its name says.
+
+    A spring that acts over the last of the travel alone is a stop.
+    """
+    gains = [(company.gain_of(term)[0], term) for term in begun if term is not None]
+    for _, start in sorted(gains, reverse=True, key=lambda item: item[0])[:2]:
+        best, gain = searched_beside(company, maker, start)
+        if best.effect.is_body or best.can_be(best.context, company.gain_of(best)[1]):
+            yield best, gain
 
 
 def _others_there(company: Company, term: Term, own: float) -> list[Term]:

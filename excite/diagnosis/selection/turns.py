@@ -34,7 +34,12 @@ from excite.diagnosis.selection.prior import (
     with_odds,
 )
 from excite.diagnosis.selection.sampler import Draws, climb, sample
-from excite.diagnosis.selection.shapes import other_forms, searched_together, shape_changes
+from excite.diagnosis.selection.shapes import (
+    forms_unlike_grids,
+    other_forms,
+    searched_together,
+    shape_changes,
+)
 from excite.progress import step
 
 # By turn: factor of the noise's variance, and white part of its spectrum.
@@ -43,6 +48,8 @@ _TURNS = ((16.0, 10.0), (4.0, 3.0), (1.0, 1.0), (1.0, 1.0), (1.0, 1.0), (1.0, 1.
 _SWEEPS, _BURNT, _LONGER = 60, 30, 4
 # How often an ascent begins again without what its sizes deny, and what that loses.
 _BANS, _BANNED = 6, 1e4
+# Power left of a joint, in units of its noise, from which forms are tried there that no grid tells; and of how many.
+_STANDS, _TRIED = 4.0, 2
 # Deviation of the discrepancy at first, in units of the gap.
 _DISCREPANCY = 0.1
 
@@ -186,6 +193,10 @@ class _Turns:
         found: Atoms = {}
         for term, maker in other_forms(gram, terms, self.slab, makers) if turn >= 1 else []:
             found.setdefault(term.key, []).append(self._with_shape(gram, maker, term, None))
+        whole = TermMaker(now.context, self.full.strict)
+        joints = self._worst(gram, terms)
+        for term in forms_unlike_grids(gram, terms, self.slab, whole, self.library.effects, joints):
+            found.setdefault(term.key, []).append(self._with_shape(gram, whole, term, None))
         self._grid_again(now, terms, gears, first=turn == 0)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
@@ -204,6 +215,15 @@ class _Turns:
             )
             keys.append(again)
         return found, [*keys, *(term for term in terms if _is_begun(term))]
+
+    def _worst(self, gram: Gram, terms: Sequence[Term]) -> list[str]:
+        """Joints without a gear in the model that have most left, in units of their noise."""
+        use = self.rows.block >= 0
+        left = (self.noise.residual[:, use] ** 2).mean(axis=1) / self.noise.floor**2
+        taken = {term.location for term in terms if group_of(term)[0] == "gear"}
+        names = self.full.samples.joints
+        order = [int(j) for j in np.argsort(-left) if left[j] > _STANDS and names[j] not in taken]
+        return [names[j] for j in order[:_TRIED]]
 
     def _grid_again(self, now: Prediction, terms: Sequence[Term], gears: list[int], *, first: bool) -> None:
         """Columns of the grid at what the model predicts, where it has moved the load, and once in any case."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -179,6 +179,14 @@ class _Helpful:
     whole: AugmentedModel
 
 
+class _Candidate(NamedTuple):
+    """A model, its baseline, and the mean squared errors of its roll-outs ``(n_joints,)`` [rad²]."""
+
+    model: AugmentedModel
+    baseline: Baseline
+    errors: Array
+
+
 def _helpful(
     attribution: Attribution,
     baseline: Baseline,
@@ -198,19 +206,19 @@ def _helpful(
         return np.asarray((errors(model.xml, samples, rigid, check) ** 2).mean(axis=(0, 1)))
 
     @cache
-    def made(count: int) -> tuple[AugmentedModel, Baseline, Array]:
+    def made(count: int) -> _Candidate:
         """With the first effects; fewer of them are simulated only where more do not help."""
         if count == 0:
-            return before, baseline, left(before, baseline.rigid)
+            return _Candidate(before, baseline, left(before, baseline.rigid))
         final = attribution.final if count == len(effects) else attribution.stages[count].context.baseline
         model = augmented_model(final, effects[:count])
-        return model, final, left(model, final.rigid)
+        return _Candidate(model, final, left(model, final.rigid))
 
-    whole = made(len(effects))[0]
+    whole = made(len(effects)).model
     for count in range(len(effects), 0, -1):
         model, final, most = made(count)
         gain = plan.least_gain if count > 1 else 0.0
-        if _nearer(most, made(0)[2]) and _nearer(most, made(count - 1)[2], gain):
+        if _nearer(most, made(0).errors) and _nearer(most, made(count - 1).errors, gain):
             return _Helpful(model, final, effects[:count], whole)
     return _Helpful(before, baseline, (), whole)
 

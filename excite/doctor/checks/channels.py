@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from excite.display import percent
-from excite.doctor.channel_errors import LEAST_GAIN, OF_TORQUES, OF_WRENCHES, Misreading, misreadings
+from excite.doctor.channel_errors import OF_TORQUES, OF_WRENCHES, Misreading, misreadings
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.check import Check, Outcome
 from excite.doctor.checks.torques import of_unknown_unit
-from excite.doctor.mistakes.joints import Clock
+from excite.doctor.inertial_prior import STRONG_ODDS
+from excite.doctor.mistakes.mistake import Mistake
 from excite.doctor.mistakes.torques import OtherMachine, carried_load, other_machine
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.doctor.wrench_samples import wrench_samples
@@ -67,11 +67,14 @@ def _read(robot: Robot, log: Log) -> _Read:
     elif log.header.torque not in {None, "none"}:
         torques = torque_samples(robot, log)
         if torques is not None:
-            return _of_torques(torques, stated)
+            possible_of_torques = [
+                m for m in OF_TORQUES if not m.of_posture or log.header.posture == "measured"
+            ]
+            return _of_torques(torques, stated, possible_of_torques)
     return _Read(stated, (), "")
 
 
-def _of_torques(samples: TorqueSamples, stated: Reading) -> _Read:
+def _of_torques(samples: TorqueSamples, stated: Reading, possible: Sequence[Mistake[TorqueSamples]]) -> _Read:
     """What torques betray; beside a load where that explains them better than the first mistake would.
 
     A load of a robot's own weight is no likely body: torques of an arm that carried one were scaled, and without that
@@ -81,13 +84,14 @@ def _of_torques(samples: TorqueSamples, stated: Reading) -> _Read:
     if of_unknown_unit(samples, stated) is not None:
         return _Read(stated, (), samples.measured_name)
     used = samples
-    reading, found = misreadings(samples, stated, OF_TORQUES)
+    reading, found = misreadings(samples, stated, possible)
     load = carried_load(samples, stated) if found else None
     if load is not None:
         loaded = replace(samples, carried=load.parameters)
-        if float((samples.judged(stated) - loaded.judged(stated)).sum()) > found[0].gain:
+        before = samples.judged(stated)
+        if before.odds(loaded.judged(stated, before.counts)) > found[0].gain:
             used = loaded
-            reading, found = misreadings(loaded, stated, OF_TORQUES)
+            reading, found = misreadings(loaded, stated, possible)
     return _Read(reading, found, samples.measured_name, _other_machine(used, stated, reading, found))
 
 
@@ -102,10 +106,10 @@ def _other_machine(
     """
     if len(found) < 2:
         return None
-    clock = any(item.mistake.name == Clock.name and item.correction.ask for item in found)
+    clock = any(item.mistake.name == "clock" and item.correction.ask for item in found)
     other = other_machine(samples, stated, mended.tick if clock else stated.tick)
-    better = float(other.left.sum() - samples.judged(mended).sum())
-    return other if better < LEAST_GAIN else None
+    then = samples.judged(mended, samples.judged(stated).counts)
+    return other if float(then.counts @ (other.left - then.left)) - then.cost < STRONG_ODDS else None
 
 
 def _as_logged(reading: Reading, found: tuple[Misreading, ...]) -> Reading:
@@ -118,7 +122,7 @@ def _as_logged(reading: Reading, found: tuple[Misreading, ...]) -> Reading:
 
 def _of_another_machine(found: tuple[Misreading, ...], what: str, other: OtherMachine) -> Finding:
     """One model that is another machine's instead of several mistakes."""
-    kinds = dict.fromkeys(item.correction.kind.replace("_", " ") for item in found)
+    kinds = dict.fromkeys(item.mistake.name.replace("_", " ") for item in found)
     before, after = percent(min(100.0, 100.0 * found[0].before)), percent(100.0 * other.share)
     size = "" if other.length == 1.0 else f", about {other.length:.2g} times as long"
     text = (
@@ -149,14 +153,13 @@ def _finding(item: Misreading, what: str) -> Finding:
         remedy = "it was put right for what follows; correct the log"
     else:
         remedy = f"it was put right as far as the {what} tell; correct the log"
-    gain = correction.surprise if correction.surprise is not None else item.gain / correction.changes
     return Finding(
-        correction.kind,
+        item.mistake.name,
         text,
         {**correction.figures, "left_before": item.before, "left_after": item.after},
         correction.places,
         severity="spoils",
-        sure=float(1.0 - 0.5 * np.exp(-(gain - LEAST_GAIN) / LEAST_GAIN)) if gain > LEAST_GAIN else 0.5,
+        sure=item.sure,
         repaired=not correction.ask,
         remedy=remedy,
     )

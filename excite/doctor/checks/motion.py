@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array, assign_rows
-from excite.doctor.channel_errors import LEAST_GAIN
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.check import Check, Outcome
 from excite.doctor.checks.clock import velocity_ratios
+from excite.doctor.inertial_prior import STRONG_ODDS
 from excite.doctor.torque_samples import torque_samples
 from excite.finding import Finding, list_names
 from excite.logs.log import Log, Trial
@@ -388,7 +388,8 @@ def _in_radians_by_others(robot: Robot, log: Log, which: NDArray[np.bool_]) -> b
     if samples is not None:
         reading = Reading.as_stated(log)
         turned = replace(reading, unit=np.where(which, 1.0 / _DEGREE, reading.unit))
-        return float((samples.judged(reading) - samples.judged(turned)).sum()) < LEAST_GAIN
+        found = samples.judged(reading)
+        return found.posterior(samples.judged(turned, found.counts)) < STRONG_ODDS
     compared = velocity_ratios(log)
     return compared is not None and bool(
         (np.abs(np.log(np.maximum(compared[0][which], 1e-9))) < np.log(_SAME)).all()

@@ -12,7 +12,7 @@ from excite.doctor.channel_errors import misreadings
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.check import Check, Outcome
 from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.torques import ModelParts, TorqueScale, parts_in
+from excite.doctor.mistakes.torques import TORQUE_SCALE, ModelParts, parts_in
 from excite.doctor.model_comparison import drive_fit
 from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.errors import LogError
@@ -51,7 +51,7 @@ class WeakTorques(Check):
         if parts is not None:
             return Outcome(log, (said_of_unit(samples, parts, reading),), frozenset({Doubt.SIZE}))
         gains, _ = samples.gains(reading)
-        weak = (samples.judged(reading)[:-1] > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
+        weak = (samples.judged(reading).left > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
         # What a spring or a cable takes hides the bodies' torque and is large; what a dead channel reads is small.
         read, needed = samples.measured_torque(reading).std(axis=0), samples.predicted(reading)[0].std(axis=0)
         weak &= read < _WEAK * needed
@@ -169,7 +169,7 @@ def of_unknown_unit(samples: TorqueSamples, reading: Reading) -> ModelParts | No
     needed = samples.predicted(reading).torque.std(axis=0)
     if parts.told.sum() < 2 or needed[parts.told].sum() <= 0.5 * needed.sum() or parts.largest > _TOO_SMALL:
         return None
-    return None if misreadings(samples, reading, (TorqueScale(),))[1] else parts
+    return None if misreadings(samples, reading, (TORQUE_SCALE,))[1] else parts
 
 
 def said_of_unit(samples: TorqueSamples, parts: ModelParts, reading: Reading) -> Finding:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, assign_rows
 from excite.doctor.channel_mapping import BasePose, Reading
-from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
+from excite.doctor.mistakes.mistake import Correction, Samples
 from excite.doctor.torque_samples import TorqueSamples
 from excite.doctor.wrench_samples import WrenchSamples
 from excite.finding import list_names
@@ -21,52 +20,37 @@ from excite.finding import list_names
 # Positions that were logged in degrees or revolutions instead of radians.
 
 
-class Degrees(Mistake[Samples]):
+def find_degrees(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """Joints turn 57 times further than they can."""
-
-    name = "degrees"
-    of_posture = True
-
-    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        text = "positions look like degrees; convert them to radians"
-        yield from _in_unit(self.name, samples, reading, np.pi / 180.0, text)
+    text = "positions look like degrees; convert them to radians"
+    yield from _in_unit(samples, reading, np.pi / 180.0, text)
 
 
-class Revolutions(Mistake[Samples]):
+def find_revolutions(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """Joints turn a sixth as far as their torques say: drives such as moteus and ODrive count turns."""
-
-    name = "revolutions"
-    of_posture = True
-
-    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        text = "positions look like revolutions; convert them to radians"
-        yield from _in_unit(self.name, samples, reading, 2.0 * np.pi, text)
+    text = "positions look like revolutions; convert them to radians"
+    yield from _in_unit(samples, reading, 2.0 * np.pi, text)
 
 
-def _in_unit(kind: str, samples: Samples, reading: Reading, unit: float, text: str) -> Iterable[Correction]:
+def _in_unit(samples: Samples, reading: Reading, unit: float, text: str) -> Iterable[Correction]:
     """All joints that turn in another unit, where none of them is yet."""
     slides = [samples.slides(joint) for joint in range(len(samples.joints))]
     turning = tuple(name for name, slide in zip(samples.joints, slides, strict=True) if not slide)
     if turning and (reading.unit == 1.0).all():
-        yield Correction(kind, reading.in_units(unit, slides), text, turning)
+        yield Correction(reading.in_units(unit, slides), text, turning)
 
 
 # A base pose that is meant otherwise than the log's format says.
 
 
-class BaseFrame(Mistake[WrenchSamples]):
+def find_base_frame(samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
     """Quaternions in another order or of the inverse, positions in millimetres: weights then stand askew."""
-
-    name = "base_pose"
-    of_posture = True
-
-    def corrections(self, samples: WrenchSamples, reading: Reading) -> Iterable[Correction]:
-        if reading.pose is not BasePose.STATED:
-            return
-        for pose in BasePose:
-            if pose is not BasePose.STATED:
-                text = f"the base pose looks otherwise than stated: {pose.value}"
-                yield Correction(self.name, replace(reading, pose=pose), text, ("base",))
+    if reading.pose is not BasePose.STATED:
+        return
+    for pose in BasePose:
+        if pose is not BasePose.STATED:
+            text = f"the base pose looks otherwise than stated: {pose.value}"
+            yield Correction(replace(reading, pose=pose), text, ("base",))
 
 
 # A clock that runs too fast or too slow.
@@ -78,94 +62,84 @@ _TICKS = np.geomspace(0.1, 10.0, 41)
 _NEVER = 0.9 * _TICKS[-1]
 
 
-class Clock(Mistake[TorqueSamples]):
+def find_clock(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """Weights do not know the clock, inertial forces do: they grow with its square.
 
     Torques that lack inertial forces, or have too many, need not be a clock's: commands of gravity compensation and
     wrong inertias look alike. So the clock is put right where a second witness, the rate that the log states, says the
     same; where none does, or logged velocities agree with the stamps, it is asked for.
     """
+    # Without weight nothing stays while the clock changes.
+    if reading.tick != 1.0 or reading.weightless:
+        return
 
-    name = "clock"
-    leaves = frozenset({Doubt.CLOCK})
+    by_clock = samples.by_clock(reading)
 
-    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        # Without weight nothing stays while the clock changes.
-        if reading.tick != 1.0 or reading.weightless:
-            return
+    def left(log_tick: float) -> float:
+        return float(by_clock(float(np.exp(log_tick))).sum())
 
-        by_clock = samples.by_clock(reading)
-
-        def left(log_tick: float) -> float:
-            return float(by_clock(float(np.exp(log_tick))).sum())
-
-        grid = np.log(_TICKS)
-        scores = [left(value) for value in grid]
-        k = int(np.argmin(scores))
-        # About the stamps' own clock, a step of the grid is what the torques do not tell.
-        if k == len(grid) // 2:
-            return
-        low, high = grid[max(0, k - 1)], grid[min(len(grid) - 1, k + 1)]
-        best = float(
-            np.exp(
-                scipy.optimize.minimize_scalar(
-                    left, bounds=(low, high), method="bounded", options={"xatol": 0.003}
-                ).x
-            )
+    grid = np.log(_TICKS)
+    scores = [left(value) for value in grid]
+    k = int(np.argmin(scores))
+    # About the stamps' own clock, a step of the grid is what the torques do not tell.
+    if k == len(grid) // 2:
+        return
+    low, high = grid[max(0, k - 1)], grid[min(len(grid) - 1, k + 1)]
+    best = float(
+        np.exp(
+            scipy.optimize.minimize_scalar(
+                left, bounds=(low, high), method="bounded", options={"xatol": 0.003}
+            ).x
         )
-        if 1.0 / _LEAST < best < _LEAST:
-            return
-        which = "fast" if best < 1.0 else "slow"
-        text = f"the clock looks {which}: a second of the stamps is {best:.3g} s by the torques"
-        stated = samples.rate_hz / samples.stated_hz
-        if 1.0 / _LEAST < best / stated < _LEAST and not samples.speeds:
-            text += f", {stated:.4g} s by rate_hz"
-            yield Correction(self.name, replace(reading, tick=stated), text, ("time",), {"tick": stated})
-            return
+    )
+    if 1.0 / _LEAST < best < _LEAST:
+        return
+    which = "fast" if best < 1.0 else "slow"
+    text = f"the clock looks {which}: a second of the stamps is {best:.3g} s by the torques"
+    stated = samples.rate_hz / samples.stated_hz
+    if 1.0 / _LEAST < best / stated < _LEAST and not samples.speeds:
+        text += f", {stated:.4g} s by rate_hz"
+        yield Correction(replace(reading, tick=stated), text, ("time",), {"tick": stated})
+        return
+    ask = (
+        f"the stamps are believed; if they are wrong, scale them (scale: {{time: {best:.3g}}} in map.yaml) and "
+        "correct rate_hz; if the torques are commands, leave them out (log: {torque: none})"
+    )
+    but = (
+        "logged velocities agree with the stamps, and a controller's commands or wrong lengths look so, too"
+        if samples.speeds
+        else "nothing but the torques says so, and wrong inertias or lengths or commands look so, too"
+    )
+    text = f"{text}; {but}"
+    if best > _NEVER:
+        text = (
+            "the torques carry weight alone, and none of the inertial forces of this motion: what moves the robot "
+            "is not in them, as where a person guides it by hand, or they are a gravity compensation's commands"
+        )
         ask = (
-            f"the stamps are believed; if they are wrong, scale them (scale: {{time: {best:.3g}}} in map.yaml) and "
-            "correct rate_hz; if the torques are commands, leave them out (log: {torque: none})"
+            "record motion under the robot's own controller, with measured torques; if these are commands, leave "
+            "them out (log: {torque: none})"
         )
-        but = (
-            "logged velocities agree with the stamps, and a controller's commands or wrong lengths look so, too"
-            if samples.speeds
-            else "nothing but the torques says so, and wrong inertias or lengths or commands look so, too"
-        )
-        text = f"{text}; {but}"
-        if best > _NEVER:
-            text = (
-                "the torques carry weight alone, and none of the inertial forces of this motion: what moves the robot "
-                "is not in them, as where a person guides it by hand, or they are a gravity compensation's commands"
-            )
-            ask = (
-                "record motion under the robot's own controller, with measured torques; if these are commands, leave "
-                "them out (log: {torque: none})"
-            )
-        yield Correction(
-            self.name,
-            replace(reading, tick=best),
-            text,
-            ("time",),
-            {"tick": best},
-            ask=ask,
-            as_logged=lambda read: replace(read, tick=1.0),
-            certain=False,
-        )
+    yield Correction(
+        replace(reading, tick=best),
+        text,
+        ("time",),
+        {"tick": best},
+        ask=ask,
+        as_logged=lambda read: replace(read, tick=1.0),
+        certain=False,
+    )
 
 
 # Joints that are turned about altogether: position and torque count the other way.
 
 
-class Direction(Mistake[TorqueSamples]):
+def find_turned_joints(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """The model's axis and the robot's point opposite ways."""
-
-    name = "direction"
-
-    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        for j, joint in enumerate(samples.channels):
-            turned = reading.with_position(int(samples.measured[j]), sign=-1.0).with_torque([j], -1.0)
-            text = f"{joint} looks turned about: signs of its position and its torque"
-            yield Correction(self.name, turned, text, (joint,), changes=2)
+    for j, joint in enumerate(samples.channels):
+        turned = reading.with_position(int(samples.measured[j]), sign=-1.0).with_torque([j], -1.0)
+        text = f"{joint} looks turned about: signs of its position and its torque"
+        yield Correction(turned, text, (joint,), changes=2)
 
 
 # Gravity that points elsewhere than the log says: a robot on a wall, under a ceiling, or a sign.
@@ -178,42 +152,35 @@ _ALONG = 0.1
 _STEPS = (0.4, 0.2, 0.1, 0.05, 0.025)
 
 
-class Gravity(Mistake[Samples]):
+def find_gravity(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """The direction in which gravity explains the torques best."""
+    axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
 
-    name = "gravity"
-    leaves = frozenset({Doubt.GRAVITY})
+    by_gravity = samples.by_gravity(reading)
 
-    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+    def best_of(directions: list[Array]) -> tuple[float, Array]:
+        scores = by_gravity(_G * np.array(directions)).sum(axis=1)
+        best = int(np.argmin(scores))
+        return float(scores[best]), directions[best]
 
-        by_gravity = samples.by_gravity(reading)
-
-        def best_of(directions: list[Array]) -> tuple[float, Array]:
-            scores = by_gravity(_G * np.array(directions)).sum(axis=1)
-            best = int(np.argmin(scores))
-            return float(scores[best]), directions[best]
-
-        stated = reading.gravity / max(float(np.linalg.norm(reading.gravity)), 1e-12)
-        score, best = best_of([stated, *axes])
-        for step in _STEPS if best.any() else ():
-            found = best_of(_around(best, step))
-            if found[0] < score:
-                score, best = found
-        angle = float(np.arccos(np.clip(best @ stated, -1.0, 1.0)))
-        if angle < _GRAVITY_LEAST or not best.any():
-            return
-        nearest = max(axes, key=lambda axis: float(axis @ best))
-        along = float(np.arccos(np.clip(nearest @ best, -1.0, 1.0))) < _ALONG
-        if along:
-            best = nearest
-        x, y, z = (float(value) + 0.0 for value in np.round(_G * best, 12))
-        off = f"looks {np.degrees(angle):.0f}° off what" if stated.any() else "is not nought as"
-        text = f"gravity {off} the log says: write [{x:.2f}, {y:.2f}, {z:.2f}]"
-        figures = {"angle_rad": angle, "x": x, "y": y, "z": z}
-        yield Correction(
-            self.name, replace(reading, gravity=_G * best), text, ("gravity",), figures, certain=along
-        )
+    stated = reading.gravity / max(float(np.linalg.norm(reading.gravity)), 1e-12)
+    score, best = best_of([stated, *axes])
+    for step in _STEPS if best.any() else ():
+        found = best_of(_around(best, step))
+        if found[0] < score:
+            score, best = found
+    angle = float(np.arccos(np.clip(best @ stated, -1.0, 1.0)))
+    if angle < _GRAVITY_LEAST or not best.any():
+        return
+    nearest = max(axes, key=lambda axis: float(axis @ best))
+    along = float(np.arccos(np.clip(nearest @ best, -1.0, 1.0))) < _ALONG
+    if along:
+        best = nearest
+    x, y, z = (float(value) + 0.0 for value in np.round(_G * best, 12))
+    off = f"looks {np.degrees(angle):.0f}° off what" if stated.any() else "is not nought as"
+    text = f"gravity {off} the log says: write [{x:.2f}, {y:.2f}, {z:.2f}]"
+    figures = {"angle_rad": angle, "x": x, "y": y, "z": z}
+    yield Correction(replace(reading, gravity=_G * best), text, ("gravity",), figures, certain=along)
 
 
 def _around(direction: Array, step: float) -> list[Array]:
@@ -236,77 +203,60 @@ _LEAST_STEP = 0.15
 _EXPLAINED = 0.1
 
 
-class TorqueOrder(Mistake[TorqueSamples]):
+def find_torque_order(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """Torques stand under another joint's name, positions do not."""
-
-    name = "torque_order"
-
-    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        order = assign_rows(samples.across(reading))
-        moved = np.flatnonzero(order != np.arange(len(order)))
-        if not len(moved):
-            return
-        joints = samples.channels
-        # Only columns that belong together: each cycle of the exchange on its own, and all of them.
-        cycles = _cycles(order)
-        for chosen in {tuple(cycle) for cycle in cycles} | {tuple(sorted(moved.tolist()))}:
-            taken = np.arange(len(order))
-            taken[list(chosen)] = order[list(chosen)]
-            there, holds = (list_names([joints[i] for i in part]) for part in (chosen, taken[list(chosen)]))
-            text = f"torques look exchanged: those of {there} fit columns {holds}"
-            other = replace(reading, torque_of=reading.torque_of[taken])
-            yield Correction(
-                self.name,
-                other,
-                text,
-                tuple(joints[i] for i in chosen),
-                {"joints": float(len(chosen))},
-                changes=max(1, len(chosen) - 1),
-            )
+    order = assign_rows(samples.across(reading))
+    moved = np.flatnonzero(order != np.arange(len(order)))
+    if not len(moved):
+        return
+    joints = samples.channels
+    # Only columns that belong together: each cycle of the exchange on its own, and all of them.
+    cycles = _cycles(order)
+    for chosen in {tuple(cycle) for cycle in cycles} | {tuple(sorted(moved.tolist()))}:
+        taken = np.arange(len(order))
+        taken[list(chosen)] = order[list(chosen)]
+        there, holds = (list_names([joints[i] for i in part]) for part in (chosen, taken[list(chosen)]))
+        text = f"torques look exchanged: those of {there} fit columns {holds}"
+        other = replace(reading, torque_of=reading.torque_of[taken])
+        yield Correction(
+            other,
+            text,
+            tuple(joints[i] for i in chosen),
+            {"joints": float(len(chosen))},
+            changes=max(1, len(chosen) - 1),
+        )
 
 
-class Order(Mistake[TorqueSamples]):
+def find_order(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """Whole joints, or their positions alone, stand under another joint's name."""
-
-    name = "order"
-
-    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        n = len(samples.channels)
-        if n != len(samples.joints):
-            return
-        samples = samples.fewer(n * (n - 1) // 2)
-        start = float(samples.left(reading).sum())
-        for what, with_torques in (("columns", True), ("positions", False)):
-            order = _climbed(samples, reading, start, with_torques=with_torques)
-            moved = tuple(samples.joints[i] for i in np.flatnonzero(order != np.arange(n)))
-            if not moved:
-                continue
-            real = ", ".join(samples.joints[i] for i in order)
-            text = f"joints look exchanged: the {what} explain the torques far better in the order {real}"
-            yield Correction(
-                self.name,
-                _taken(reading, order, with_torques),
-                text,
-                moved,
-                {"joints": float(len(moved))},
-                changes=max(1, len(moved) - 1),
-            )
+    n = len(samples.channels)
+    if n != len(samples.joints):
+        return
+    samples = samples.fewer(n * (n - 1) // 2)
+    start = float(samples.left(reading).sum())
+    for what, with_torques in (("columns", True), ("positions", False)):
+        order = _climbed(samples, reading, start, with_torques=with_torques)
+        moved = tuple(samples.joints[i] for i in np.flatnonzero(order != np.arange(n)))
+        if not moved:
+            continue
+        real = ", ".join(samples.joints[i] for i in order)
+        text = f"joints look exchanged: the {what} explain the torques far better in the order {real}"
+        yield Correction(
+            _taken(reading, order, with_torques),
+            text,
+            moved,
+            {"joints": float(len(moved))},
+            changes=max(1, len(moved) - 1),
+        )
 
 
-class PositionOrder(Mistake[Samples]):
+def find_exchanged_positions(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """Two joints' positions stand under each other's name."""
-
-    name = "order"
-    of_posture = True
-
-    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        joints = samples.joints
-        for i, j in combinations(range(len(joints)), 2):
-            order = _exchanged(reading.position_of, i, j)
-            text = f"positions of {joints[i]} and {joints[j]} look exchanged"
-            yield Correction(
-                self.name, replace(reading, position_of=order), text, (joints[i], joints[j]), {"joints": 2.0}
-            )
+    joints = samples.joints
+    for i, j in combinations(range(len(joints)), 2):
+        order = _exchanged(reading.position_of, i, j)
+        text = f"positions of {joints[i]} and {joints[j]} look exchanged"
+        yield Correction(replace(reading, position_of=order), text, (joints[i], joints[j]), {"joints": 2.0})
 
 
 def _taken(reading: Reading, order: NDArray[np.int64], with_torques: bool) -> Reading:
@@ -387,16 +337,11 @@ def _cycles(order: Array | NDArray[np.int64]) -> list[list[int]]:
 # Joints whose position counts the other way.
 
 
-class PositionSign(Mistake[Samples]):
+def find_position_sign(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """A joint's position has its sign turned, its torque has not."""
-
-    name = "position_sign"
-    of_posture = True
-
-    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        for j, joint in enumerate(samples.joints):
-            text = f"the sign of the position of {joint} looks turned"
-            yield Correction(self.name, reading.with_position(j, sign=-1.0), text, (joint,))
+    for j, joint in enumerate(samples.joints):
+        text = f"the sign of the position of {joint} looks turned"
+        yield Correction(reading.with_position(j, sign=-1.0), text, (joint,))
 
 
 # Zeros of joint positions that are far from the model's.
@@ -414,62 +359,60 @@ _PROMISES = 0.2
 _QUARTERS, _FELT = np.array([0.0, 1.0, 2.0, 3.0]) * _QUARTER, 1e-6
 
 
-class ZeroPosition(Mistake[Samples]):
-    """Gravity, and what joints do to each other, tell where a joint really is."""
+def find_zeros(samples: Samples, reading: Reading, *, together: int = _TOGETHER) -> Iterable[Correction]:
+    """Gravity, and what joints do to each other, tell where a joint really is.
 
-    name = "zero_position"
-    of_posture = True
-    leaves = frozenset({Doubt.POSITION})
+    Args:
+        samples: samples of the log.
+        reading: the reading so far.
+        together: joints at most so far apart along the chain are tried in pairs, too.
+    """
+    start = float(samples.left(reading).sum())
+    turning = [j for j in range(len(samples.joints)) if not samples.slides(j)]
+    felt = []
+    for j in turning:
+        by_zero = samples.by_zero(reading, j)
+        found = _best_zero(samples, reading, j, start, by_zero)
+        if found is not None:
+            yield found
+        # What an upright first axis turns to from is in no torque: as one of two its zero would come for nothing.
+        if np.ptp(by_zero(_QUARTERS).sum(axis=1)) > _FELT:
+            felt.append(j)
+    for j, k in ((j, k) for j in felt for k in felt if 0 < k - j <= together):
+        for a, b in product((1, -1, 2), repeat=2):
+            moved = reading.with_position(j, zero=a * _QUARTER).with_position(k, zero=b * _QUARTER)
+            yield _moved_zeros(samples, moved, {j: a * _QUARTER, k: b * _QUARTER})
 
-    def __init__(self, together: int = _TOGETHER) -> None:
-        """Joints at most so far apart along the chain are tried in pairs, too."""
-        self._together = together
 
-    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        start = float(samples.left(reading).sum())
-        turning = [j for j in range(len(samples.joints)) if not samples.slides(j)]
-        felt = []
-        for j in turning:
-            by_zero = samples.by_zero(reading, j)
-            found = self._best(samples, reading, j, start, by_zero)
-            if found is not None:
-                yield found
-            # What an upright first axis turns to from is in no torque: as one of two its zero would come for nothing.
-            if np.ptp(by_zero(_QUARTERS).sum(axis=1)) > _FELT:
-                felt.append(j)
-        for j, k in ((j, k) for j in felt for k in felt if 0 < k - j <= self._together):
-            for a, b in product((1, -1, 2), repeat=2):
-                moved = reading.with_position(j, zero=a * _QUARTER).with_position(k, zero=b * _QUARTER)
-                yield self._said(samples, moved, {j: a * _QUARTER, k: b * _QUARTER})
+def _best_zero(
+    samples: Samples, reading: Reading, joint: int, start: float, by_zero: Callable[[Array], Array]
+) -> Correction | None:
+    def left(angle: float) -> float:
+        return float(by_zero(np.array([angle])).sum())
 
-    def _best(
-        self, samples: Samples, reading: Reading, joint: int, start: float, by_zero: Callable[[Array], Array]
-    ) -> Correction | None:
-        def left(angle: float) -> float:
-            return float(by_zero(np.array([angle])).sum())
+    angles = np.asarray(np.arange(-11, 13) * _STEP, dtype=float)
+    scores = by_zero(angles).sum(axis=1)
+    best = float(angles[int(np.argmin(scores))])
+    if start - scores.min() < _PROMISES or abs(best) < 0.5 * _STEP:
+        return None
+    best = float(
+        scipy.optimize.minimize_scalar(
+            left, bounds=(best - _STEP, best + _STEP), method="bounded", options={"xatol": 0.01}
+        ).x
+    )
+    quarter = _QUARTER * round(best / _QUARTER)
+    if quarter and abs(best - quarter) < _NEAR_QUARTER:
+        best = quarter
+    if abs(best) < _ZERO_POSITION_LEAST:
+        return None
+    return _moved_zeros(samples, reading.with_position(joint, zero=best), {joint: best})
 
-        angles = np.asarray(np.arange(-11, 13) * _STEP, dtype=float)
-        scores = by_zero(angles).sum(axis=1)
-        best = float(angles[int(np.argmin(scores))])
-        if start - scores.min() < _PROMISES or abs(best) < 0.5 * _STEP:
-            return None
-        best = float(
-            scipy.optimize.minimize_scalar(
-                left, bounds=(best - _STEP, best + _STEP), method="bounded", options={"xatol": 0.01}
-            ).x
-        )
-        quarter = _QUARTER * round(best / _QUARTER)
-        if quarter and abs(best - quarter) < _NEAR_QUARTER:
-            best = quarter
-        if abs(best) < _ZERO_POSITION_LEAST:
-            return None
-        return self._said(samples, reading.with_position(joint, zero=best), {joint: best})
 
-    def _said(self, samples: Samples, reading: Reading, added: dict[int, float]) -> Correction:
-        places = tuple(samples.joints[j] for j in added)
-        exact = all(abs(angle / _QUARTER - round(angle / _QUARTER)) < 1e-9 for angle in added.values())
-        moved = ", ".join(f"{np.degrees(angle):+.0f}° to {samples.joints[j]}" for j, angle in added.items())
-        off = "quarter turns off" if exact else "off"
-        text = f"zeros of positions look {off} the model's: add {moved}"
-        figures = {f"add_{samples.joints[j]}_rad": float(angle) for j, angle in added.items()}
-        return Correction(self.name, reading, text, places, figures, changes=len(added), certain=exact)
+def _moved_zeros(samples: Samples, reading: Reading, added: dict[int, float]) -> Correction:
+    places = tuple(samples.joints[j] for j in added)
+    exact = all(abs(angle / _QUARTER - round(angle / _QUARTER)) < 1e-9 for angle in added.values())
+    moved = ", ".join(f"{np.degrees(angle):+.0f}° to {samples.joints[j]}" for j, angle in added.items())
+    off = "quarter turns off" if exact else "off"
+    text = f"zeros of positions look {off} the model's: add {moved}"
+    figures = {f"add_{samples.joints[j]}_rad": float(angle) for j, angle in added.items()}
+    return Correction(reading, text, places, figures, changes=len(added), certain=exact)

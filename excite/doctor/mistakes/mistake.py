@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
+from excite.doctor.inertial_prior import Judgement
 
 
 class Samples(Protocol):
@@ -57,8 +57,8 @@ class Samples(Protocol):
     def by_gravity(self, reading: Reading) -> Callable[[Array], Array]:
         """What is left, as a function of gravities ``(k, 3)`` [m/s²]: ``(k, n_channels)``."""
 
-    def judged(self, reading: Reading) -> Array:
-        """The same beside the likeliest bodies, and what these cost, ``(n_channels + 1,)``; slower."""
+    def judged(self, reading: Reading, counts: Array | None = None) -> Judgement:
+        """The same beside the likeliest bodies, by so many effective samples a channel; slower."""
 
 
 S = TypeVar("S", bound=Samples, contravariant=True)
@@ -78,7 +78,6 @@ class Correction:
     """A log read otherwise.
 
     Attributes:
-        kind: kind of the finding.
         reading: the channels with the mistake undone.
         text: what looks wrong, in words.
         places: joints or channels concerned.
@@ -93,7 +92,6 @@ class Correction:
         mends: what was done, where more is to be said of it than that it was put right.
     """
 
-    kind: str
     reading: Reading
     text: str
     places: tuple[str, ...]
@@ -107,26 +105,21 @@ class Correction:
     mends: str = ""
 
 
-class Mistake(ABC, Generic[S]):
-    """A way to call channels wrongly.
+@dataclass(frozen=True)
+class Mistake(Generic[S]):
+    """A way to call channels wrongly: a row of a table.
 
     Attributes:
         name: kind of its findings.
+        corrections: of samples of the log and of the reading so far, other mistakes undone: readings in which it is
+            undone, the plausible ones.
+        leaves: what is known only about where it could not be undone exactly.
         of_posture: whether it is one of how joints or base were recorded, which those that were computed do not have.
         may_surprise: whether it has corrections that are believed though likely bodies explain the log as it is.
-        leaves: what is known only about where it could not be undone exactly.
     """
 
-    name: ClassVar[str]
-    leaves: ClassVar[frozenset[Doubt]] = frozenset()
-    of_posture: ClassVar[bool] = False
-    may_surprise: ClassVar[bool] = False
-
-    @abstractmethod
-    def corrections(self, samples: S, reading: Reading) -> Iterable[Correction]:
-        """Readings in which it is undone, the plausible ones.
-
-        Args:
-            samples: samples of the log.
-            reading: the reading so far, other mistakes undone.
-        """
+    name: str
+    corrections: Callable[[S, Reading], Iterable[Correction]]
+    leaves: frozenset[Doubt] = frozenset()
+    of_posture: bool = False
+    may_surprise: bool = False

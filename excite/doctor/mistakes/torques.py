@@ -39,61 +39,57 @@ _AGREES, _STANDS_OUT = 0.35, 0.5
 _CLOSELY, _FAR = 0.9, float(np.log(3.0))
 
 
-class TorqueScale(Mistake[TorqueSamples]):
+def find_torque_scale(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """All torques, or one joint's, larger or smaller than the nominal masses need."""
-
-    name = "torque_scale"
-    may_surprise = True
-    leaves = frozenset({Doubt.SIZE})
-
-    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        gains, shares = samples.gains(reading)
-        joints = samples.channels
-        told = (shares > _TELLS) & (gains > 0.0)
-        own = _of_their_own(samples, reading, gains, told)
-        if own is not None:
-            yield own
-            return
-        # A few joints that are off carry something that the model does not have.
-        if 2 * told.sum() >= len(joints) and (told.sum() > 1 or len(joints) == 1):
-            factor = float(np.median(gains[told]))
-            spread = float(np.abs(np.log(gains[told] / factor)).max()) if factor > 0.0 else np.inf
-            alike = spread < min(_AGREES, _STANDS_OUT * abs(np.log(factor)))
-            if alike and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
-                cause = (
-                    "currents, another unit, or torques before the gear"
-                    if factor < 1.0
-                    else "another unit, or a load that the model does not have"
-                )
-                text = (
-                    f"torques are {factor:.3g} times what the nominal masses need, and so will be every identified "
-                    f"parameter: {cause}"
-                )
-                scaled = reading.with_torque(range(len(joints)), 1.0 / factor)
-                yield Correction(
-                    self.name,
-                    scaled,
-                    text,
-                    joints,
-                    {"factor": factor},
-                    surprise=abs(float(np.log(factor))),
-                    ask=THE_UNIT,
-                    as_logged=lambda read: read.with_torque(range(len(joints)), factor),
-                    certain=False,
-                )
-        if len(joints) == 1:
-            return
-        for j in np.flatnonzero(told):
-            # What an end of the range cuts off makes a torque smaller, by the share of rows in which it does where
-            # values are spread as in a bell (Bussgang 1952). That is no unit.
-            uncut = gains[j] / samples.within[j]
-            if 1.0 / _ONE_OFF < uncut and gains[j] < _ONE_OFF:
-                continue
-            text = f"the torque of {joints[j]} is {gains[j]:.3g} times what the nominal masses need, unlike the others'"
-            scaled = reading.with_torque([int(j)], 1.0 / float(gains[j]))
-            yield Correction(
-                self.name, scaled, text, (joints[j],), {"factor": float(gains[j])}, certain=False
+    gains, shares = samples.gains(reading)
+    joints = samples.channels
+    told = (shares > _TELLS) & (gains > 0.0)
+    own = _of_their_own(samples, reading, gains, told)
+    if own is not None:
+        yield own
+        return
+    # A few joints that are off carry something that the model does not have.
+    if 2 * told.sum() >= len(joints) and (told.sum() > 1 or len(joints) == 1):
+        factor = float(np.median(gains[told]))
+        spread = float(np.abs(np.log(gains[told] / factor)).max()) if factor > 0.0 else np.inf
+        alike = spread < min(_AGREES, _STANDS_OUT * abs(np.log(factor)))
+        if alike and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
+            cause = (
+                "currents, another unit, or torques before the gear"
+                if factor < 1.0
+                else "another unit, or a load that the model does not have"
             )
+            text = (
+                f"torques are {factor:.3g} times what the nominal masses need, and so will be every identified "
+                f"parameter: {cause}"
+            )
+            scaled = reading.with_torque(range(len(joints)), 1.0 / factor)
+            yield Correction(
+                scaled,
+                text,
+                joints,
+                {"factor": factor},
+                surprise=abs(float(np.log(factor))),
+                ask=THE_UNIT,
+                as_logged=lambda read: read.with_torque(range(len(joints)), factor),
+                certain=False,
+            )
+    if len(joints) == 1:
+        return
+    for j in np.flatnonzero(told):
+        # What an end of the range cuts off makes a torque smaller, by the share of rows in which it does where
+        # values are spread as in a bell (Bussgang 1952). That is no unit.
+        uncut = gains[j] / samples.within[j]
+        if 1.0 / _ONE_OFF < uncut and gains[j] < _ONE_OFF:
+            continue
+        text = f"the torque of {joints[j]} is {gains[j]:.3g} times what the nominal masses need, unlike the others'"
+        scaled = reading.with_torque([int(j)], 1.0 / float(gains[j]))
+        yield Correction(scaled, text, (joints[j],), {"factor": float(gains[j])}, certain=False)
+
+
+TORQUE_SCALE = Mistake[TorqueSamples](
+    "torque_scale", find_torque_scale, leaves=frozenset({Doubt.SIZE}), may_surprise=True
+)
 
 
 def _of_their_own(
@@ -129,7 +125,6 @@ def _of_their_own(
         return read
 
     return Correction(
-        TorqueScale.name,
         scaled,
         text,
         joints,
@@ -452,49 +447,43 @@ _GRID_S = np.arange(-25, 26) * 0.02
 _FAR_S, _FAR_NATS = np.arange(-50, 51) * 0.1, 0.35
 
 
-class TorqueLate(Mistake[Samples]):
+def find_delay(samples: Samples, reading: Reading) -> Iterable[Correction]:
     """The shift at which the torques agree with the motion."""
+    if reading.late_s != 0.0:
+        return
 
-    name = "torque_late"
-    leaves = frozenset({Doubt.DELAY})
+    # Friction that builds up over a way after each reversal looks late, too; weights and inertia do not.
+    tells = samples.tells(reading)
+    if not tells.any():
+        return
 
-    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
-        if reading.late_s != 0.0:
-            return
+    def left(late: float) -> float:
+        return float(samples.left(replace(reading, late_s=float(late)))[tells].sum())
 
-        # Friction that builds up over a way after each reversal looks late, too; weights and inertia do not.
-        tells = samples.tells(reading)
-        if not tells.any():
-            return
-
-        def left(late: float) -> float:
-            return float(samples.left(replace(reading, late_s=float(late)))[tells].sum())
-
-        scores = [left(late) for late in _GRID_S]
-        best, around = float(_GRID_S[int(np.argmin(scores))]), 0.02
-        shortest = float((samples.last - samples.first).min()) / samples.rate_hz
-        seconds = _FAR_S[np.abs(_FAR_S) + 0.1 <= (1.0 - OWN_SHARE) * shortest]
-        far = [left(late) for late in seconds]
-        if far and min(far) < min(scores) - _FAR_NATS * float(tells.sum()):
-            best, around = float(seconds[int(np.argmin(far))]), 0.1
-        bounds = (best - around, best + around)
-        if -_EARLY_S < bounds[0] and bounds[1] < _LATE_S:
-            return
-        best = float(
-            scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x
-        )
-        if -_EARLY_S < best < _LATE_S:
-            return
-        which = "late" if best > 0.0 else "early"
-        text = f"{samples.measured_name} look {1e3 * abs(best):.0f} ms {which} beside the positions"
-        yield Correction(
-            self.name,
-            replace(reading, late_s=best),
-            text,
-            (samples.measured_name,),
-            {"late_s": best},
-            certain=False,
-        )
+    scores = [left(late) for late in _GRID_S]
+    best, around = float(_GRID_S[int(np.argmin(scores))]), 0.02
+    shortest = float((samples.last - samples.first).min()) / samples.rate_hz
+    seconds = _FAR_S[np.abs(_FAR_S) + 0.1 <= (1.0 - OWN_SHARE) * shortest]
+    far = [left(late) for late in seconds]
+    if far and min(far) < min(scores) - _FAR_NATS * float(tells.sum()):
+        best, around = float(seconds[int(np.argmin(far))]), 0.1
+    bounds = (best - around, best + around)
+    if -_EARLY_S < bounds[0] and bounds[1] < _LATE_S:
+        return
+    best = float(
+        scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-4}).x
+    )
+    if -_EARLY_S < best < _LATE_S:
+        return
+    which = "late" if best > 0.0 else "early"
+    text = f"{samples.measured_name} look {1e3 * abs(best):.0f} ms {which} beside the positions"
+    yield Correction(
+        replace(reading, late_s=best),
+        text,
+        (samples.measured_name,),
+        {"late_s": best},
+        certain=False,
+    )
 
 
 # Torques with their sign turned: reaction instead of action, or a drive that counts the other way.
@@ -503,68 +492,58 @@ class TorqueLate(Mistake[Samples]):
 _TORQUE_SIGN_TELLS = 0.3
 
 
-class TorqueSign(Mistake[TorqueSamples]):
+def find_torque_sign(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """Friction takes power out and weights pull down: a turned torque can be neither."""
-
-    name = "torque_sign"
-
-    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        joints = samples.channels
-        straight = samples.left(reading)
-        turned = samples.left(reading.with_torque(range(len(joints)), -1.0))
-        gains = straight - turned
-        telling = np.flatnonzero(gains > _TORQUE_SIGN_TELLS)
-        chosen = {(int(j),) for j in telling} | ({tuple(telling.tolist())} if len(telling) else set())
-        # Joints that do not tell go with the others where all that tell agree.
-        if len(telling) > 1 and (gains > -_TORQUE_SIGN_TELLS).all():
-            chosen.add(tuple(range(len(joints))))
-        for places in sorted(chosen):
-            names = tuple(joints[j] for j in places)
-            text = (
-                "the sign of all torques looks turned: reaction instead of action"
-                if len(names) == len(joints) > 1
-                else f"the sign of the torque of {list_names(names)} looks turned"
-            )
-            yield Correction(
-                self.name,
-                reading.with_torque(list(places), -1.0),
-                text,
-                names,
-                {"joints": float(len(names))},
-                along=tuple(joints[j] for j in places if j not in telling),
-            )
+    joints = samples.channels
+    straight = samples.left(reading)
+    turned = samples.left(reading.with_torque(range(len(joints)), -1.0))
+    gains = straight - turned
+    telling = np.flatnonzero(gains > _TORQUE_SIGN_TELLS)
+    chosen = {(int(j),) for j in telling} | ({tuple(telling.tolist())} if len(telling) else set())
+    # Joints that do not tell go with the others where all that tell agree.
+    if len(telling) > 1 and (gains > -_TORQUE_SIGN_TELLS).all():
+        chosen.add(tuple(range(len(joints))))
+    for places in sorted(chosen):
+        names = tuple(joints[j] for j in places)
+        text = (
+            "the sign of all torques looks turned: reaction instead of action"
+            if len(names) == len(joints) > 1
+            else f"the sign of the torque of {list_names(names)} looks turned"
+        )
+        yield Correction(
+            reading.with_torque(list(places), -1.0),
+            text,
+            names,
+            {"joints": float(len(names))},
+            along=tuple(joints[j] for j in places if j not in telling),
+        )
 
 
 # Weight that a driver takes off torques by its own model before it reports them, as UR's, Kinova's, Doosan's
 # do.
 
 
-class Weight(Mistake[TorqueSamples]):
+def find_missing_weight(samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
     """Torques hold the bodies' inertial forces, and nothing of their weight but what the driver's model had wrong."""
-
-    name = "compensated"
-
-    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
-        if reading.weightless or not reading.gravity.any():
-            return
-        parts = parts_in(samples, reading)
-        weights = parts.weight[np.isfinite(parts.weight)]
-        # Every joint that tells is nearer to none of it than to all.
-        if not len(weights) or (np.abs(weights) > 0.5).any():
-            return
-        bare = replace(reading, weightless=True)
-        text, load = (
-            f"a driver has taken the weight off the torques ({parts.said()})",
-            carried_load(samples, bare),
-        )
-        if load is not None:
-            text += f"; of a payload, it has not: {load.sentence()}"
-        yield Correction(
-            self.name,
-            bare,
-            text,
-            ("gravity",),
-            parts.figures() | ({} if load is None else load.shares(samples, reading)),
-            mends="gravity is taken as [0, 0, 0], and what the rest tells is identified; "
-            "`excite doctor LOG --repair DIR` adds the nominal weight instead",
-        )
+    if reading.weightless or not reading.gravity.any():
+        return
+    parts = parts_in(samples, reading)
+    weights = parts.weight[np.isfinite(parts.weight)]
+    # Every joint that tells is nearer to none of it than to all.
+    if not len(weights) or (np.abs(weights) > 0.5).any():
+        return
+    bare = replace(reading, weightless=True)
+    text, load = (
+        f"a driver has taken the weight off the torques ({parts.said()})",
+        carried_load(samples, bare),
+    )
+    if load is not None:
+        text += f"; of a payload, it has not: {load.sentence()}"
+    yield Correction(
+        bare,
+        text,
+        ("gravity",),
+        parts.figures() | ({} if load is None else load.shares(samples, reading)),
+        mends="gravity is taken as [0, 0, 0], and what the rest tells is identified; "
+        "`excite doctor LOG --repair DIR` adds the nominal weight instead",
+    )

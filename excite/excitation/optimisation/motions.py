@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.motion.generators.curves import Curve, FourierCurve, WaypointCurve
+from excite.motion.generators.curves import Curve, FourierCurve
 from excite.motion.generators.joint_motions import start_conditions
 
 # Families of motions that are linear in their coefficients: what the program searches in.
@@ -88,42 +88,6 @@ class FourierFamily(MotionFamily):
         n = self._sine.shape[1]
         a, b = coefficients[:, :n] @ self._sine.T, coefficients[:, n:] @ self._cosine.T
         return FourierCurve(np.asarray(offset, dtype=float), a, b, self._omega)
-
-
-class WaypointFamily(MotionFamily):
-    """From waypoint to waypoint, at rest in each: quintic Hermite segments of equal duration."""
-
-    def __init__(self, segment: float, n_segments: int) -> None:
-        if not (np.isfinite(segment) and segment > 0.0):
-            raise InputError(f"segments of {segment} s", field="segment", remedy="give a positive duration")
-        if n_segments < 1:
-            raise InputError(f"{n_segments} segments", field="n_segments", remedy="give at least 1")
-        self._segment, self._n = segment, n_segments
-
-    @property
-    def n_coefficients(self) -> int:
-        """Waypoints after the first, relative to it."""
-        return self._n
-
-    @property
-    def length(self) -> float:
-        """Of all segments [s]."""
-        return self._n * self._segment
-
-    @property
-    def fastest_hz(self) -> float:
-        """A segment is half a period there and back."""
-        return 0.5 / self._segment
-
-    def basis(self, time: Array, order: int) -> Array:
-        """Values or derivatives, by evaluating the curves of the unit vectors."""
-        return self.curve(np.zeros(self._n), np.eye(self._n)).evaluate(time, order)
-
-    def curve(self, offset: Array, coefficients: Array) -> WaypointCurve:
-        """The motion through the waypoints."""
-        offset = np.asarray(offset, dtype=float)
-        points = np.vstack([offset, offset + coefficients.T])
-        return WaypointCurve(points, self._segment)
 
 
 def _null_space(rows: Array) -> Array:

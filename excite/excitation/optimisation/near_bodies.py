@@ -21,6 +21,10 @@ from excite.robot.shapes.collision import (
 )
 from excite.robot.shapes.shape import Shape
 
+# Decimals of coal's distances and nearest points [m] and normals, as of pair_distance in excite.robot.shapes.collision:
+# the last bits depend on what a process did before, and what a search makes of them is another motion.
+_DIGITS = 7
+
 
 @dataclass(frozen=True, eq=False)
 class NearPairs:
@@ -151,7 +155,7 @@ class NearBodies:
             distance[i] = found.min_distance
             points[0, i], points[1, i] = found.getNearestPoint1(), found.getNearestPoint2()
             points[2, i] = found.normal
-        return NearPairs(sample, pair, distance, *points)
+        return NearPairs(sample, pair, distance.round(_DIGITS), *points.round(_DIGITS))
 
 
 class _Axes:

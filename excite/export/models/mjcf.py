@@ -1,49 +1,109 @@
-"""A MuJoCo model with identified inertials: a given MJCF text with other numbers, or one made here."""
+"""MJCF: the author's text with identified physics, or a model made from the robot."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import InputError
-from excite.export.models.mjcf_compiled import compile_mjcf
-from excite.export.models.mujoco_places import MujocoNames, mujoco_places, robot_names
-from excite.export.models.parameters import (
-    Found,
-    Member,
-    changed_segments,
-    moved_pseudo,
-    split_segment,
-    with_servos,
+from excite.export.models.mjcf_compiled import compile_mjcf, compile_text
+from excite.export.models.mjcf_template import (
+    DRIVE_ATTRIBUTES,
+    read_template,
+    segment_bodies,
+    segment_difference,
 )
+from excite.export.models.model_format import (
+    LoadedModel,
+    ModelFormat,
+    Rendered,
+    Subject,
+    move_attribute,
+    relocate_path,
+    with_friction,
+)
+from excite.export.models.parameters import Found, changed_segments, model_parameters, with_servos
 from excite.export.models.verification import (
     TOLERANCE,
+    States,
     WrittenModel,
-    held_joints,
-    mujoco_error,
+    mujoco_places,
+    mujoco_torques,
     random_states,
     write_verified,
 )
 from excite.export.models.xml_text import Element, XmlText, number_text
-from excite.formats.documents import MAX_XML_BYTES
-from excite.formats.file import read_bytes
-from excite.identification.inertia import pseudo_inertia_matrices
-from excite.robot.loading import model_file
-from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.robot import Robot
-from excite.robot.urdf.reading import parse_urdf
-from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
-from excite.simulation.true_parameters import principal_inertia
 
 if TYPE_CHECKING:
     import mujoco
+
+_OWN_MOTORS = "the author's actuators were left as they are; set it there"
+FILTERED = "commands pass a filter of {late:.3g} s, which is how late the motors were found to follow"
+_FOLDERS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
+
+
+class MjcfFormat(ModelFormat):
+    """A MuJoCo model.
+
+    Of a robot that came as MJCF it is that text: shapes, contacts, defaults, sensors and actuators stay, inertials,
+    ``damping``, ``frictionloss`` and ``armature`` change. Of any other it is made here, with a position servo a joint.
+    """
+
+    name = "mjcf"
+    summary = "MuJoCo model; of a robot that came as MJCF the author's text is kept (MuJoCo, MJX)"
+    held: ClassVar[Mapping[str, str]] = {
+        **DRIVE_ATTRIBUTES,
+        "kp": "gainprm",
+        "kd": "biasprm",
+        "torque_limit": "forcerange",
+        "delay": "dynprm",
+    }
+    lacks: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("kp", "kd", "torque_limit", "delay"), _OWN_MOTORS),
+        "velocity_limit": "MuJoCo holds no joint below a speed; keep commands below it",
+    }
+
+    def render(self, subject: Subject) -> Rendered:
+        """See :class:`ModelFormat`."""
+        given = subject.mjcf
+        if given is None:
+            notes = () if subject.delay_s is None else (FILTERED.format(late=subject.delay_s),)
+            return Rendered({f"{subject.stem}.xml": exact_text(model_spec(subject))}, notes)
+        edit = given.edited(subject.robot, subject.found)
+        _move_paths(edit.text, given.file.parent, subject.folder)
+        return Rendered({f"{subject.stem}.xml": edit.text.edited()}, edit.notes)
+
+    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
+        """Read by MuJoCo, where paths in it start at the folder that it is for."""
+        content, robot = rendered.files[rendered.main], subject.robot
+        model = compile_text(content, None) if subject.template is None else bodies_alone(content)
+        if model is None:
+            model = compile_mjcf(content, subject.folder / rendered.main)
+        place = mujoco_places(robot, model).v[robot.n_base_v :]
+        own = {
+            "viscous": model.dof_damping,
+            "coulomb": model.dof_frictionloss,
+            "armature": model.dof_armature,
+        }
+        terms = {term: np.array(values[place], dtype=float) for term, values in own.items()}
+        # Dry friction, which MuJoCo solves as a constraint, is that of a joint that moves.
+        whole = mujoco_torques(robot, model, states)
+        torques = with_friction(robot, whole, states, {"coulomb": terms["coulomb"]})
+        return LoadedModel(torques, {**terms, **_servo_terms(model, robot.joint_names)})
+
+    def servo(self, subject: Subject) -> tuple[str, ...]:
+        """A text that is kept keeps its actuators."""
+        return super().servo(subject) if subject.template is None else ()
+
+    def exact(self, subject: Subject) -> bool:
+        """A text that is kept may have springs, and bodies that are some parts in ten thousand off the robot's."""
+        return subject.template is None
 
 
 def write_mjcf(
@@ -77,33 +137,44 @@ def write_mjcf(
         InputError: the identification is of another robot, or the template is another robot's or not there.
         NoSolutionError: MuJoCo does not give the identified parameters' torques (a bug here).
     """
-    changed = changed_segments(robot, identification, force=False)
-    ten = identification.parameters.reshape(-1, 10)
+    found, notes, error = model_parameters(identification, drives=drives), [], 0.0
     if template is None:
-        moving = with_servos(robot)
-        friction = identified_drives(moving, identification) if drives else nominal_drives(moving)
-        content = exact_text(build_spec(moving, identification.parameters, friction, World()))
-        links = tuple(robot.segments[k].link for k in changed)
-        model, names_here = compile_mjcf(content, None), template_names(robot, {})
-        error = mujoco_error(robot, model, names_here, identification.parameters)
-        return write_verified(content, WrittenModel(Path(path), links, (), None, error))
-    names = names or {}
-    given = read_template(robot, template, names)
-    edit = given.edited(robot, identification, drives=drives)
-    content, notes = edit.text.edited(), list(edit.notes)
-    if template.resolve().parent != Path(path).resolve().parent and list(edit.text.root.everywhere("mesh")):
-        notes.append(f"mesh paths are relative: put it beside {template.name}")
-    model = compile_mjcf(content, template)
-    places = template_names(robot, names)
-    taken = segment_bodies(robot, model, places, names)
-    error = max((segment_difference(taken[k], ten[k]) for k in edit.segments), default=0.0)
-    in_motion = mujoco_error(robot, model, places, identification.parameters)
-    if in_motion > TOLERANCE:
+        changed = tuple(robot.segments[k].link for k in changed_segments(robot, found, force=False))
+        content = exact_text(model_spec(Subject(with_servos(robot), found, Path(path).parent)))
+        model = compile_text(content, None)
+    else:
+        edit = read_template(robot, template, names or {}).edited(robot, found)
+        changed, content, notes = edit.changed, edit.text.edited(), list(edit.notes)
+        if template.resolve().parent != Path(path).resolve().parent and [*edit.text.root.everywhere("mesh")]:
+            notes.append(f"mesh paths are relative: put it beside {template.name}")
+        model = compile_mjcf(content, template)
+        taken, ten = segment_bodies(robot, model, names or {}), found.inertial.reshape(-1, 10)
+        error = max((segment_difference(taken[k], ten[k]) for k in edit.segments), default=0.0)
+    states = random_states(robot, found.inertial)
+    in_motion = states.error(mujoco_torques(robot, model, states, names, drives=False))
+    if template is None:
+        error = in_motion
+    elif in_motion > TOLERANCE:
         notes.append(
             f"its torques are {in_motion:.1e} off the robot's: that is how far its geometry (or the inertia of "
             "bodies that were left alone) is from the URDF's"
         )
-    return write_verified(content, WrittenModel(Path(path), edit.changed, tuple(notes), None, error))
+    return write_verified(content, WrittenModel(Path(path), changed, tuple(notes), None, error))
+
+
+def model_spec(subject: Subject) -> mujoco.MjSpec:
+    """A model made from the robot, with a servo a joint; a delay is the time constant of a filter of its command."""
+    import mujoco
+
+    terms: dict[str, Any] = {term: subject.written(term) for term in MjcfFormat.held if term != "delay"}
+    drives = replace(subject.declared, **terms)
+    spec = build_spec(subject.robot, subject.parameters, drives, World())
+    late = subject.servo("delay")
+    for name, constant in zip(subject.robot.joint_names, late, strict=True):
+        if np.isfinite(constant):
+            motor = spec.actuator(name)
+            motor.dyntype, motor.dynprm[0] = mujoco.mjtDyn.mjDYN_FILTEREXACT, constant
+    return spec
 
 
 def exact_text(spec: mujoco.MjSpec) -> bytes:
@@ -130,266 +201,75 @@ def exact_text(spec: mujoco.MjSpec) -> bytes:
     return text.edited()
 
 
-def identified_drives(robot: Robot, identification: Found) -> Drives:
-    """The robot's drives with the friction and rotor inertia that were identified and are not negative."""
-    found = identification.identified.by_drive()
-    nominal = nominal_drives(robot)
-
-    def values(term: str, declared: Array) -> Array:
-        identified = [found.get(f"{term}.{joint}", np.nan) for joint in robot.joint_names]
-        return np.array([new if new >= 0.0 else old for new, old in zip(identified, declared, strict=True)])
-
-    return replace(
-        nominal,
-        viscous=values("viscous", nominal.viscous),
-        coulomb=values("coulomb", nominal.coulomb),
-        armature=values("armature", nominal.armature),
-    )
-
-
-# Bodies of a MuJoCo model that a robot's segments consist of.
-
-# How far apart frames of one body may lie in the file and in the robot from one posture to another [m, rad].
-_SAME_FRAME = 1e-4
-
-
-@dataclass(frozen=True, eq=False)
-class _Pose:
-    """Poses of all bodies of both models in one state: world pose of MuJoCo's, of the robot's joints."""
-
-    bodies: list[pin.SE3]
-    joints: list[pin.SE3]
-
-
-def segment_bodies(
-    robot: Robot, model: mujoco.MjModel, names: MujocoNames, translation: Mapping[str, str]
-) -> list[list[Member]]:
-    """Bodies of each segment with their places, the one that carries its joint first.
-
-    Raises:
-        InputError: bodies do not move as the robot's segments do.
-    """
+def _servo_terms(model: mujoco.MjModel, names: tuple[str, ...]) -> dict[str, Array]:
+    """Terms of the position servos that are named like their joints; NaN where a joint has none."""
     import mujoco
 
-    place = mujoco_places(robot, model, names)
-    own = {int(model.dof_bodyid[v]): joint for v, joint in _last_dofs(robot, place.v)}
-    carrier = [0] * model.nbody
-    for body in range(1, model.nbody):
-        carrier[body] = own.get(body, carrier[int(model.body_parentid[body])])
-    states = random_states(robot, robot.nominal_parameters)
-    data = mujoco.MjData(model)
-    members: list[list[Member]] = [[] for _ in robot.segments]
-    poses = []
-    for q, v, a in list(zip(states.q, states.v, states.a, strict=True))[:3]:
-        place.pose(robot, data, q, v, a)
-        mujoco.mj_kinematics(model, data)
-        kinematics = robot.model.createData()
-        pin.forwardKinematics(robot.model, kinematics, q)
-        bodies = [pin.SE3(m.reshape(3, 3), p.copy()) for m, p in zip(data.xmat, data.xpos, strict=True)]
-        poses.append(_Pose(bodies, [pin.SE3(pose) for pose in kinematics.oMi]))
-    base = _base_placement(robot, model, poses[0], translation)
-    for body in range(1, model.nbody):
-        if carrier[body] == 0:
+    rows = np.full((4, len(names)), np.nan)
+    for column, name in enumerate(names):
+        motor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+        if motor >= 0:
+            late = model.actuator_dynprm[motor, 0] if model.actuator_dyntype[motor] else np.nan
+            gain, bias = model.actuator_gainprm[motor], model.actuator_biasprm[motor]
+            rows[:, column] = gain[0], -bias[2], model.actuator_forcerange[motor, 1], late
+    return dict(zip(("kp", "kd", "torque_limit", "delay"), rows, strict=True))
+
+
+def _move_paths(text: XmlText, old: Path, new: Path) -> None:
+    """Let a text name the same files from another folder."""
+    if old.resolve() == new.resolve():
+        return
+    for include in text.root.everywhere("include"):
+        move_attribute(text, include, "file", old, new)
+    compilers = text.root.named("compiler")
+    for tag, attribute in _FOLDERS.items():
+        if not _file_names(text, tag):
             continue
-        inside = [(base * pose.joints[carrier[body]]).actInv(pose.bodies[body]) for pose in poses]
-        # A body without a name is still named in notes and errors.
-        name = model.body(body).name or f"body number {body}"
-        apart = max(float(np.linalg.norm(pin.log6(inside[0].actInv(other)).vector)) for other in inside)
-        if apart > _SAME_FRAME:
-            raise InputError(
-                f"body {name!r} does not move with joint {robot.model.names[carrier[body]]!r}",
-                source="MuJoCo model",
-                remedy="give a model of the same robot, or map the names of its joints",
-            )
-        entry = Member(name, inside[0], _compiled_parameters(model, body))
-        members[carrier[body] - 1].insert(0 if body in own else len(members), entry)
-    for segment, inside_segment in enumerate(members):
-        if not inside_segment and robot.nominal_parameters[10 * segment]:
-            raise InputError(
-                f"no body moves with link {robot.segments[segment].link!r}", source="MuJoCo model"
-            )
-    return members
+        stated = next((c for c in compilers if {attribute, "assetdir"} & set(c.attributes)), None)
+        if stated is not None:
+            name = stated.attributes.get(attribute) or stated.attributes.get("assetdir", "")
+            text.set(stated, **{attribute: relocate_path(name or ".", old, new)})
+            continue
+        for element in text.root.everywhere(tag):
+            move_attribute(text, element, "file", old, new)
 
 
-def _last_dofs(robot: Robot, v: Array) -> list[tuple[int, int]]:
-    """Place in MuJoCo's velocities, and index in the robot's model, of every joint's last coordinate."""
-    joints = list(robot.model.joints)[1:]
-    return [(int(v[joint.idx_v + joint.nv - 1]), index) for index, joint in enumerate(joints, start=1)]
+def _file_names(text: XmlText, tag: str) -> list[Element]:
+    return [element for element in text.root.everywhere(tag) if "file" in element.attributes]
 
 
-def _base_placement(
-    robot: Robot, model: mujoco.MjModel, pose: _Pose, translation: Mapping[str, str]
-) -> pin.SE3:
-    """Where the template puts the URDF's root, from a body of the root link's name; else at the origin."""
+# Kinds of elements that no inverse dynamics without contacts, limits and drives depends on, what names others first.
+_ASIDE = (
+    *("keys", "sensors", "actuators", "equalities", "excludes", "pairs", "tendons", "skins", "flexes"),
+    *("cameras", "lights", "geoms", "sites", "meshes", "hfields", "materials", "textures"),
+)
+
+
+def bodies_alone(content: bytes) -> mujoco.MjModel | None:
+    """The bodies, joints and inertials of a MuJoCo text: without shapes they compile in a millisecond.
+
+    None where its dynamics depend on more: where it includes other texts, where the inertia of a body that moves is
+    that of its shapes, or where a tendon acts without being driven.
+    """
     import mujoco
 
-    if robot.floating:
-        return pin.SE3.Identity()
-    root = next((f.name for f in robot.model.frames if f.type == pin.FrameType.BODY), "")
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, translation.get(root, root))
-    return pose.bodies[body] if body > 0 else pin.SE3.Identity()
-
-
-def _compiled_parameters(model: mujoco.MjModel, body: int) -> Array | None:
-    """Ten parameters of a compiled body about its own frame; None without mass."""
-    if model.body_mass[body] == 0.0:
+    try:
+        spec = mujoco.MjSpec.from_string(content.decode())
+    except ValueError:
         return None
-    w, x, y, z = model.body_iquat[body]
-    turn = pin.Quaternion(w, x, y, z).matrix()
-    moments = turn @ np.diag(model.body_inertia[body]) @ turn.T
-    inertia = pin.Inertia(float(model.body_mass[body]), model.body_ipos[body].copy(), moments)
-    return np.asarray(inertia.toDynamicParameters())
-
-
-def segment_difference(members: list[Member], total: Array) -> float:
-    """How far bodies together are from a segment's parameters, relative to the pseudo-inertia."""
-    target = pseudo_inertia_matrices(total)[0]
-    for member in members:
-        if member.parameters is not None:
-            target = target - moved_pseudo(pseudo_inertia_matrices(member.parameters)[0], member.placement)
-    scale = float(np.abs(pseudo_inertia_matrices(total)).max())
-    return float(np.abs(target).max()) / scale if scale else 0.0
-
-
-# A MuJoCo model of a robot as its author wrote it, and its text with other inertials and friction.
-
-# Bodies of a template that are nearer to the identified parameters, relatively, are left alone.
-_SAME_INERTIA = 1e-4
-_ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
-_ATTRIBUTES = {"viscous": "damping", "coulomb": "frictionloss", "armature": "armature"}
-
-
-@dataclass(frozen=True, eq=False)
-class TemplateEdit:
-    """A template's text with its edits collected.
-
-    Attributes:
-        text: the text.
-        segments: indices of the segments that are others now.
-        changed: bodies whose inertial is another one.
-        notes: what had to be decided, one sentence each.
-    """
-
-    text: XmlText
-    segments: tuple[int, ...]
-    changed: tuple[str, ...]
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class MjcfTemplate:
-    """A MuJoCo model of a robot.
-
-    Attributes:
-        file: where it lies.
-        content: its text.
-        members: bodies of each segment, as compiled.
-        names: names of links and joints in it, where they are not the robot's.
-    """
-
-    file: Path
-    content: bytes
-    members: list[list[Member]]
-    names: Mapping[str, str]
-
-    def edited(self, robot: Robot, identification: Found, *, drives: bool) -> TemplateEdit:
-        """Its text with identified inertials and, with ``drives``, friction and rotor inertia.
-
-        Raises:
-            InconsistentModelError: a segment is no rigid body; MuJoCo refuses such models.
-            InputError: the identification is of another robot, or the text includes another that has the bodies.
-        """
-        changed = changed_segments(robot, identification, force=False)
-        ten = identification.parameters.reshape(-1, 10)
-        text = XmlText(self.content, self.file)
-        bodies = {str(body.attributes.get("name")): body for body in text.root.everywhere("body")}
-        other = [k for k in range(len(ten)) if segment_difference(self.members[k], ten[k]) > _SAME_INERTIA]
-        segments = tuple(sorted({*changed, *other}))
-        notes, written = [], []
-        for segment in segments:
-            split = split_segment(ten[segment], self.members[segment])
-            notes += [split.note] if split.note else []
-            for body, parameters in split.shares.items():
-                if body not in bodies:
-                    raise InputError(
-                        f"has no <body name={body!r}> in its own text",
-                        source=self.file,
-                        remedy="give the file that describes the bodies, not one that includes it",
-                    )
-                set_inertial(text, bodies[body], parameters, body)
-                written.append(body)
-        if drives:
-            notes += self._set_drives(text, robot, identification.identified.by_drive())
-        return TemplateEdit(text, segments, tuple(written), tuple(notes))
-
-    def _set_drives(self, text: XmlText, robot: Robot, found: Mapping[str, float]) -> list[str]:
-        """Put what was identified into its joints; what was not stays the file's own."""
-        joints = {str(joint.attributes.get("name")): joint for joint in text.root.everywhere("joint")}
-        notes = []
-        for name in robot.joint_names:
-            joint = joints.get(self.names.get(name, name))
-            values = {}
-            for term, attribute in _ATTRIBUTES.items():
-                value = found.get(f"{term}.{name}")
-                if value is not None and value < 0.0:
-                    notes.append(f"{name}: {term} was identified as {value:.3g}, below zero; not written")
-                elif value is not None:
-                    values[attribute] = number_text(value)
-            if joint is not None and values:
-                text.set(joint, **values)
-        return notes
-
-
-def read_template(robot: Robot, file: Path, names: Mapping[str, str]) -> MjcfTemplate:
-    """Read a MuJoCo model of a robot.
-
-    Args:
-        robot: the robot.
-        file: the model.
-        names: names of links and joints in it, where they are not the robot's.
-
-    Raises:
-        InputError: the file is another robot's, or MuJoCo refuses it.
-    """
-    content = read_mjcf(file)
-    nominal = compile_mjcf(content, file)
-    members = segment_bodies(robot, nominal, template_names(robot, names), names)
-    return MjcfTemplate(file, content, members, names)
-
-
-def read_mjcf(file: Path) -> bytes:
-    """The text of a MuJoCo model, looked through; raises RobotError."""
-    scan_mjcf(file)
-    return read_bytes(file, limit=MAX_XML_BYTES)
-
-
-def template_names(robot: Robot, names: Mapping[str, str]) -> MujocoNames:
-    """Names of the robot's joints in a MuJoCo model, and where joints stand that the robot holds still."""
-    return robot_names(robot, names, held_joints(robot, parse_urdf(model_file(robot))))
-
-
-def set_inertial(text: XmlText, body: Element, parameters: Array, name: str) -> None:
-    """Give a body of an MJCF text ten parameters about its own frame; a missing inertial is added.
-
-    Raises:
-        UnphysicalParametersError: no rigid body has them.
-    """
-    if not parameters.any():
-        return
-    inertia = principal_inertia(parameters, name)
-    values = {"pos": number_text(*inertia.com), "mass": number_text(inertia.mass)}
-    x, y, z, w = pin.Quaternion(inertia.rotation).normalized().coeffs()
-    diagonal = {"quat": number_text(w, x, y, z), "diaginertia": number_text(*inertia.moments)}
-    found = body.named("inertial")
-    if not found:
-        attributes = " ".join(f'{key}="{value}"' for key, value in {**values, **diagonal}.items())
-        text.insert_first(body, f"<inertial {attributes}/>")
-        return
-    if "fullinertia" in found[0].attributes:
-        full = inertia.rotation @ np.diag(inertia.moments) @ inertia.rotation.T
-        six = full[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        text.set(found[0], **values, fullinertia=number_text(*six))
-        return
-    for other in _ORIENTATIONS:
-        text.remove_attribute(found[0], other)
-    text.set(found[0], **values, **diagonal)
+    moving: list[mujoco.MjsBody] = []
+    for body in spec.bodies[1:]:
+        if body.joints or any(body.parent is other for other in moving):
+            moving.append(body)
+    acting = any(np.any([tendon.stiffness, tendon.damping, tendon.armature]) for tendon in spec.tendons)
+    by_shape = any(len(body.geoms) and not body.explicitinertial for body in moving)
+    if (
+        acting
+        or by_shape
+        or spec.compiler.inertiafromgeom != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    ):
+        return None
+    for kind in _ASIDE:
+        for element in list(getattr(spec, kind)):
+            spec.delete(element)
+    return spec.compile()

@@ -13,6 +13,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import InputError, RobotError
+from excite.export.models.xml_text import number_text
 from excite.formats.tables import csv_text
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
@@ -23,32 +24,35 @@ from excite.robot.init_robot.description import draft_description
 from excite.robot.init_robot.model_metadata import Said
 from excite.robot.robot import Robot
 
+Found = Identification | IdentifiedParameters
+"""An identification, or the parameters alone, however they were found."""
 
-@dataclass(frozen=True, eq=False)
-class ModelParameters:
-    """Parameters of a robot, without what an identification says of their worth.
 
-    Attributes:
-        robot: name of the robot.
-        identified: its bodies and drives.
+def model_parameters(found: Found, *, drives: bool = True) -> IdentifiedParameters:
+    """What a model is written of; without ``drives`` of the bodies alone."""
+    identified = found.identified if isinstance(found, Identification) else found
+    return identified if drives else replace(identified, drive_names=(), drives=np.zeros(0))
+
+
+def drive_attributes(
+    found: IdentifiedParameters, joint: str, attributes: Mapping[str, str], notes: list[str]
+) -> dict[str, str]:
+    """Texts of the attributes that hold a joint's friction and rotor inertia, of those that were found.
+
+    Args:
+        found: the parameters.
+        joint: name of the joint.
+        attributes: by term what holds it in the file.
+        notes: gets a sentence for each that is not written.
     """
-
-    robot: str
-    identified: IdentifiedParameters
-
-    @property
-    def links(self) -> tuple[str, ...]:
-        """Links of the segments, in model order."""
-        return self.identified.links
-
-    @property
-    def parameters(self) -> Array:
-        """Inertial parameters, ``(10·n_segments,)``, pinocchio's order, joint frames [SI]."""
-        return self.identified.inertial
-
-
-Found = Identification | ModelParameters
-"""What has ``robot``, ``links``, ``parameters`` and ``identified``."""
+    drives, texts = found.by_drive(), {}
+    for term, attribute in attributes.items():
+        value = drives.get(f"{term}.{joint}")
+        if value is not None and value < 0.0:
+            notes.append(f"{joint}: {term} was identified as {value:.3g}, below zero; not written")
+        elif value is not None:
+            texts[attribute] = number_text(value)
+    return texts
 
 
 # One segment's identified parameters, given to the links of a file that it consists of.
@@ -195,7 +199,7 @@ def inconsistent_links(robot: Robot, parameters: Array) -> tuple[str, ...]:
     return tuple(segment.link for segment, flag in zip(robot.segments, bad, strict=True) if flag)
 
 
-def changed_segments(robot: Robot, identification: Found, *, force: bool) -> tuple[int, ...]:
+def changed_segments(robot: Robot, found: IdentifiedParameters, *, force: bool) -> tuple[int, ...]:
     """Segments whose identified parameters are not the model's own, checked.
 
     Raises:
@@ -203,15 +207,15 @@ def changed_segments(robot: Robot, identification: Found, *, force: bool) -> tup
         InconsistentModelError: a changed segment is no body, and ``force`` is not set.
     """
     links = tuple(segment.link for segment in robot.segments)
-    if identification.links != links:
+    if found.links != links:
         raise InputError(
-            f"was made for {identification.robot}",
+            f"is of another robot than {robot.name}",
             source="identification",
-            remedy=f"hand over the robot that it was made for, not {robot.name}",
+            remedy="give the robot that it was made for",
         )
-    new, old = identification.parameters.reshape(-1, 10), robot.nominal_parameters.reshape(-1, 10)
+    new, old = found.inertial.reshape(-1, 10), robot.nominal_parameters.reshape(-1, 10)
     changed = tuple(int(k) for k in np.flatnonzero((new != old).any(axis=1)))
-    bad = set(inconsistent_links(robot, identification.parameters)) & {links[k] for k in changed}
+    bad = set(inconsistent_links(robot, found.inertial)) & {links[k] for k in changed}
     if bad and not force:
         raise InconsistentModelError([link for link in links if link in bad])
     return changed
@@ -241,8 +245,6 @@ _NAMES = {
     "inertia": ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
 }
 _UNITS = {"mass": "kg", "first_moment": "kg·m", "inertia": "kg·m²"}
-_CLEAR = 2.0
-_MEASURED = 0.5
 
 
 @dataclass(frozen=True)
@@ -277,8 +279,8 @@ class Difference:
     @property
     def clear(self) -> bool:
         """Whether the data determined it (by more than half) and it moved by more than two deviations."""
-        measured = self.determined is not None and self.determined > _MEASURED
-        return measured and self.std is not None and abs(self.change) > _CLEAR * self.std
+        measured = self.determined is not None and self.determined > 0.5
+        return measured and self.std is not None and abs(self.change) > 2.0 * self.std
 
 
 @dataclass(frozen=True)
@@ -291,29 +293,11 @@ class Differences:
 
     rows: tuple[Difference, ...]
 
-    def summary(self) -> str:
-        """Masses of all links and the parameters that clearly changed, for a terminal."""
-        shown = [row for row in self.rows if row.parameter == "m" or row.clear]
-        width = max([len(row.link) for row in shown] + [len("link")])
-        lines = [f"{'link':{width}}  parameter    nominal  identified     change         ±  from data"]
-        for row in shown:
-            share = "–" if row.determined is None else f"{100.0 * row.determined:.0f} %"
-            std = "–" if row.std is None else f"{row.std:.2g}"
-            lines.append(
-                f"{row.link:{width}}  {row.parameter:9}  {row.nominal:9.4g}  {row.identified:10.4g}  "
-                f"{row.change:+9.3g}  {std:>8}  {share:>9}{'  clear' if row.clear else ''}"
-            )
-        return "\n".join(lines)
-
-    def to_csv(self) -> str:
-        """All rows, comma-separated, numbers with all digits [SI]."""
+    def save(self, path: Path) -> Path:
+        """Write all rows as CSV, numbers with all digits [SI]."""
         names = ("link", "parameter", "unit", "nominal", "identified", "change", "std", "determined")
         rows = [[*(getattr(row, name) for name in names), int(row.clear)] for row in self.rows]
-        return csv_text((*names, "clear"), rows)
-
-    def save(self, path: Path) -> Path:
-        """Write the CSV file."""
-        return write_text(path, self.to_csv())
+        return write_text(path, csv_text((*names, "clear"), rows))
 
 
 def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> Differences:

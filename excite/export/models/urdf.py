@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,36 +13,73 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError, RobotError
-from excite.export.models.mujoco_places import robot_names
+from excite.export.models.model_format import (
+    LoadedModel,
+    ModelFormat,
+    Rendered,
+    Subject,
+    load_urdf,
+    move_attribute,
+)
 from excite.export.models.parameters import (
     Found,
     Member,
     centred_body,
     changed_segments,
+    drive_attributes,
+    model_parameters,
+    moved_pseudo,
     parameters_of,
     split_segment,
 )
 from excite.export.models.verification import (
+    States,
     WrittenModel,
     held_joints,
-    mujoco_error,
-    pinocchio_error,
+    mujoco_torques,
+    pinocchio_torques,
+    random_states,
     urdf_in_mujoco,
     write_verified,
 )
-from excite.export.models.xml_text import Element, XmlText, number_text
-from excite.formats.documents import MAX_XML_BYTES, elements_of, parse_xml
+from excite.export.models.xml_text import Element, XmlText, moment_texts, number_text
+from excite.formats.documents import MAX_XML_BYTES, parse_xml
 from excite.formats.file import read_bytes
+from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
-from excite.robot.urdf.numbers import read_numbers
+from excite.robot.urdf.inertia import Inertial, read_inertial
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING, WORLD, declare_world
 
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+
+class UrdfFormat(ModelFormat):
+    """The URDF that the robot came as: comments, order, shapes and limits stay, inertials and ``<dynamics>`` change.
+
+    A robot that came as MJCF has the URDF that was made of it.
+    """
+
+    name = "urdf"
+    summary = "URDF, the author's text kept (ROS, pinocchio, Drake, PyBullet)"
+    held: ClassVar[Mapping[str, str]] = {"viscous": "damping", "coulomb": "friction"}
+    lacks: ClassVar[Mapping[str, str]] = {
+        "armature": "URDF has no rotor inertia; add it where the simulator sets it",
+        **dict.fromkeys(("kp", "kd", "delay"), "URDF describes no servo; set it in the controller"),
+    }
+
+    def render(self, subject: Subject) -> Rendered:
+        """See :class:`ModelFormat`."""
+        edit = edited_urdf(subject.robot, subject.found, force=False)
+        folder = model_file(subject.robot).parent
+        for mesh in edit.text.root.everywhere("mesh"):
+            move_attribute(edit.text, mesh, "filename", folder, subject.folder)
+        return Rendered({f"{subject.stem}.urdf": edit.text.edited()}, edit.notes)
+
+    def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
+        """Read by pinocchio, ``<dynamics>`` by the XML's own words."""
+        return load_urdf(subject.robot, rendered.files[rendered.main], states)
 
 
 def write_urdf(
@@ -75,15 +112,18 @@ def write_urdf(
         InputError: the identification is of another robot, or the URDF has changed since it was loaded.
         NoSolutionError: pinocchio or MuJoCo does not give the identified parameters' torques (a bug here).
     """
-    file = model_file(robot)
-    edit = edited_urdf(robot, identification, drives=drives, force=force)
-    notes = [*edit.notes, *_held_note(robot, file), *_mesh_note(edit.text, file, path)]
-    content = edit.text.edited()
-    in_pinocchio = pinocchio_error(robot, content, identification.parameters)
-    in_mujoco = _verify_in_mujoco(robot, content, identification.parameters, notes)
-    return write_verified(
-        content, WrittenModel(Path(path), edit.changed, tuple(notes), in_pinocchio, in_mujoco)
-    )
+    file, found = model_file(robot), model_parameters(identification, drives=drives)
+    edit = edited_urdf(robot, found, force=force)
+    notes = [*edit.notes, *_held_note(robot), *_mesh_note(edit.text, file, path)]
+    content, states = edit.text.edited(), random_states(robot, found.inertial)
+    in_mujoco = None
+    try:
+        in_mujoco = states.error(mujoco_torques(robot, urdf_in_mujoco(robot, content), states, drives=False))
+    except InputError as error:
+        notes.append(f"not checked with MuJoCo: {error.what}")
+    in_pinocchio = states.error(pinocchio_torques(robot, content, states))
+    written = WrittenModel(Path(path), edit.changed, tuple(notes), in_pinocchio, in_mujoco)
+    return write_verified(content, written)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,46 +141,38 @@ class UrdfEdit:
     notes: tuple[str, ...]
 
 
-def edited_urdf(robot: Robot, identification: Found, *, drives: bool, force: bool) -> UrdfEdit:
+def edited_urdf(robot: Robot, found: IdentifiedParameters, *, force: bool) -> UrdfEdit:
     """The robot's URDF as its author left it, edited; arguments and errors as of :func:`write_urdf`."""
-    changed = changed_segments(robot, identification, force=force)
+    changed = changed_segments(robot, found, force=force)
     file = model_file(robot)
     # Without the bare link from which a free base floats.
-    loaded = {link.get("name") for link in parse_urdf(file).findall("link")}
+    loaded = {str(link.get("name")): link for link in parse_urdf(file).findall("link")}
     content = read_bytes(file, limit=MAX_XML_BYTES, error=RobotError)
     text = XmlText(content, file)
     if declare_world(parse_xml(content, file, RobotError)):
         text.insert_first(text.root, f'<link name="{WORLD}"/>')
     links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
     links = {name: link for name, link in links.items() if name in loaded}
-    members = _segment_members(robot, links, file)
+    members = _segment_members(robot, {name: loaded[name] for name in links}, file)
     _unchanged_since_loading(robot, members, file)
     notes = complete_limits(text, robot)
     written: list[str] = []
-    ten = identification.parameters.reshape(-1, 10)
+    ten = found.inertial.reshape(-1, 10)
     for segment in changed:
         split = split_segment(ten[segment], members[segment])
         if split.note:
             notes.append(split.note)
         for link, parameters in split.shares.items():
-            _set_inertial(text, links[link], parameters, link, file)
+            _set_inertial(text, links[link], parameters, link)
             written.append(link)
-    if drives:
-        notes += set_dynamics(text, identification.identified.by_drive())
+    for joint in text.root.named("joint"):
+        _set_dynamics(
+            text, joint, drive_attributes(found, str(joint.attributes.get("name")), UrdfFormat.held, notes)
+        )
     return UrdfEdit(text, tuple(written), tuple(notes))
 
 
-def _verify_in_mujoco(robot: Robot, content: bytes, parameters: Array, notes: list[str]) -> float | None:
-    try:
-        model = urdf_in_mujoco(robot, content)
-    except InputError as error:
-        notes.append(f"not checked with MuJoCo: {error.what}")
-        return None
-    names = robot_names(robot, {}, held_joints(robot, elements_of(content)))
-    return mujoco_error(robot, model, names, parameters)
-
-
-def _segment_members(robot: Robot, links: dict[str, Element], file: Path) -> list[list[Member]]:
+def _segment_members(robot: Robot, links: dict[str, ElementTree.Element], file: Path) -> list[list[Member]]:
     """Links of each segment, the moving one first."""
     members: list[list[Member]] = [[] for _ in robot.segments]
     for name, link in links.items():
@@ -155,37 +187,12 @@ def _segment_members(robot: Robot, links: dict[str, Element], file: Path) -> lis
     return members
 
 
-def _stated_inertial(link: Element, file: Path) -> Array | None:
-    """A link's own parameters as its inertial states them."""
-    for inertial in link.named("inertial"):
-        mass, com, rpy, inertia = _inertial_values(inertial, file)
-        turn = pin.rpy.rpyToMatrix(*rpy)
-        return np.asarray(pin.Inertia(mass, com, turn @ inertia @ turn.T).toDynamicParameters())
-    return None
-
-
-class _Inertial(NamedTuple):
-    """Mass, centre, roll-pitch-yaw and inertia ``(3, 3)`` as an ``<inertial>`` states them."""
-
-    mass: float
-    com: Array
-    rpy: Array
-    inertia: Array
-
-
-def _inertial_values(inertial: Element, file: Path) -> _Inertial:
-    parts = {}
-    for child in inertial.children:
-        parts[child.tag] = ElementTree.Element(child.tag, dict(child.attributes))
-    origin = parts.get("origin", ElementTree.Element("origin"))
-    com, rpy = (
-        np.array(read_numbers(origin, key, 3, file, "origin", default="0 0 0")) for key in ("xyz", "rpy")
-    )
-    six = [read_numbers(parts["inertia"], key, 1, file, "inertia")[0] for key in _MOMENTS]
-    inertia = np.zeros((3, 3))
-    inertia[_UPPER] = six
-    inertia.T[_UPPER] = six
-    return _Inertial(read_numbers(parts["mass"], "value", 1, file, "mass")[0], com, rpy, inertia)
+def _stated_inertial(link: ElementTree.Element, file: Path) -> Array | None:
+    """A link's own parameters as its inertial states them; zero of a frame, None where it says nothing."""
+    if link.find("inertial") is None:
+        return None
+    found = read_inertial(link, file) or Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+    return np.asarray(pin.Inertia(found.mass, found.centre, found.moments).toDynamicParameters())
 
 
 def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file: Path) -> None:
@@ -196,8 +203,7 @@ def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file
         for member in inside:
             if member.parameters is not None:
                 pseudo = pseudo_inertia_matrices(member.parameters)[0]
-                move = member.placement.homogeneous
-                total += parameters_of(move @ pseudo @ move.T)
+                total += parameters_of(moved_pseudo(pseudo, member.placement))
         if not np.allclose(total, nominal, rtol=1e-6, atol=1e-9 * (1.0 + np.abs(nominal).max())):
             raise InputError(
                 f"does not hold the parameters of {robot.segments[segment].link!r} that were loaded",
@@ -206,12 +212,11 @@ def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file
             )
 
 
-def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, file: Path) -> None:
+def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str) -> None:
     body = centred_body(parameters, name)
     found = link.named("inertial")
     if not found:
-        moments = body.inertia[_UPPER]
-        values = " ".join(f'{key}="{number_text(m)}"' for key, m in zip(_MOMENTS, moments, strict=True))
+        values = " ".join(f'{key}="{moment}"' for key, moment in moment_texts(body.inertia).items())
         text.insert_first(
             link,
             f'<inertial><origin xyz="{number_text(*body.com)}"/><mass value="{number_text(body.mass)}"/>'
@@ -219,20 +224,19 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, fi
         )
         return
     inertial = found[0]
-    turn = pin.rpy.rpyToMatrix(*_inertial_values(inertial, file).rpy)
-    moments = (turn.T @ body.inertia @ turn)[_UPPER]
-    origin = inertial.named("origin")
+    origin, turn = inertial.named("origin"), np.eye(3)
     if origin:
+        # Read before with the robot: three numbers.
+        turn = pin.rpy.rpyToMatrix(*map(float, origin[0].attributes.get("rpy", "0 0 0").split()))
         text.set(origin[0], xyz=number_text(*body.com))
     else:
         text.insert_first(inertial, f'<origin xyz="{number_text(*body.com)}"/>')
     text.set(inertial.named("mass")[0], value=number_text(body.mass))
-    values_by_key = {key: number_text(m) for key, m in zip(_MOMENTS, moments, strict=True)}
-    text.set(inertial.named("inertia")[0], **values_by_key)
+    text.set(inertial.named("inertia")[0], **moment_texts(turn.T @ body.inertia @ turn))
 
 
-def _held_note(robot: Robot, file: Path) -> list[str]:
-    held = held_joints(robot, parse_urdf(file))
+def _held_note(robot: Robot) -> list[str]:
+    held = held_joints(robot)
     if not held:
         return []
     return [
@@ -252,36 +256,13 @@ def _mesh_note(text: XmlText, file: Path, path: Path) -> list[str]:
 # What a written URDF says of its joints' drives: friction, and the limits that readers insist on.
 
 
-def set_dynamics(text: XmlText, found: Mapping[str, float]) -> list[str]:
-    """Put friction into ``<dynamics>``; what no passive joint has is left as it was.
-
-    Args:
-        text: of a URDF, edited in place.
-        found: friction by name, such as ``viscous.JOINT``; other parameters are passed over.
-
-    Returns:
-        What was not written, a sentence each.
-    """
-    joints = {str(joint.attributes.get("name")): joint for joint in text.root.named("joint")}
-    notes = []
-    for name, joint in joints.items():
-        values = {}
-        for term, attribute in (("viscous", "damping"), ("coulomb", "friction")):
-            value = found.get(f"{term}.{name}")
-            if value is not None and value < 0.0:
-                notes.append(
-                    f"{name}: {term} friction was identified as {value:.3g}, below zero; not written"
-                )
-            elif value is not None:
-                values[attribute] = number_text(value)
-        if not values:
-            continue
-        if joint.named("dynamics"):
-            text.set(joint.named("dynamics")[0], **values)
-        else:
-            inside = " ".join(f'{key}="{value}"' for key, value in values.items())
-            text.insert_first(joint, f"<dynamics {inside}/>")
-    return notes
+def _set_dynamics(text: XmlText, joint: Element, values: Mapping[str, str]) -> None:
+    """Put friction into ``<dynamics>``; what no passive joint has is left as it was."""
+    if values and joint.named("dynamics"):
+        text.set(joint.named("dynamics")[0], **values)
+    elif values:
+        inside = " ".join(f'{key}="{value}"' for key, value in values.items())
+        text.insert_first(joint, f"<dynamics {inside}/>")
 
 
 def complete_limits(text: XmlText, robot: Robot) -> list[str]:

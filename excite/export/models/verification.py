@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.atomic import write_bytes
 from excite.errors import InputError, NoSolutionError
-from excite.export.models.mujoco_places import MujocoNames, mujoco_places
 from excite.formats.documents import elements_of
 from excite.mujoco_warnings import without_log_file
 from excite.regressor.kernels import joint_torque_regressor
+from excite.results import HIDDEN, Stated, stated
+from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 from excite.robot.urdf.model import urdf_model
+from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import drop_free_root, hold_planar_root
+from excite.simulation.coordinates import position_to_mujoco, velocity_to_mujoco
 
 if TYPE_CHECKING:
     import mujoco
@@ -27,8 +32,6 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-9
 """How far, relative to the largest torque, a written model's inverse dynamics may be off."""
 
-_STATES = 20
-_SEED = 7
 _FREE = "excite_root"
 
 
@@ -55,19 +58,19 @@ class States:
 
 def random_states(robot: Robot, parameters: Array) -> States:
     """States all over the joints' turn, and the torques of ``parameters`` ``(10·n_segments,)`` in them."""
-    random = np.random.default_rng(_SEED)
-    q = random.uniform(-np.pi, np.pi, size=(_STATES, robot.model.nq))
+    random, n = np.random.default_rng(7), 20
+    q = random.uniform(-np.pi, np.pi, size=(n, robot.model.nq))
     if robot.floating:
-        q[:, 3:7] = random.normal(size=(_STATES, 4))
+        q[:, 3:7] = random.normal(size=(n, 4))
         q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-    v, a = random.normal(size=(2, _STATES, robot.model.nv))
+    v, a = random.normal(size=(2, n, robot.model.nv))
     return States(q, v, a, joint_torque_regressor(robot.model, q, v, a) @ parameters)
 
 
-def held_joints(robot: Robot, root: ElementTree.Element) -> dict[str, float]:
-    """Position of every joint of a URDF that the robot holds still, mimic followers of held ones included."""
+def held_joints(robot: Robot) -> dict[str, float]:
+    """Position of every joint of the robot's URDF that it holds still, mimic followers of held ones included."""
     held = dict(robot.description.locked_joints)
-    for joint in root.findall("joint"):
+    for joint in parse_urdf(model_file(robot)).findall("joint"):
         mimic = joint.find("mimic")
         if mimic is not None and mimic.get("joint") in held and joint.get("type") != "fixed":
             follow = float(mimic.get("multiplier", "1")) * held[str(mimic.get("joint"))]
@@ -75,48 +78,38 @@ def held_joints(robot: Robot, root: ElementTree.Element) -> dict[str, float]:
     return held
 
 
-def pinocchio_error(robot: Robot, text: bytes, parameters: Array) -> float:
-    """Relative error of inverse dynamics of a URDF text, read by pinocchio alone, against ``parameters``.
-
-    Raises:
-        InputError: the file's joints are not the robot's.
-    """
-    states = random_states(robot, parameters)
-    return states.error(pinocchio_torques(robot, text, states))
-
-
-def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
+def pinocchio_torques(robot: Robot, text: bytes | str, states: States) -> Array:
     """Inverse dynamics ``(n, nv)`` of the bodies of a URDF text, read by pinocchio alone.
 
     Raises:
         InputError: the file's joints are not the robot's.
     """
-    held = held_joints(robot, elements_of(text))
-    raw = urdf_model(_links_apart(text), Path("written model"), floating=robot.floating)
-    neutral = pin.neutral(raw)
-    ids = [raw.getJointId(name) for name in held]
-    for index, value in zip(ids, held.values(), strict=True):
-        neutral[raw.joints[index].idx_q :][: raw.joints[index].nq] = _turn_coordinates(
-            raw.joints[index].nq, value
-        )
-    model = pin.buildReducedModel(raw, ids, neutral)
+    root = _robot_element(text)
+    for element in list(root.iter()):
+        # No link is called like a joint: pinocchio reduces no model in which names stand twice.
+        if element.tag == "link" and element.get("name"):
+            element.set("name", f"{element.get('name')} (link)")
+        elif element.tag in {"parent", "child"} and element.get("link"):
+            element.set("link", f"{element.get('link')} (link)")
+        elif element.get("type") == "continuous":
+            # One coordinate, as the robot has it, not a cosine and a sine.
+            element.set("type", "revolute")
+            if element.find("limit") is None:
+                ElementTree.SubElement(element, "limit", lower="0", upper="0", effort="0", velocity="0")
+    raw = urdf_model(root, Path("written model"), floating=robot.floating)
+    held = {name: value for name, value in held_joints(robot).items() if raw.existJointName(name)}
+    posture = pin.neutral(raw)
+    for name, value in held.items():
+        posture[raw.joints[raw.getJointId(name)].idx_q] = value
+    model = pin.buildReducedModel(raw, [raw.getJointId(name) for name in held], posture)
     if list(model.names) != list(robot.model.names):
         raise InputError("its joints are not the robot's", source="written model")
     model.gravity = robot.model.gravity
-    data, torque = model.createData(), []
-    for q, v, a in zip(states.q, states.v, states.a, strict=True):
-        own = np.concatenate(
-            [np.zeros(0)]
-            + [
-                part if len(part) == joint.nq else _turn_coordinates(joint.nq, float(part[0]))
-                for joint, part in zip(model.joints[1:], _by_joint(robot, q), strict=True)
-            ]
-        )
-        torque.append(pin.rnea(model, data, own, v, a))
-    return np.array(torque)
+    data, rows = model.createData(), zip(states.q, states.v, states.a, strict=True)
+    return np.array([pin.rnea(model, data, *row) for row in rows])
 
 
-def _robot_element(text: bytes) -> ElementTree.Element:
+def _robot_element(text: bytes | str) -> ElementTree.Element:
     """The ``robot`` element of a URDF text, what carries the robot as it is loaded."""
     root: ElementTree.Element = elements_of(text)
     drop_free_root(root)
@@ -124,67 +117,128 @@ def _robot_element(text: bytes) -> ElementTree.Element:
     return root
 
 
-def _links_apart(text: bytes) -> ElementTree.Element:
-    """The robot with links that no joint is called like: pinocchio reduces no model in which names stand twice."""
-    root = _robot_element(text)
-    for element in root.iter():
-        if element.tag == "link" and element.get("name"):
-            element.set("name", f"{element.get('name')} (link)")
-        elif element.tag in {"parent", "child"} and element.get("link"):
-            element.set("link", f"{element.get('link')} (link)")
-    return root
+@dataclass(frozen=True, eq=False)
+class MujocoPlaces:
+    """Where a robot's coordinates stand in those of a MuJoCo model, whose names and order may be others.
+
+    Attributes:
+        q: ``(nq,)`` places in ``qpos``.
+        v: ``(nv,)`` places in ``qvel``.
+        start: ``(model.nq,)`` added to ``qpos``: zero of the robot's joints, position of all others.
+        n_dof: length of ``qvel``.
+    """
+
+    q: NDArray[np.intp]
+    v: NDArray[np.intp]
+    start: Array
+    n_dof: int
+
+    def mujoco_state(self, robot: Robot, q: Array, v: Array) -> tuple[Array, Array]:
+        """MuJoCo's ``qpos`` and ``qvel`` for the robot's ``q`` and ``v`` (base twist in the base frame)."""
+        qpos, qvel = self.start.copy(), np.zeros(self.n_dof)
+        qpos[self.q] += position_to_mujoco(q, floating=robot.floating)
+        qvel[self.v] = velocity_to_mujoco(q, v, floating=robot.floating)
+        return qpos, qvel
+
+    def mujoco_acceleration(self, robot: Robot, q: Array, v: Array, a: Array) -> Array:
+        """MuJoCo's ``qacc`` likewise."""
+        base, qacc = a.copy(), np.zeros(self.n_dof)
+        if robot.floating:
+            base[:3] += np.cross(v[3:6], v[:3])
+        qacc[self.v] = velocity_to_mujoco(q, base, floating=robot.floating)
+        return qacc
 
 
-def _by_joint(robot: Robot, q: Array) -> list[Array]:
-    joints = list(robot.model.joints)[1:]
-    return [q[joint.idx_q : joint.idx_q + joint.nq] for joint in joints]
+def mujoco_places(
+    robot: Robot,
+    model: mujoco.MjModel,
+    names: Mapping[str, str] | None = None,
+    source: object = "MuJoCo model",
+) -> MujocoPlaces:
+    """Find the robot's joints in a MuJoCo model.
 
-
-def _turn_coordinates(nq: int, value: float) -> Array:
-    """Coordinates of a joint that turns without end are cosine and sine."""
-    return np.array([np.cos(value), np.sin(value)]) if nq == 2 else np.array([value])
-
-
-def mujoco_error(robot: Robot, model: mujoco.MjModel, names: MujocoNames, parameters: Array) -> float:
-    """Relative error of ``mj_inverse`` of a compiled model against ``parameters``.
-
-    Friction, damping and rotor inertia are left out on both sides, and contacts and limits exert nothing.
+    Args:
+        robot: the robot.
+        model: the model.
+        names: names of links and joints in it, where they are not the robot's.
+        source: what to name in errors.
 
     Raises:
-        InputError: a joint of the robot is not in the model.
+        InputError: a joint, or the free joint of a base that floats, is not there.
     """
-    states = random_states(robot, parameters)
-    damping, friction, armature = model.dof_damping.copy(), model.dof_frictionloss.copy(), model.dof_armature
-    armature = armature.copy()
-    model.dof_damping[:] = model.dof_frictionloss[:] = model.dof_armature[:] = 0.0
-    torque = mujoco_torques(robot, model, names, states)
-    model.dof_damping[:], model.dof_frictionloss[:], model.dof_armature[:] = damping, friction, armature
-    return states.error(torque)
+    import mujoco
+
+    def joint(name: str) -> int:
+        return int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
+
+    def lacking(what: str) -> InputError:
+        remedy = "give a model of the same robot, or map its names to the model's"
+        return InputError(f"has no {what} of robot {robot.name!r}", source=source, remedy=remedy)
+
+    names = names or {}
+    q: list[int] = []
+    v: list[int] = []
+    start = np.array(model.qpos0)
+    for name, value in held_joints(robot).items():
+        if joint(name) >= 0:
+            start[model.jnt_qposadr[joint(name)]] += value
+    if robot.floating:
+        free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.get(robot.base_link, robot.base_link))
+        own = [index for index in free if model.jnt_bodyid[index] == base]
+        if not len(free):
+            raise lacking("free joint")
+        first = (own or free)[0]
+        q += range(model.jnt_qposadr[first], model.jnt_qposadr[first] + 7)
+        v += range(model.jnt_dofadr[first], model.jnt_dofadr[first] + 6)
+        start[q] = 0.0
+    for name in robot.joint_names:
+        index = joint(names.get(name, name))
+        if index < 0:
+            raise lacking(f"joint {names.get(name, name)!r}")
+        q.append(model.jnt_qposadr[index])
+        v.append(model.jnt_dofadr[index])
+    return MujocoPlaces(np.array(q), np.array(v), start, int(model.nv))
 
 
-def mujoco_torques(robot: Robot, model: mujoco.MjModel, names: MujocoNames, states: States) -> Array:
-    """``mj_inverse`` of a compiled model ``(n, nv)``, damping and rotor inertia included.
+def mujoco_torques(
+    robot: Robot,
+    model: mujoco.MjModel,
+    states: States,
+    names: Mapping[str, str] | None = None,
+    *,
+    drives: bool = True,
+) -> Array:
+    """``mj_inverse`` of a compiled model ``(n, nv)``.
 
     Dry friction, contacts and limits exert nothing; gravity is the robot's.
+
+    Args:
+        robot: the robot.
+        model: the model; its gravity, flags and, without ``drives``, joints' terms are changed.
+        states: positions, velocities and accelerations.
+        names: as for :func:`mujoco_places`.
+        drives: whether damping and rotor inertia exert theirs.
 
     Raises:
         InputError: a joint of the robot is not in the model.
     """
     import mujoco
 
-    place = mujoco_places(robot, model, names)
-    data, flags, gravity = mujoco.MjData(model), model.opt.disableflags, model.opt.gravity.copy()
+    place, data = mujoco_places(robot, model, names), mujoco.MjData(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     model.opt.gravity[:] = robot.model.gravity.linear
+    if not drives:
+        model.dof_damping[:] = model.dof_armature[:] = 0.0
     torque = []
     for q, v, a in zip(states.q, states.v, states.a, strict=True):
-        place.pose(robot, data, q, v, a)
+        data.qpos[:], data.qvel[:] = place.mujoco_state(robot, q, v)
+        data.qacc[:] = place.mujoco_acceleration(robot, q, v, a)
         mujoco.mj_inverse(model, data)
         force = data.qfrc_inverse[place.v].copy()
         if robot.floating:
             force[:3] = pin.Quaternion(q[3:7]).matrix().T @ force[:3]
         torque.append(force)
-    model.opt.disableflags, model.opt.gravity[:] = flags, gravity
     return np.array(torque)
 
 
@@ -227,7 +281,7 @@ def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
 
 
 @dataclass(frozen=True)
-class WrittenModel:
+class WrittenModel(Stated):
     """A model file with identified inertials, and the proof that simulators read it so.
 
     Attributes:
@@ -239,21 +293,17 @@ class WrittenModel:
         mujoco_error: the same for the file read by MuJoCo.
     """
 
-    path: Path
+    path: Path = field(metadata=HIDDEN)
     changed: tuple[str, ...]
     notes: tuple[str, ...]
     pinocchio_error: float | None
     mujoco_error: float | None
 
-    def to_json(self) -> dict[str, Any]:
-        """The file's entry in a JSON document."""
-        return {
-            "file": self.path.name,
-            "changed": list(self.changed),
-            "notes": list(self.notes),
-            "pinocchio_error": self.pinocchio_error,
-            "mujoco_error": self.mujoco_error,
-        }
+    @property
+    @stated
+    def file(self) -> str:
+        """Its name."""
+        return self.path.name
 
 
 def write_verified(content: bytes, model: WrittenModel) -> WrittenModel:

@@ -1,4 +1,4 @@
-"""Postures from markers: weighted least squares, frame by frame.
+"""Postures from markers: weighted least squares, many frames at a time.
 
 Every frame minimises ``Σ ρ(|p_m − x_m(q)|) + prior``, solved by damped Gauss-Newton steps on the segments'
 rotations, so that no posture is singular. Markers that are missing have no term; the prior, so weak that markers
@@ -11,19 +11,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.human.segments import NAMES, PARENTS
 from excite.human.skeleton import (
     COLUMNS,
+    DESCENDANTS,
     N_SEGMENTS,
     N_VELOCITY,
     REVOLUTE_AXIS,
+    Placement,
     Pose,
     neutral_pose,
     place_segments,
 )
-from excite.lazy_kernel import LazyKernel
 
 _PRIOR = 2.0
 
@@ -88,32 +90,27 @@ def solve_poses(
     Returns:
         The solution.
     """
-    # One layout of every array, or numba compiles again.
-    contiguous = np.ascontiguousarray
-    n, seen = len(points), contiguous(np.isfinite(points).all(axis=2))
-    pose = Pose(np.array(start.position, order="C"), np.array(start.rotation, order="C"))
+    n = len(points)
     weight = np.full((n, N_SEGMENTS), 1.0 / _PRIOR) if prior_weight is None else prior_weight
-    distance, cost = np.empty(seen.shape), np.empty(n)
-    fit_frames(
-        contiguous(np.where(seen[:, :, None], points, 0.0)),
-        seen,
-        pose.position,
-        pose.rotation,
-        contiguous((neutral_pose() if prior is None else prior).rotation),
-        contiguous(weight),
-        contiguous(model.offsets),
-        contiguous(model.segment),
-        contiguous(model.local),
-        steps,
-        robust,
-        distance,
-        cost,
+    standing = np.broadcast_to((neutral_pose() if prior is None else prior).rotation, start.rotation.shape)
+    parts = []
+    for first in range(0, n, _BLOCK):
+        part = slice(first, first + _BLOCK)
+        parts.append(
+            _fit_frames(model, points[part], start[part], standing[part], weight[part], steps, robust=robust)
+        )
+    pose = Pose(
+        *(np.concatenate([getattr(one.pose, name) for one in parts]) for name in ("position", "rotation"))
     )
-    return Solution(pose, np.where(seen, distance, np.nan), cost)
+    return Solution(
+        pose, np.concatenate([one.residual for one in parts]), np.concatenate([one.cost for one in parts])
+    )
 
 
-# Numba loops of inverse kinematics: damped Gauss-Newton steps, frame by frame.
+# Damped Gauss-Newton steps of many frames at a time (Levenberg-Marquardt, each frame with its own damping).
 
+# Frames solved at a time, for memory: their normal matrices are 13 kB each.
+_BLOCK = 200
 _SIGMA = 0.01
 # Markers count fully up to this distance [m] and less beyond (Geman-McClure), so that a swapped one is let go.
 _CORE = 0.03
@@ -124,380 +121,171 @@ _CONVERGED = 1e-6
 _LONGEST_STEP = 0.5
 
 
-@LazyKernel
-def _turn_into(turn, out):
-    """Rotation matrix of a rotation vector (Rodrigues)."""
-    x, y, z = turn[0], turn[1], turn[2]
-    square = x * x + y * y + z * z
-    if square < 1e-12:
-        a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
-    else:
-        angle = np.sqrt(square)
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
-    out[0, 0], out[0, 1], out[0, 2] = 1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
-    out[1, 0], out[1, 1], out[1, 2] = b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x
-    out[2, 0], out[2, 1], out[2, 2] = b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)
+@dataclass(eq=False)
+class _State:
+    """Frames at some postures: what Gauss-Newton steps start from.
 
-
-@LazyKernel
-def _vector_into(r, out):
-    """Rotation vector of a rotation matrix, angle up to π."""
-    out[0], out[1], out[2] = 0.5 * (r[2, 1] - r[1, 2]), 0.5 * (r[0, 2] - r[2, 0]), 0.5 * (r[1, 0] - r[0, 1])
-    sine = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
-    cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
-    angle = np.arctan2(sine, cosine)
-    if sine > 1e-7:
-        for i in range(3):
-            out[i] *= angle / sine
-    elif cosine < 0.0:
-        # Half a turn: the axis stands in the symmetric part.
-        big = 0
-        for i in range(1, 3):
-            if r[i, i] > r[big, big]:
-                big = i
-        length = np.sqrt(max(0.5 * (r[big, big] + 1.0), 1e-12))
-        for i in range(3):
-            part = length if i == big else 0.25 * (r[big, i] + r[i, big]) / length
-            out[i] = angle * part
-
-
-@LazyKernel
-def _joint_turns(rotation, prior, turns, bent):
-    """Turn of each joint away from the prior, and how far each hinge is bent the wrong way."""
-    relative = np.empty((3, 3))
-    for k in range(1, N_SEGMENTS):
-        for i in range(3):
-            for j in range(3):
-                relative[i, j] = prior[k, 0, i] * rotation[k, 0, j]
-                relative[i, j] += prior[k, 1, i] * rotation[k, 1, j] + prior[k, 2, i] * rotation[k, 2, j]
-        _vector_into(relative, turns[k])
-        bent[k] = 0.0
-        if SIZE[k] == 1:
-            own = np.empty(3)
-            _vector_into(rotation[k], own)
-            along = own[0] * HINGE[k, 0] + own[1] * HINGE[k, 1] + own[2] * HINGE[k, 2]
-            bent[k] = max(0.0, _HINGE_LEAST - along)
-
-
-@LazyKernel
-def _frame_cost(target, seen, segment, local, world, origin, robust, turns, bent, weight, points, distance):
-    """Cost of one frame; fills in predicted points and distances."""
-    cost = 0.0
-    for m in range(len(segment)):
-        k, square = segment[m], 0.0
-        for i in range(3):
-            points[m, i] = origin[k, i] + world[k, i, 0] * local[m, 0]
-            points[m, i] += world[k, i, 1] * local[m, 1] + world[k, i, 2] * local[m, 2]
-            square += (target[m, i] - points[m, i]) ** 2
-        distance[m] = np.sqrt(square)
-        if seen[m]:
-            part = square / _SIGMA**2
-            cost += part / (1.0 + square / _CORE**2) if robust else part
-    for k in range(1, N_SEGMENTS):
-        cost += (turns[k, 0] ** 2 + turns[k, 1] ** 2 + turns[k, 2] ** 2) * weight[k] ** 2
-        cost += (_HINGE_SPRING * bent[k]) ** 2
-    return cost
-
-
-@LazyKernel
-def _distance_weight(seen, distance, robust, weight):
-    """How much the square of each marker's distance counts."""
-    for m in range(len(seen)):
-        weight[m] = _SIGMA**-2 if seen[m] else 0.0
-        if robust:
-            weight[m] /= (1.0 + (distance[m] / _CORE) ** 2) ** 2
-
-
-@LazyKernel
-def _add_pulls(turns, bent, weight, normal, gradient):
-    """Add what the prior and the hinges' springs pull."""
-    for k in range(1, N_SEGMENTS):
-        square = weight[k] ** 2
-        for j in range(SIZE[k]):
-            c = FIRST[k] + j
-            normal[c, c] += square
-            if SIZE[k] == 3:
-                gradient[c] -= square * turns[k, j]
-            else:
-                for i in range(3):
-                    gradient[c] -= square * turns[k, i] * HINGE[k, i]
-                gradient[c] += _HINGE_SPRING**2 * bent[k]
-                normal[c, c] += _HINGE_SPRING**2 if bent[k] > 0.0 else 0.0
-
-
-@LazyKernel
-def _shorten_step(step):
-    """Make a step no longer than its linearisation holds."""
-    largest = 0.0
-    for c in range(3, N_VELOCITY):
-        largest = max(largest, abs(step[c]))
-    if largest > _LONGEST_STEP:
-        for c in range(N_VELOCITY):
-            step[c] *= _LONGEST_STEP / largest
-
-
-@LazyKernel
-def _apply_step(rotation, step, out):
-    """Rotations after a step ``(40,)``."""
-    turn, little = np.empty(3), np.empty((3, 3))
-    for k in range(N_SEGMENTS):
-        for i in range(3):
-            if SIZE[k] == 1:
-                turn[i] = step[FIRST[k]] * HINGE[k, i]
-            else:
-                turn[i] = step[FIRST[k] + SIZE[k] - 3 + i]
-        _turn_into(turn, little)
-        multiply_matrices(rotation[k], little, out[k])
-
-
-@LazyKernel
-def _copy_pose(position, rotation, to_position, to_rotation):
-    for i in range(3):
-        to_position[i] = position[i]
-    for k in range(N_SEGMENTS):
-        for i in range(3):
-            for j in range(3):
-                to_rotation[k, i, j] = rotation[k, i, j]
-
-
-@LazyKernel
-def fit_frames(
-    target, seen, position, rotation, prior, weight, offsets, segment, local, steps, robust, distance, cost
-):
-    """Fit every frame by damped Gauss-Newton steps, postures in place.
-
-    Args:
-        target: ``(n, m, 3)`` positions, anything where not seen [m].
-        seen: ``(n, m)``.
-        position: of the pelvis ``(n, 3)``, first guess in, answer out.
-        rotation: ``(n, 15, 3, 3)``, likewise.
-        prior: rotations that joints are pulled to ``(n, 15, 3, 3)``, or one frame of them.
-        weight: of that pull ``(n, 15)`` [1/rad].
-        offsets: of the joints ``(15, 3)``.
-        segment: of each marker ``(m,)``.
-        local: place of each marker ``(m, 3)``.
-        steps: most iterations.
-        robust: whether far markers count less.
-        distance: of each marker ``(n, m)``, written.
-        cost: of each frame ``(n,)``, written.
+    Attributes:
+        pose: the postures.
+        placed: the segments.
+        points: markers where the postures have them ``(n, m, 3)`` [m].
+        distance: from where they are ``(n, m)`` [m].
+        turns: of each joint away from the prior ``(n, 15, 3)`` [rad].
+        bent: how far each hinge is bent the wrong way ``(n, n_hinges)`` [rad].
+        cost: ``(n,)``.
     """
-    m = len(segment)
-    world, new_world = np.empty((N_SEGMENTS, 3, 3)), np.empty((N_SEGMENTS, 3, 3))
-    origin, new_origin = np.empty((N_SEGMENTS, 3)), np.empty((N_SEGMENTS, 3))
-    points, new_points = np.empty((m, 3)), np.empty((m, 3))
-    far, new_far, counts = np.empty(m), np.empty(m), np.empty(m)
-    turns, new_turns = np.zeros((N_SEGMENTS, 3)), np.zeros((N_SEGMENTS, 3))
-    bent, new_bent = np.zeros(N_SEGMENTS), np.zeros(N_SEGMENTS)
-    place, new_place = np.empty(3), np.empty(3)
-    joints, new_joints = np.empty((N_SEGMENTS, 3, 3)), np.empty((N_SEGMENTS, 3, 3))
-    normal, step = np.zeros((N_VELOCITY, N_VELOCITY)), np.empty(N_VELOCITY)
-    for n in range(len(target)):
-        pulled = prior[n] if len(prior) > 1 else prior[0]
-        damping = 1e-3
-        _copy_pose(position[n], rotation[n], place, joints)
-        place_markers(place, joints, offsets, world, origin)
-        _joint_turns(joints, pulled, turns, bent)
-        best = _frame_cost(
-            target[n], seen[n], segment, local, world, origin, robust, turns, bent, weight[n], points, far
+
+    pose: Pose
+    placed: Placement
+    points: Array
+    distance: Array
+    turns: Array
+    bent: Array
+    cost: Array
+
+    def accept(self, frames: NDArray[np.int64], other: _State, chosen: NDArray[np.bool_]) -> None:
+        """Take some frames of another state, which is of ``frames``."""
+        for own, new in zip(self._arrays(), other._arrays(), strict=True):
+            own[frames[chosen]] = new[chosen]
+
+    def _arrays(self) -> tuple[Array, ...]:
+        pose, placed = self.pose, self.placed
+        own = (self.points, self.distance, self.turns, self.bent, self.cost)
+        return (pose.position, pose.rotation, placed.origin, placed.rotation, *own)
+
+
+def _fit_frames(
+    model: MarkerModel, points: Array, start: Pose, prior: Array, weight: Array, steps: int, *, robust: bool
+) -> Solution:
+    seen = np.asarray(np.isfinite(points).all(axis=2))
+    target = np.where(seen[:, :, None], points, 0.0)
+
+    def evaluate(pose: Pose, frames: NDArray[np.int64]) -> _State:
+        return _state_of(
+            model, pose, target[frames], seen[frames], prior[frames], weight[frames], robust=robust
         )
-        for _ in range(steps):
-            _distance_weight(seen[n], far, robust, counts)
-            marker_equations(target[n], counts, segment, world, origin, points, normal, step)
-            _add_pulls(turns, bent, weight[n], normal, step)
-            for c in range(N_VELOCITY):
-                normal[c, c] = (normal[c, c] + 1e-9) * (1.0 + damping)
-            solve_tree(normal, step)
-            _shorten_step(step)
-            for i in range(3):
-                new_place[i] = place[i] + step[i]
-            _apply_step(joints, step, new_joints)
-            place_markers(new_place, new_joints, offsets, new_world, new_origin)
-            _joint_turns(new_joints, pulled, new_turns, new_bent)
-            new = _frame_cost(
-                target[n], seen[n], segment, local, new_world, new_origin, robust, new_turns, new_bent,
-                weight[n], new_points, new_far,
-            )  # fmt: skip
-            if new <= best * (1.0 + 1e-12):
-                gain = (best - new) / max(best, 1e-12)
-                best = new
-                place, new_place, joints, new_joints = new_place, place, new_joints, joints
-                world, new_world, origin, new_origin = new_world, world, new_origin, origin
-                turns, new_turns, bent, new_bent = new_turns, turns, new_bent, bent
-                points, new_points, far, new_far = new_points, points, new_far, far
-                damping = max(0.1 * damping, 1e-9)
-                if gain <= _CONVERGED:
-                    break
-            else:
-                damping = 10.0 * max(damping, 1e-6)
-                if damping >= 1e4:
-                    break
-        _copy_pose(place, joints, position[n], rotation[n])
-        cost[n] = best
-        for i in range(m):
-            distance[n, i] = far[i]
+
+    active = np.arange(len(points))
+    state = evaluate(start.copy(), active)
+    damping = np.full(len(points), 1e-3)
+    diagonal = np.arange(N_VELOCITY)
+    for _ in range(steps):
+        if not len(active):
+            break
+        normal, gradient = _normal_equations(model, state, active, target, seen, weight, robust=robust)
+        normal[:, diagonal, diagonal] = (normal[:, diagonal, diagonal] + 1e-9) * (1.0 + damping[active, None])
+        step: Array = np.asarray(np.linalg.solve(normal, gradient[:, :, None])[:, :, 0])
+        step *= np.minimum(1.0, _LONGEST_STEP / np.maximum(np.abs(step[:, 3:]).max(axis=1), 1e-12))[:, None]
+        trial = evaluate(state.pose[active].moved(step), active)
+        old = state.cost[active]
+        better = trial.cost <= old * (1.0 + 1e-12)
+        gain = (old - trial.cost) / np.maximum(old, 1e-12)
+        state.accept(active, trial, better)
+        now = damping[active]
+        damping[active] = np.where(better, np.maximum(0.1 * now, 1e-9), 10.0 * np.maximum(now, 1e-6))
+        done = np.where(better, gain <= _CONVERGED, damping[active] >= 1e4)
+        active = active[~done]
+    return Solution(state.pose, np.where(seen, state.distance, np.nan), state.cost)
 
 
-# Numba loops over the tree of segments: kinematics, normal equations of markers, and their solution.
-#
-# Markers are point masses of their weights that hang on the tree. The normal matrix of the least-squares step
-# is then the tree's mass matrix and comes from composite bodies, and it is factorised along the tree without
-# fill-in (Featherstone 2008, Rigid Body Dynamics Algorithms, sections 6.2 and 6.5).
-
-_PARENT = np.array([-1, *PARENTS[1:]])
-FIRST = np.array([columns.start for columns in COLUMNS])
-SIZE = np.array([columns.stop - columns.start for columns in COLUMNS])
-HINGE = np.array([REVOLUTE_AXIS.get(k, np.zeros(3)) for k in range(N_SEGMENTS)])
-
-
-def _parent_columns() -> np.ndarray:
-    """The column before each on its way to the pelvis, -1 for the first."""
-    before = np.arange(N_VELOCITY) - 1
-    for k in range(1, N_SEGMENTS):
-        before[COLUMNS[k].start] = COLUMNS[PARENTS[k]].stop - 1
-    return before
-
-
-_BEFORE = _parent_columns()
-
-
-@LazyKernel
-def multiply_matrices(a, b, out):
-    """Product of two matrices of three rows and columns, into ``out (3, 3)``."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+def _state_of(
+    model: MarkerModel,
+    pose: Pose,
+    target: Array,
+    seen: NDArray[np.bool_],
+    prior: Array,
+    weight: Array,
+    *,
+    robust: bool,
+) -> _State:
+    placed = place_segments(pose, model.offsets)
+    points = placed.points(model.segment, model.local)
+    square = ((target - points) ** 2).sum(axis=2)
+    part = square / _SIGMA**2
+    markers = np.where(seen, part / (1.0 + square / _CORE**2) if robust else part, 0.0)
+    turns = _rotation_vectors(prior.swapaxes(-1, -2) @ pose.rotation)
+    own = _rotation_vectors(pose.rotation[:, _HINGES])
+    bent = np.maximum(0.0, _HINGE_LEAST - np.einsum("nki,ki->nk", own, _HINGE_AXES))
+    pulls = (weight[:, 1:] ** 2 * (turns[:, 1:] ** 2).sum(axis=2)).sum(axis=1)
+    cost = markers.sum(axis=1) + pulls + ((_HINGE_SPRING * bent) ** 2).sum(axis=1)
+    return _State(pose, placed, points, np.sqrt(square), turns, bent, cost)
 
 
-@LazyKernel
-def place_markers(position, rotation, offsets, world, origin):
-    """Forward kinematics of one frame."""
-    for i in range(3):
-        origin[0, i] = position[i]
-        for j in range(3):
-            world[0, i, j] = rotation[0, i, j]
-    for k in range(1, N_SEGMENTS):
-        p = _PARENT[k]
-        multiply_matrices(world[p], rotation[k], world[k])
-        for i in range(3):
-            origin[k, i] = origin[p, i] + world[p, i, 0] * offsets[k, 0]
-            origin[k, i] += world[p, i, 1] * offsets[k, 1] + world[p, i, 2] * offsets[k, 2]
+def _rotation_vectors(rotation: Array) -> Array:
+    """Rotation vectors of matrices ``(…, 3, 3)``, angle up to π."""
+    return Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec().reshape(rotation.shape[:-1])
 
 
-@LazyKernel
-def _velocity_axes(world, origin):
-    """Velocity about the pelvis that each column gives what it carries: linear, angular ``(40, 6)``."""
-    axes = np.zeros((N_VELOCITY, 6))
-    for k in range(N_SEGMENTS):
-        x, y, z = origin[k, 0] - origin[0, 0], origin[k, 1] - origin[0, 1], origin[k, 2] - origin[0, 2]
-        for c in range(FIRST[k], FIRST[k] + SIZE[k]):
-            if c < 3:
-                axes[c, c] = 1.0
-                continue
-            a = axes[c]
-            for i in range(3):
-                if SIZE[k] == 1:
-                    h = HINGE[k]
-                    a[3 + i] = world[k, i, 0] * h[0] + world[k, i, 1] * h[1] + world[k, i, 2] * h[2]
-                else:
-                    a[3 + i] = world[k, i, (c - FIRST[k]) % 3]
-            a[0], a[1], a[2] = y * a[5] - z * a[4], z * a[3] - x * a[5], x * a[4] - y * a[3]
-    return axes
+def _normal_equations(
+    model: MarkerModel,
+    state: _State,
+    frames: NDArray[np.int64],
+    target: Array,
+    seen: NDArray[np.bool_],
+    weight: Array,
+    *,
+    robust: bool,
+) -> tuple[Array, Array]:
+    """Normal matrices ``(n, 40, 40)`` and gradients ``(n, 40)`` of some frames.
 
-
-@LazyKernel
-def marker_equations(target, weight, segment, world, origin, points, normal, gradient):
-    """Normal matrix (entries on the tree only) and gradient of weighted markers.
-
-    Args:
-        target: where markers are ``(m, 3)`` [m].
-        weight: of the square of each one's distance ``(m,)``, 0 where it is not seen.
-        segment: that carries each ``(m,)``.
-        world: rotations of the segments ``(15, 3, 3)``.
-        origin: of the segments ``(15, 3)`` [m].
-        points: where the posture has the markers ``(m, 3)`` [m].
-        normal: ``(40, 40)``, written where one column carries the other (lower triangle).
-        gradient: ``(40,)``, written.
+    Markers are point masses of their weights that hang on the tree of segments: the normal matrix is that tree's mass
+    matrix, of composite bodies (Featherstone 2008, Rigid Body Dynamics Algorithms, section 6.2).
     """
-    ref = origin[0]
-    # Of the body below each joint about the pelvis: weight, first moment, inertia; force and moment of the pull.
-    body, pull = np.zeros((N_SEGMENTS, 10)), np.zeros((N_SEGMENTS, 6))
-    for m in range(len(segment)):
-        w = weight[m]
-        if w == 0.0:
-            continue
-        x, y, z = points[m, 0] - ref[0], points[m, 1] - ref[1], points[m, 2] - ref[2]
-        ex, ey, ez = target[m, 0] - points[m, 0], target[m, 1] - points[m, 1], target[m, 2] - points[m, 2]
-        b, f = body[segment[m]], pull[segment[m]]
-        b[0] += w
-        b[1] += w * x
-        b[2] += w * y
-        b[3] += w * z
-        b[4] += w * (y * y + z * z)
-        b[5] += w * (x * x + z * z)
-        b[6] += w * (x * x + y * y)
-        b[7] -= w * x * y
-        b[8] -= w * x * z
-        b[9] -= w * y * z
-        f[0] += w * ex
-        f[1] += w * ey
-        f[2] += w * ez
-        f[3] += w * (y * ez - z * ey)
-        f[4] += w * (z * ex - x * ez)
-        f[5] += w * (x * ey - y * ex)
-    for k in range(N_SEGMENTS - 1, 0, -1):
-        for i in range(10):
-            body[_PARENT[k], i] += body[k, i]
-        for i in range(6):
-            pull[_PARENT[k], i] += pull[k, i]
-    axes = _velocity_axes(world, origin)
-    for k in range(N_SEGMENTS):
-        b = body[k]
-        for c in range(FIRST[k], FIRST[k] + SIZE[k]):
-            vx, vy, vz, ax, ay, az = axes[c, 0], axes[c, 1], axes[c, 2], axes[c, 3], axes[c, 4], axes[c, 5]
-            px = b[0] * vx + ay * b[3] - az * b[2]
-            py = b[0] * vy + az * b[1] - ax * b[3]
-            pz = b[0] * vz + ax * b[2] - ay * b[1]
-            lx = b[2] * vz - b[3] * vy + b[4] * ax + b[7] * ay + b[8] * az
-            ly = b[3] * vx - b[1] * vz + b[7] * ax + b[5] * ay + b[9] * az
-            lz = b[1] * vy - b[2] * vx + b[8] * ax + b[9] * ay + b[6] * az
-            gradient[c] = 0.0
-            for i in range(6):
-                gradient[c] += axes[c, i] * pull[k, i]
-            j = c
-            while j >= 0:
-                s = axes[j]
-                normal[c, j] = s[0] * px + s[1] * py + s[2] * pz + s[3] * lx + s[4] * ly + s[5] * lz
-                j = _BEFORE[j]
+    n, origin, points = len(frames), state.placed.origin[frames], state.points[frames]
+    counts = np.where(seen[frames], _SIGMA**-2, 0.0)
+    if robust:
+        counts /= (1.0 + (state.distance[frames] / _CORE) ** 2) ** 2
+    # Of what each joint carries, about the pelvis: weight, first and second moments; force and moment of the pull.
+    place = points - origin[:, :1]
+    pull = counts[:, :, None] * (target[frames] - points)
+    weighed = counts[:, :, None] * place
+    second = (weighed[:, :, :, None] * place[:, :, None, :]).reshape(n, -1, 9)
+    terms = np.concatenate([counts[:, :, None], weighed, second, pull, np.cross(place, pull)], axis=2)
+    carried = np.array([np.isin(model.segment, below) for below in DESCENDANTS], dtype=float)
+    mass, first, moments, wrench = np.split(carried @ terms, [1, 4, 13], axis=2)
+    # Their inertia: momentum, linear and angular, of a velocity about the pelvis.
+    moments = moments.reshape(n, N_SEGMENTS, 3, 3)
+    spread = np.trace(moments, axis1=2, axis2=3)[:, :, None, None] * np.eye(3)
+    cross = np.cross(first[:, :, None, :], np.eye(3))
+    inertia = np.block([[mass[:, :, :, None] * np.eye(3), cross], [-cross, spread - moments]])
+    # Velocity about the pelvis that each column gives what it carries.
+    angular = _JOINT_AXES @ state.placed.rotation[frames].swapaxes(2, 3)
+    linear = np.cross((origin - origin[:, :1])[:, :, None], angular)
+    velocity = np.concatenate([linear, angular], axis=3)
+    momentum = velocity @ inertia
+    axes, impulse = (
+        np.concatenate([part[:, 0], part.reshape(n, -1, 6)[:, _ROWS]], axis=1)
+        for part in (velocity, momentum)
+    )
+    axes[:, :3], impulse[:, :3] = np.eye(3, 6), inertia[:, 0, :3]
+    normal = impulse @ axes.swapaxes(1, 2)
+    normal *= _CARRIES
+    normal += normal.swapaxes(1, 2) * _BEYOND
+    gradient = np.einsum("nci,nci->nc", axes, wrench[:, _SEGMENT_OF])
+    # What the prior and the hinges' springs pull.
+    square = (weight[frames] ** 2)[:, _SEGMENT_OF]
+    square[:, : COLUMNS[0].stop] = 0.0
+    turns = (state.turns[frames][:, :, None] * _JOINT_AXES).sum(axis=3).reshape(n, -1)
+    gradient[:, 3:] -= square[:, 3:] * turns[:, _ROWS]
+    square[:, _HINGE_COLUMNS] += _HINGE_SPRING**2 * (state.bent[frames] > 0.0)
+    gradient[:, _HINGE_COLUMNS] += _HINGE_SPRING**2 * state.bent[frames]
+    normal[:, np.arange(N_VELOCITY), np.arange(N_VELOCITY)] += square
+    return normal, gradient
 
 
-@LazyKernel
-def solve_tree(normal, x):
-    """Solve with the tree's matrix in place: ``H = Lᵀ L``, entries only where one column carries the other."""
-    for k in range(N_VELOCITY - 1, -1, -1):
-        normal[k, k] = np.sqrt(normal[k, k])
-        i = _BEFORE[k]
-        while i >= 0:
-            normal[k, i] /= normal[k, k]
-            i = _BEFORE[i]
-        i = _BEFORE[k]
-        while i >= 0:
-            j = i
-            while j >= 0:
-                normal[i, j] -= normal[k, i] * normal[k, j]
-                j = _BEFORE[j]
-            i = _BEFORE[i]
-    for i in range(N_VELOCITY - 1, -1, -1):
-        x[i] /= normal[i, i]
-        j = _BEFORE[i]
-        while j >= 0:
-            x[j] -= normal[i, j] * x[i]
-            j = _BEFORE[j]
-    for i in range(N_VELOCITY):
-        j = _BEFORE[i]
-        while j >= 0:
-            x[i] -= normal[i, j] * x[j]
-            j = _BEFORE[j]
-        x[i] /= normal[i, i]
+# Of each of the 40 columns its segment, and which columns carry it. Those of turns, all but the first three, are rows
+# of a table of three axes a joint, in the segment's frame.
+_SEGMENT_OF = np.repeat(np.arange(N_SEGMENTS), [columns.stop - columns.start for columns in COLUMNS])
+_JOINT_AXES = np.array([np.eye(3)] * N_SEGMENTS)
+_JOINT_AXES[list(REVOLUTE_AXIS), 0] = list(REVOLUTE_AXIS.values())
+_ROWS = np.array([3 * k + c - max(COLUMNS[k].start, COLUMNS[k].stop - 3) for c, k in enumerate(_SEGMENT_OF)])[
+    3:
+]
+_CARRIES = np.array([[c in DESCENDANTS[j] for j in _SEGMENT_OF] for c in _SEGMENT_OF])
+_BEYOND = _CARRIES.T & ~_CARRIES
+_HINGES = np.array(list(REVOLUTE_AXIS))
+_HINGE_AXES = np.array(list(REVOLUTE_AXIS.values()))
+_HINGE_COLUMNS = np.array([COLUMNS[k].start for k in REVOLUTE_AXIS])
 
 
 # Postures without a first guess.

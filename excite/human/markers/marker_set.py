@@ -17,9 +17,9 @@ from excite.finding import list_names
 from excite.formats.documents import read_yaml
 from excite.human.body import DIMENSIONS, Dimensions, joint_offsets, stature_dimensions
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, first_poses, solve_poses
+from excite.human.segment_tables import DUMAS_PELVIS
 from excite.human.segments import NAMES, PARENTS, SIDES, Subject
 from excite.human.skeleton import N_SEGMENTS, N_VELOCITY, Pose, place_segments, point_jacobian
-from excite.human.tables import dumas
 
 # Where bony landmarks lie on the segments: first guesses, which calibration refines.
 
@@ -100,7 +100,7 @@ def landmark_place(name: str, subject: Subject, dimensions: Dimensions) -> Array
     place = np.array([x, -y if side == "right" else y, z]) * scale
     if landmark.kind == "pelvis" and name.endswith("asis"):
         # Dumas' pelvis in units of the distance of the hips, which is what the dimensions hold.
-        row = dumas.PELVIS[subject.sex]
+        row = DUMAS_PELVIS[subject.sex]
         width = dimensions["hip_half_width"] / (row.hip[2] / 100.0)
         outward = -0.5 if side == "right" else 0.5
         place = width * np.array([-row.hip[0] / 100.0, outward, -row.hip[1] / 100.0])

@@ -75,7 +75,7 @@ def stack_constraints(parts: Sequence[LinearConstraints], n_params: int) -> Line
 MASS_AND_FIRST_MOMENT = (0, 1, 2, 3)
 
 
-def default_bounds(problem: IdentificationProblem, spread: Array, width: float) -> Array:
+def bounds_about_nominal(problem: IdentificationProblem, spread: Array, width: float) -> Array:
     """Nominal values plus and minus ``width`` spreads, masses and drives' friction and armature not negative.
 
     Args:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -20,6 +21,7 @@ from excite.identification.constraints.cones import (
     com_ellipsoids,
     com_in_ellipsoids,
     feasibility_cones,
+    inertia_cones,
     mass_in_ellipsoids,
     pseudo_inertia_cones,
 )
@@ -38,12 +40,12 @@ from excite.identification.estimators.estimator import (
     VIOLATION_TOLERANCE,
     Estimate,
     Estimator,
+    SettingsT,
     SolveStatus,
     best_known,
     checked_estimate,
     no_solution,
 )
-from excite.identification.estimators.quadratic import bound_rows
 from excite.identification.estimators.scaled_problem import Ridge, pullback_metric, ridge
 from excite.identification.estimators.settings import (
     BodySettings,
@@ -57,9 +59,8 @@ from excite.identification.estimators.settings import (
     word,
 )
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.identification.physical.default_bounds import default_bounds
-from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, condense_problem, iterate_weights, prior_std
+from excite.identification.physical.default_bounds import bound_rows, default_bounds
+from excite.identification.regression import Regression, prior_std
 
 # Nearest points under linear constraints and cones: clarabel's answer, refined and judged without its word.
 
@@ -136,6 +137,7 @@ def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> Coni
     # Rows and blocks have unit length already; another scaling makes multipliers of redundant rows diverge.
     settings.equilibrate_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    settings.tol_infeas_abs = settings.tol_infeas_rel = tolerance
     weights = np.ones(n) if problem.weights is None else problem.weights
     solver = clarabel.DefaultSolver(
         sparse.diags(weights, format="csc"),
@@ -252,96 +254,6 @@ def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
     return float(np.sqrt(stationarity @ stationarity + 2.0 * abs(slack)))
 
 
-# The default: bodies that can exist, believed as far as the log supports the nominal model.
-
-
-@dataclass(frozen=True)
-class AdaptiveSettings(EstimatorSettings):
-    """Settings of ``adaptive``.
-
-    Attributes:
-        alpha: the α of eq. (4) of Jovic et al. 2015, in units in which prior and noise have unit variance; None has
-            :func:`~excite.identification.identify.identify` choose it for an arm, and is 1 elsewhere.
-        terms: whether identify may add terms of drives and sensors to an arm's equations.
-        inertia_floor: relative, so that it fits hands and trunks.
-    """
-
-    alpha: float | None = number(
-        None, "1", 1e-12, 1e12, "weight of the nominal model against the data", optional=True
-    )
-    terms: str = word(
-        "chosen",
-        ("chosen", "stated"),
-        "terms beside rigid bodies: those that the log asks for, or stated ones only",
-    )
-    inertia_floor: float = number(
-        0.01, "1", 0.0, 0.9, "least moment of inertia, as share of the nominal least one of the segment"
-    )
-
-
-class Adaptive(Estimator[AdaptiveSettings]):
-    """Pseudo-inertias positive definite (Wensing, Kim and Slotine 2018), near the nominal ones, and nothing else.
-
-    Unlike ``lmi`` it keeps no centre of mass in a box of the link's shape, since people hang things on links, and no
-    sign of a friction. What rigid bodies cannot explain is left to terms of drives and sensors where blocks of the
-    log that are left out ask for them (:mod:`excite.identification.adaptation`): without these, bodies that can
-    exist predict worse than least squares, and bodies that cannot take their place.
-    """
-
-    name: ClassVar[str] = "adaptive"
-    title: ClassVar[str] = (
-        "bodies that can exist, with the nominal model's weight and terms of drives and sensors that the log asks for"
-    )
-    consistent: ClassVar[bool] = True
-    adapts: ClassVar[bool] = True
-    use: ClassVar[str] = (
-        "most logs: bodies that can exist, so that a model is always written, and predictions at least as good as "
-        "least squares'"
-    )
-    settings_class: ClassVar[type[EstimatorSettings]] = AdaptiveSettings
-    guarantees: ClassVar[str] = (
-        "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
-        "pseudo-inertia at least -1e-9, recomputed), and the total mass holds where it was weighed or the "
-        "record tells it"
-    )
-
-    def __init__(self, solver: ConicSolver = interior_point):
-        self._solver = solver
-
-    def estimate(self, problem: IdentificationProblem, settings: AdaptiveSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(condense_problem(problem)), settings)
-
-    def solve(self, rows: Regression, settings: AdaptiveSettings) -> Estimate:
-        """Estimate from rows that have been condensed and weighted.
-
-        Args:
-            rows: the rows.
-            settings: of this method.
-
-        Raises:
-            NoSolutionError: no bodies meet the constraints, or an answer fails its recomputation.
-        """
-        alpha = 1.0 if settings.alpha is None else settings.alpha
-        rows = replace(rows, problem=_steady_drives(rows.problem, alpha))
-        problem = rows.problem
-        pull = PullSettings(
-            prior_spread=settings.prior_spread, segment_spread=settings.segment_spread, alpha=alpha
-        )
-        mass = known_total_mass(rows, settings)
-        linear = stack_constraints([] if mass is None else [total_mass(problem, mass)], problem.n_params)
-        cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        best = conic_estimate(self.name, rows, ridge(rows, pull), linear, cones, self._solver)
-        return replace(consistent_or_raised(best), total_mass=mass)
-
-
-def _steady_drives(problem: IdentificationProblem, alpha: float) -> IdentificationProblem:
-    """The problem whose drives keep their expected spread whatever the weight of the nominal bodies is."""
-    if problem.drive_spread is None:
-        return problem
-    return replace(problem, drive_spread=np.sqrt(alpha) * problem.drive_spread)
-
-
 # From an objective, constraints and a conic solver to an estimate that has been checked.
 
 # What rounding may leave of a pseudo-inertia that must be positive semidefinite (kg, kg·m, kg·m²).
@@ -349,30 +261,70 @@ EIGENVALUE_TOLERANCE = 1e-9
 _RAY = 1e-6
 
 
-def conic_estimate(
-    method: str,
-    rows: Regression,
-    objective: Ridge,
-    linear: LinearConstraints,
-    cones: tuple[ParameterCones, ...],
-    solver: ConicSolver,
-) -> Estimate:
-    """The objective's least value under linear constraints and cones on the parameters.
+@dataclass(frozen=True, eq=False)
+class Program:
+    """What a method asks of a solver: the objective's least value under constraints on the parameters.
+
+    Attributes:
+        objective: the objective.
+        linear: linear rows.
+        cones: cones of bodies.
+        total_mass: mass that the rows tie the sum to [kg], None where it is free.
+    """
+
+    objective: Ridge
+    linear: LinearConstraints
+    cones: tuple[ParameterCones, ...]
+    total_mass: float | None = None
+
+
+class ConicEstimator(Estimator[SettingsT]):
+    """A method that is a :class:`Program`; what its solver finds is recomputed, and bodies are where it promises them.
+
+    Args:
+        solver: finds the optimum; not trusted.
+    """
+
+    def __init__(self, solver: ConicSolver = interior_point):
+        self._solver = solver
+
+    @abstractmethod
+    def program(self, rows: Regression, settings: SettingsT) -> Program:
+        """Objective and constraints.
+
+        Args:
+            rows: condensed and weighted rows.
+            settings: of this method.
+
+        Raises:
+            InputError: bounds or ellipsoids that leave nothing or are none.
+        """
+
+    def solve(self, rows: Regression, settings: SettingsT) -> Estimate:
+        """See :meth:`Estimator.solve`."""
+        program = self.program(rows, settings)
+        best = replace(conic_estimate(self.name, rows, program, self._solver), total_mass=program.total_mass)
+        return consistent_or_raised(best) if self.consistent else best
+
+
+def conic_estimate(method: str, rows: Regression, program: Program, solver: ConicSolver) -> Estimate:
+    """The answer to a program, checked.
 
     Args:
         method: name of the estimator.
         rows: the rows as weighted.
-        objective: the objective.
-        linear: on the parameters.
-        cones: on the parameters.
+        program: objective and constraints.
         solver: finds the optimum; not trusted.
 
     Raises:
         NoSolutionError: no point, or an answer that its recomputation refuses; ``best`` is the best point known
             that meets the constraints, the unconstrained optimum where there is none.
     """
+    objective, linear = program.objective, program.linear
     problem = ConicProblem(
-        objective.target, objective.constraints(linear), tuple(objective.cones(part) for part in cones)
+        objective.target,
+        objective.constraints(linear),
+        tuple(objective.cones(part) for part in program.cones),
     )
     answer = solver(problem)
     if answer.infeasible:
@@ -421,6 +373,76 @@ def _is_ray(problem: ConicProblem, answer: ConicAnswer) -> bool:
     return value < 0.0 and float(np.linalg.norm(matrix.T @ ray)) < _RAY * abs(value)
 
 
+# The default: bodies that can exist, believed as far as the log supports the nominal model.
+
+
+@dataclass(frozen=True)
+class AdaptiveSettings(EstimatorSettings):
+    """Settings of ``adaptive``.
+
+    Attributes:
+        alpha: the α of eq. (4) of Jovic et al. 2015, in units in which prior and noise have unit variance; None has
+            :func:`~excite.identification.identify.identify` choose it for an arm, and is 1 elsewhere.
+        terms: whether identify may add terms of drives and sensors to an arm's equations.
+        inertia_floor: relative, so that it fits hands and trunks.
+    """
+
+    alpha: float | None = number(
+        None, "1", 1e-12, 1e12, "weight of the nominal model against the data", optional=True
+    )
+    terms: str = word(
+        "chosen",
+        ("chosen", "stated"),
+        "terms beside rigid bodies: those that the log asks for, or stated ones only",
+    )
+    inertia_floor: float = number(
+        0.01, "1", 0.0, 0.9, "least moment of inertia, as share of the nominal least one of the segment"
+    )
+
+
+class Adaptive(ConicEstimator[AdaptiveSettings]):
+    """Pseudo-inertias positive definite (Wensing, Kim and Slotine 2018), near the nominal ones, and nothing else.
+
+    Unlike ``lmi`` it keeps no centre of mass in a box of the link's shape, since people hang things on links, and no
+    sign of a friction. What rigid bodies cannot explain is left to terms of drives and sensors where blocks of the
+    log that are left out ask for them (:mod:`excite.identification.adaptation`): without these, bodies that can
+    exist predict worse than least squares, and bodies that cannot take their place.
+    """
+
+    name: ClassVar[str] = "adaptive"
+    title: ClassVar[str] = (
+        "bodies that can exist, with the nominal model's weight and terms of drives and sensors that the log asks for"
+    )
+    consistent: ClassVar[bool] = True
+    adapts: ClassVar[bool] = True
+    use: ClassVar[str] = (
+        "most logs: bodies that can exist, so that a model is always written, and predictions at least as good as "
+        "least squares'"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = AdaptiveSettings
+    guarantees: ClassVar[str] = (
+        "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
+        "pseudo-inertia at least -1e-9, recomputed), and the total mass holds where it was weighed or the "
+        "record tells it"
+    )
+
+    def program(self, rows: Regression, settings: AdaptiveSettings) -> Program:
+        """See :meth:`ConicEstimator.program`."""
+        alpha = 1.0 if settings.alpha is None else settings.alpha
+        problem = rows.problem
+        if problem.drive_spread is not None:
+            # Drives keep their expected spread whatever the weight of the nominal bodies is.
+            problem = replace(problem, drive_spread=np.sqrt(alpha) * problem.drive_spread)
+            rows = replace(rows, problem=problem)
+        pull = PullSettings(
+            prior_spread=settings.prior_spread, segment_spread=settings.segment_spread, alpha=alpha
+        )
+        mass = known_total_mass(rows, settings)
+        linear = stack_constraints([] if mass is None else [total_mass(problem, mass)], problem.n_params)
+        cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
+        return Program(ridge(rows, pull), linear, cones, mass)
+
+
 # Physically feasible inertias within bounds of mass and first moment (CLS-2 of Golluccio et al. 2020).
 
 
@@ -429,7 +451,7 @@ class Cls2Settings(ParameterBoundsSettings, PullSettings):
     """Settings of ``cls2``: the pull, the bounds of masses and first moments, the least inertia."""
 
 
-class PhysicallyFeasible(Estimator[Cls2Settings]):
+class PhysicallyFeasible(ConicEstimator[Cls2Settings]):
     """Least squares with a pull to nominal under eq. (3): ``m > 0`` and inertia about the centre of mass ``≻ 0``.
 
     Sousa and Cortesão's linear matrix inequality, with bounds on masses and first moments. The regularisation
@@ -448,29 +470,13 @@ class PhysicallyFeasible(Estimator[Cls2Settings]):
         "positive definite, masses and first moments within their bounds; the triangle inequality need not hold"
     )
 
-    def __init__(self, solver: ConicSolver = interior_point):
-        self._solver = solver
-
-    def estimate(self, problem: IdentificationProblem, settings: Cls2Settings) -> Estimate:
-        """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(condense_problem(problem)), settings)
-
-    def solve(self, rows: Regression, settings: Cls2Settings) -> Estimate:
-        """Estimate from rows that have been condensed and weighted.
-
-        Args:
-            rows: the rows.
-            settings: of this method.
-
-        Raises:
-            InputError: bounds that leave nothing.
-            NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.
-        """
+    def program(self, rows: Regression, settings: Cls2Settings) -> Program:
+        """See :meth:`ConicEstimator.program`."""
         problem = rows.problem
         bounds = bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)
         linear = stack_constraints([non_negative_masses(problem), bounds], problem.n_params)
         cones = (feasibility_cones(problem, settings.inertia_floor),)
-        return conic_estimate(self.name, rows, ridge(rows, settings), linear, cones, self._solver)
+        return Program(ridge(rows, settings), linear, cones)
 
 
 # Physically consistent bodies that fit into ellipsoids (CLS-3 of Golluccio et al. 2020).
@@ -491,7 +497,7 @@ class Cls3Settings(StatedBoundsSettings, PullSettings):
     body_ellipsoids: Array | None = field(default=None, metadata=stated("m", "where each body's mass lies"))
 
 
-class DensityRealisable(Estimator[Cls3Settings]):
+class DensityRealisable(ConicEstimator[Cls3Settings]):
     """Least squares with a pull to nominal; every body has a density that is not negative inside its ellipsoid.
 
     Pseudo-inertias positive definite (eq. 4), centres of mass in ellipsoids (eq. 6), mass distributions in
@@ -513,24 +519,8 @@ class DensityRealisable(Estimator[Cls3Settings]):
         "(least eigenvalue of its pseudo-inertia at least -1e-9, recomputed) and its centre of mass in its own"
     )
 
-    def __init__(self, solver: ConicSolver = interior_point):
-        self._solver = solver
-
-    def estimate(self, problem: IdentificationProblem, settings: Cls3Settings) -> Estimate:
-        """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(condense_problem(problem)), settings)
-
-    def solve(self, rows: Regression, settings: Cls3Settings) -> Estimate:
-        """Estimate from rows that have been condensed and weighted.
-
-        Args:
-            rows: the rows.
-            settings: of this method.
-
-        Raises:
-            InputError: matrices that are not those of ellipsoids.
-            NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.
-        """
+    def program(self, rows: Regression, settings: Cls3Settings) -> Program:
+        """See :meth:`ConicEstimator.program`."""
         problem = rows.problem
         nominal = problem.prior[: problem.n_inertial]
         boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
@@ -551,8 +541,43 @@ class DensityRealisable(Estimator[Cls3Settings]):
             parts.append(stated_bounds(problem, settings.bounds, default_bounds(problem.robot, settings)))
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor), com_in_ellipsoids(problem, centers))
         linear = stack_constraints(parts, problem.n_params)
-        best = conic_estimate(self.name, rows, ridge(rows, settings), linear, cones, self._solver)
-        return replace(consistent_or_raised(best), total_mass=mass)
+        return Program(ridge(rows, settings), linear, cones, mass)
+
+
+# The constrained quadratic program of eq. (4), Jovic et al., Humanoids 2015.
+
+
+@dataclass(frozen=True)
+class QpSettings(SymmetrySettings, BodySettings, PullSettings):
+    """Settings of ``qp``: the pull, boxes, symmetry, and the least inertia."""
+
+
+class QuadraticProgram(ConicEstimator[QpSettings]):
+    """Least squares with a pull to the nominal model, under the constraints of Jovic et al. 2015.
+
+    Channels are weighted as in ``wls``. Inertias about the joint frames are positive definite as matrices, which holds
+    on every vector and not only on the 10 242 of the paper. Scaling of the pull: see
+    :class:`~excite.identification.estimators.scaled_problem.Ridge`.
+    """
+
+    name: ClassVar[str] = "qp"
+    title: ClassVar[str] = "constrained quadratic program of Jovic et al. 2015"
+    use: ClassVar[str] = (
+        "comparison with the paper: standard parameters near the nominal model, from short motions too; bodies that "
+        "cannot exist are named in the result"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = QpSettings
+    guarantees: ClassVar[str] = (
+        "within the stated distance of the global optimum; masses not negative, boxes of the centres of mass and "
+        "positive definite inertias about the joint frames hold, the total mass where it was weighed or the record "
+        "tells it, symmetry where it is asked for; the triangle inequality need not"
+    )
+
+    def program(self, rows: Regression, settings: QpSettings) -> Program:
+        """See :meth:`ConicEstimator.program`."""
+        model = model_constraints(rows, settings)
+        cones = (inertia_cones(rows.problem, settings.inertia_floor),)
+        return Program(ridge(rows, settings), model.linear, cones, model.total_mass)
 
 
 # Physically consistent parameters: every pseudo-inertia positive definite, as a cone program.
@@ -573,7 +598,7 @@ class LmiSettings(SymmetrySettings, BodySettings, PullSettings):
     regulariser: str = word("euclidean", ("euclidean", "pullback"), "distance from the nominal model")
 
 
-class PhysicallyConsistent(Estimator[LmiSettings]):
+class PhysicallyConsistent(ConicEstimator[LmiSettings]):
     """The objective and linear constraints of ``qp`` with every pseudo-inertia positive definite.
 
     ``regulariser`` chooses the distance from the nominal model: ``euclidean`` in units of the spreads, or ``pullback``.
@@ -592,23 +617,8 @@ class PhysicallyConsistent(Estimator[LmiSettings]):
         "was weighed or the record tells it, symmetry where it is asked for"
     )
 
-    def __init__(self, solver: ConicSolver = interior_point):
-        self._solver = solver
-
-    def estimate(self, problem: IdentificationProblem, settings: LmiSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(condense_problem(problem)), settings)
-
-    def solve(self, rows: Regression, settings: LmiSettings) -> Estimate:
-        """Estimate from rows that have been condensed and weighted.
-
-        Args:
-            rows: the rows.
-            settings: of this method.
-
-        Raises:
-            NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.
-        """
+    def program(self, rows: Regression, settings: LmiSettings) -> Program:
+        """See :meth:`ConicEstimator.program`."""
         problem = rows.problem
         model = model_constraints(rows, settings)
         metric = None
@@ -617,5 +627,4 @@ class PhysicallyConsistent(Estimator[LmiSettings]):
             metric = pullback_metric(problem, spreads, prior_std(problem, spreads))
         objective = ridge(rows, settings, metric)
         cones = (pseudo_inertia_cones(problem, settings.inertia_floor),)
-        best = conic_estimate(self.name, rows, objective, model.linear, cones, self._solver)
-        return replace(consistent_or_raised(best), total_mass=model.total_mass)
+        return Program(objective, model.linear, cones, model.total_mass)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import ClassVar, Generic, TypeVar
 
@@ -17,7 +17,7 @@ from excite.identification.estimators.scaled_problem import Ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.retrieval import Certificate
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression
+from excite.identification.regression import Regression, condense_problem, iterate_weights
 
 # What every estimator takes and gives.
 
@@ -35,7 +35,7 @@ class SolveStatus(Enum):
     NOT_OPTIMAL = "the solver stopped short of the optimum; raise alpha or use another method"
     VIOLATED = "the solver's answer breaks constraints that it was given; do not use it, try another method"
     CUT_LIMIT = (
-        "positive definiteness was not reached within the allowed cuts; raise inertia_floor or use lmi"
+        "inertias were not positive on every vector within the allowed cuts; raise sphere_epsilon or use lmi"
     )
     NOT_FINITE = "the solver's answer is not finite; raise alpha or use another method"
 
@@ -81,6 +81,7 @@ class Estimator(ABC, Generic[SettingsT]):
         title: what it is, in a few words.
         use: when to take it, in a line.
         settings_class: its settings, all that it knows and none that it ignores.
+        weighted: whether it takes channels as weighted by their own residuals.
         consistent: whether its parameters are those of bodies that can exist.
         adapts: whether :func:`~excite.identification.identify.identify` chooses the nominal model's weight, and terms
             beside rigid bodies, by blocks of the log that are left out.
@@ -92,12 +93,12 @@ class Estimator(ABC, Generic[SettingsT]):
     title: ClassVar[str]
     use: ClassVar[str]
     settings_class: ClassVar[type[EstimatorSettings]] = EstimatorSettings
+    weighted: ClassVar[bool] = True
     consistent: ClassVar[bool] = False
     adapts: ClassVar[bool] = False
     guarantees: ClassVar[str] = ""
     exempt: ClassVar[Mapping[str, str]] = {}
 
-    @abstractmethod
     def estimate(self, problem: IdentificationProblem, settings: SettingsT) -> Estimate:
         """Estimate the parameters.
 
@@ -112,6 +113,12 @@ class Estimator(ABC, Generic[SettingsT]):
             InputError: rows are not finite.
             NoSolutionError: no parameters were found that pass the checks; ``best`` is the best Estimate.
         """
+        rows = condense_problem(problem)
+        return self.solve(iterate_weights(rows) if self.weighted else rows, settings)
+
+    @abstractmethod
+    def solve(self, rows: Regression, settings: SettingsT) -> Estimate:
+        """As :meth:`estimate`, from rows that have been condensed and, where ``weighted``, weighted."""
 
 
 # An estimate whose status comes from the answer itself, never from the solver that gave it.
@@ -140,7 +147,6 @@ def checked_estimate(
         distance: bound on its distance to the optimum, in standard deviations of the noise.
         constraints: what it should meet, rows of unit length on ``z``.
     """
-    problem = rows.problem
     parameters = objective.parameters(z)
     violation = constraints.violations(z)
     kinds = [label.split(":")[0] for label in constraints.labels]
@@ -156,15 +162,9 @@ def checked_estimate(
         status = SolveStatus.NOT_OPTIMAL
     slack = constraints.matrix @ z - constraints.bound
     active = [label for label, s in zip(constraints.labels, slack, strict=True) if s < VIOLATION_TOLERANCE]
-    weighted = problem.residual(parameters) / rows.std[problem.channel]
-    return Estimate(
-        method=method,
-        parameters=parameters,
-        status=status,
-        regression=rows,
-        residual=float(np.sqrt(np.mean(weighted**2))),
+    return replace(
+        estimate_at(method, rows, parameters, status, worst),
         distance=distance,
-        violations=worst,
         active=tuple(dict.fromkeys(active)),
     )
 

@@ -1,10 +1,10 @@
-"""The hierarchical quadratic program of Jovic et al., IEEE Transactions on Robotics 2016."""
+"""Estimators by hierarchies of quadratic programs: Jovic et al. 2016, and CLS-1 of Golluccio et al. 2020."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -12,13 +12,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.identification.constraints.cones import icosphere_corners, quadratic_rows
 from excite.identification.constraints.linear import LinearConstraints, body_constraints, stack_constraints
 from excite.identification.estimators.estimator import (
     Estimate,
     Estimator,
     SolveStatus,
     best_feasible,
+    estimate_at,
     no_solution,
     plain_models,
 )
@@ -29,14 +29,16 @@ from excite.identification.estimators.settings import (
     BoxSettings,
     EstimatorSettings,
     PairSettings,
-    SphereSettings,
+    ParameterBoundsSettings,
     known_segments,
     number,
     shares_by_link,
 )
 from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.physical.default_bounds import bound_rows, parameter_bounds
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, condense_problem, iterate_weights, least_squares
+from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares
+from excite.regressor.base_parameters import base_parameters
 from excite.robot.robot import Robot
 
 # Each mass stays within a share of its reference (eq. 16 of Jovic et al., T-RO 2016).
@@ -138,6 +140,51 @@ _SPREAD = 0.98
 _CANDIDATES = 64
 
 
+@cache
+def icosphere_corners(subdivisions: int) -> Array:
+    """Corners of an icosahedron whose faces are split in four ``subdivisions`` times, on the unit sphere.
+
+    Returns:
+        ``(10·4ⁿ + 2, 3)``; read only.
+    """
+    golden = (1.0 + np.sqrt(5.0)) / 2.0
+    corners = [(s, t * golden, 0.0) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
+    corners = corners + [(0.0, a, b) for a, b, _ in corners] + [(b, 0.0, a) for a, b, _ in corners]
+    points = np.array(corners) / np.sqrt(1.0 + golden**2)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    near = np.isclose(distance, np.sort(distance[0])[1])
+    faces = np.array(
+        [
+            (i, j, k)
+            for i in range(12)
+            for j in range(i + 1, 12)
+            for k in range(j + 1, 12)
+            if near[i, j] and near[j, k] and near[i, k]
+        ]
+    )
+    for _ in range(subdivisions):
+        points, faces = _split_faces(points, faces)
+    points.setflags(write=False)
+    return np.asarray(points)
+
+
+def _split_faces(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    edges = np.sort(np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    unique, index = np.unique(edges, axis=0, return_inverse=True)
+    middle = points[unique].sum(axis=1)
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    ab, bc, ca = (index.reshape(3, -1) + len(points)).astype(np.int64)
+    a, b, c = faces.T
+    corners = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return np.vstack([points, middle]), np.vstack([np.column_stack(face) for face in corners])
+
+
+def quadratic_rows(vectors: Array) -> Array:
+    """Rows ``w`` with ``w · (Ixx, Ixy, Iyy, Ixz, Iyz, Izz) = vᵀ I v`` (eq. 14), ``(n, 6)``."""
+    x, y, z = np.asarray(vectors).T
+    return np.column_stack([x * x, 2 * x * y, y * y, 2 * x * z, 2 * y * z, z * z])
+
+
 @dataclass(frozen=True, eq=False)
 class SphereRows:
     """The rows of eq. (14) for all segments whose parameters are free.
@@ -234,16 +281,18 @@ _VIOLATION = 1e-6
 
 
 @dataclass(frozen=True)
-class HqpSettings(BoxSettings, PairSettings, SphereSettings):
+class HqpSettings(BoxSettings, PairSettings):
     """Settings of ``hqp``, of eq. (13) to (16) of Jovic et al. 2016.
 
     Attributes:
         sphere_epsilon: the ε of eq. (13), absolute as there.
+        sphere_subdivisions: 5 gives the 10 242 vectors of eq. (13).
         mirror: the α of eq. (15); None leaves the left and right side free.
         mass_range: the β of eq. (16); there 0.35 for modified segments, 0.05 for others.
         segment_mass_range: ``mass_range`` of single segments, by link.
     """
 
+    sphere_subdivisions: int = number(5, "1", 0, 6, "subdivisions of the icosahedron of the inertia rows")
     sphere_epsilon: float = number(0.01, "kg·m²", 0.0, 1e3, "least moment of inertia")
     mirror: float | None = number(0.1, "1", 0.0, 1.0, "relative left/right difference", optional=True)
     mass_range: float = number(0.35, "1", 0.0, 1e6, "range of masses about nominal, as share of them")
@@ -291,16 +340,8 @@ class HierarchicalProgram(Estimator[HqpSettings]):
         self._projector = projector
         self._levels = levels or paper_levels
 
-    def estimate(self, problem: IdentificationProblem, settings: HqpSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`."""
-        return self.solve(iterate_weights(condense_problem(problem)), settings)
-
     def solve(self, rows: Regression, settings: HqpSettings) -> Estimate:
-        """Estimate from rows that have been condensed and weighted.
-
-        Args:
-            rows: the rows.
-            settings: of this method.
+        """See :meth:`Estimator.solve`.
 
         Raises:
             NoSolutionError: level one cannot be met, or an answer fails its recomputation.
@@ -334,7 +375,6 @@ class HierarchicalProgram(Estimator[HqpSettings]):
         answer: HierarchyAnswer,
     ) -> Estimate:
         """The answer with everything recomputed from the parameters."""
-        problem = rows.problem
         parameters = scaled.parameters(answer.x)
         worst: dict[str, float] = {}
         active: list[str] = []
@@ -351,15 +391,9 @@ class HierarchicalProgram(Estimator[HqpSettings]):
             status = _recomputed_status(levels, answer, worst)
         if not np.isfinite(parameters).all():
             status = SolveStatus.NOT_FINITE
-        weighted = problem.residual(parameters) / rows.std[problem.channel]
-        return Estimate(
-            method=self.name,
-            parameters=parameters,
-            status=status,
-            regression=rows,
-            residual=float(np.sqrt(np.mean(weighted**2))),
+        return replace(
+            estimate_at(self.name, rows, parameters, status, worst),
             distance=answer.fit_distance,
-            violations=worst,
             active=tuple(dict.fromkeys(active)),
             total_mass=settings.total_mass,
         )
@@ -440,3 +474,83 @@ class ScaledSphere:
         """Some of the rows that ``x`` violates; none when all hold."""
         tolerance = _CUT_TOLERANCE * self.sphere.epsilon + 1e-12
         return self.scaled.constraints(self.sphere.cuts(self.scaled.parameters(x), tolerance))
+
+
+# Parameters within bounds nearest to the unconstrained base solution (CLS-1 of Golluccio et al. 2020).
+
+
+@dataclass(frozen=True)
+class Cls1Settings(ParameterBoundsSettings):
+    """Settings of ``cls1``: bounds of the parameters, stated ones before those about the nominal model."""
+
+
+class BoundedNearBase(Estimator[Cls1Settings]):
+    """``bounds ≻ (π_b(π) = π̂_b) ≻ (π = π_nominal)``: CLS-1 with what it leaves open decided.
+
+    ``π̂_b`` are the least-squares base parameters. The distance from them is the plain sum of squares of SI
+    values, as in the paper: it counts a kilogram like a kg·m² and does not know how well each is determined,
+    which is why the method predicts less well than others that use the same data. Among equals, the
+    parameters nearest to nominal are given, in units of the spreads.
+    """
+
+    name: ClassVar[str] = "cls1"
+    title: ClassVar[str] = "bounded parameters nearest to the unconstrained base solution (CLS-1)"
+    use: ClassVar[str] = (
+        "comparison with published CLS-1 results: parameters within bounds; bodies need not be able to exist"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = Cls1Settings
+    guarantees: ClassVar[str] = (
+        "every parameter within its bounds, and no others within them have base parameters nearer to the "
+        "least-squares ones; bodies need not be able to exist"
+    )
+    exempt: ClassVar[Mapping[str, str]] = {
+        "prediction": "nearest in parameters, not in what they predict (CLS-1 of Golluccio et al. 2020)"
+    }
+
+    def __init__(self, projector: Projector | None = None):
+        self._projector = projector
+
+    def solve(self, rows: Regression, settings: Cls1Settings) -> Estimate:
+        """See :meth:`Estimator.solve`.
+
+        Raises:
+            InputError: bounds that leave nothing.
+            NoSolutionError: an answer fails its recomputation.
+        """
+        problem = rows.problem
+        scaled = scaled_parameters(rows, settings)
+        bounds = parameter_bounds(rows, settings)
+        level = Level("bounds", scaled.constraints(bound_rows(rows, settings)))
+        n = problem.n_params
+        base = base_parameters(rows.factor[:, :n], problem.parameter_names, RANK_TOLERANCE).matrix
+        wanted = base @ (
+            least_squares(rows.factor, center=scaled.center, scales=scaled.scales) - scaled.center
+        )
+        start = np.clip(scaled.center, *bounds)
+        answer = solve_hierarchy(
+            (level,),
+            scaled.columns(base),
+            wanted,
+            self._projector or ActiveSetProjector(),
+            ((start - scaled.center) / scaled.scales)[scaled.free],
+        )
+        violation = level.constraints.violations(answer.x)
+        slack = level.constraints.matrix @ answer.x - level.constraints.bound
+        status = answer.status
+        if status is SolveStatus.SOLVED and violation.max(initial=0.0) > _VIOLATION:
+            status = SolveStatus.VIOLATED
+        parameters = scaled.parameters(answer.x)
+        # What rounding leaves outside a bound is put onto it.
+        if status is SolveStatus.SOLVED:
+            parameters[scaled.free] = np.clip(parameters, *bounds)[scaled.free]
+        active = [
+            label for label, left in zip(level.constraints.labels, slack, strict=True) if left < _VIOLATION
+        ]
+        best = replace(
+            estimate_at(self.name, rows, parameters, status, {"bounds": float(violation.max(initial=0.0))}),
+            distance=answer.fit_distance,
+            active=tuple(active),
+        )
+        if status is not SolveStatus.SOLVED:
+            raise no_solution(status, best)
+        return best

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from excite.identification.estimators.estimator import (
     Estimator,
     SolveStatus,
     checked_estimate,
+    estimate_at,
     finite_or_raised,
     no_solution,
 )
@@ -24,7 +25,6 @@ from excite.identification.orthogonal import row_space
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
     Regression,
-    condense_problem,
     iterate_weights,
     least_squares,
     prior_std,
@@ -53,6 +53,7 @@ class LeastSquares(Estimator[LsSettings]):
 
     name: ClassVar[str] = "ls"
     title: ClassVar[str] = "least squares, minimum norm"
+    weighted: ClassVar[bool] = False
     use: ClassVar[str] = (
         "comparison with textbooks: channels of one unit and equal noise, base parameters alone"
     )
@@ -61,9 +62,9 @@ class LeastSquares(Estimator[LsSettings]):
         "no parameters fit the unweighted rows better; bodies need not be able to exist"
     )
 
-    def estimate(self, problem: IdentificationProblem, settings: LsSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`. Unmeasured segments keep nominal values."""
-        rows = condense_problem(problem)
+    def solve(self, rows: Regression, settings: LsSettings) -> Estimate:
+        """See :meth:`Estimator.solve`. Unmeasured segments keep nominal values."""
+        problem = rows.problem
         if settings.ls_reference == "nominal":
             scales = prior_std(problem, settings.spreads(problem.robot))
             parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
@@ -72,8 +73,9 @@ class LeastSquares(Estimator[LsSettings]):
         for segment in problem.unmeasured:
             columns = problem.robot.parameter_columns(segment)
             parameters[columns] = problem.prior[columns]
-        residual = float(np.sqrt(np.mean(problem.residual(parameters) ** 2)))
-        return finite_or_raised(Estimate(self.name, parameters, SolveStatus.SOLVED, rows, residual))
+        return finite_or_raised(
+            replace(estimate_at(self.name, rows, parameters, SolveStatus.SOLVED), distance=0.0)
+        )
 
 
 # The most probable parameters given the data and the nominal model, no other constraint.
@@ -99,9 +101,8 @@ class MaximumAPosteriori(Estimator[MapSettings]):
         "form; bodies need not be able to exist"
     )
 
-    def estimate(self, problem: IdentificationProblem, settings: MapSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`."""
-        rows = iterate_weights(condense_problem(problem))
+    def solve(self, rows: Regression, settings: MapSettings) -> Estimate:
+        """See :meth:`Estimator.solve`."""
         objective = ridge(rows, settings)
         nothing = stack_constraints([], len(objective.free))
         return finite_or_raised(checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing))
@@ -152,13 +153,13 @@ class Huber(Estimator[RobustSettings]):
         "no single row has more influence than one that is `huber` deviations off; bodies need not be able to exist"
     )
 
-    def estimate(self, problem: IdentificationProblem, settings: RobustSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; the spreads are the metric among equal solutions.
+    def solve(self, rows: Regression, settings: RobustSettings) -> Estimate:
+        """See :meth:`Estimator.solve`; the spreads are the metric among equal solutions.
 
         Raises:
             NoSolutionError: the reweighting did not settle; ``best`` is its last state.
         """
-        rows = iterate_weights(condense_problem(problem))
+        problem = rows.problem
         scaled = scaled_parameters(rows, settings)
         space = row_space(scaled.columns(rows.factor[:, :-1]))
         basis = np.zeros((problem.n_params, space.rank))
@@ -178,10 +179,7 @@ class Huber(Estimator[RobustSettings]):
         residual = problem.residual(parameters)
         rows = rows.weighted(rows.std, estimate_noise(problem, rows.grids, residual))
         status = SolveStatus.SOLVED if distance < 1e3 * _DISTANCE else SolveStatus.NOT_OPTIMAL
-        weighted = residual / rows.std[problem.channel]
-        best = Estimate(
-            self.name, parameters, status, rows, float(np.sqrt(np.mean(weighted**2))), float(distance)
-        )
+        best = replace(estimate_at(self.name, rows, parameters, status), distance=float(distance))
         best = finite_or_raised(best)
         if status is not SolveStatus.SOLVED:
             raise no_solution(status, best)
@@ -250,6 +248,7 @@ class WeightedLeastSquares(Estimator[WlsSettings]):
 
     name: ClassVar[str] = "wls"
     title: ClassVar[str] = "least squares, channels weighted by their residuals"
+    weighted: ClassVar[bool] = False
     use: ClassVar[str] = (
         "base parameters and standard deviations as the data alone give them; where the nominal model is not to be "
         "trusted"
@@ -260,11 +259,11 @@ class WeightedLeastSquares(Estimator[WlsSettings]):
         "bodies need not be able to exist"
     )
 
-    def estimate(self, problem: IdentificationProblem, settings: WlsSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; the spreads are the metric among equal solutions."""
-        rows = iterate_weights(condense_problem(problem), iterations=settings.weight_iterations)
+    def solve(self, rows: Regression, settings: WlsSettings) -> Estimate:
+        """See :meth:`Estimator.solve`; the spreads are the metric among equal solutions."""
+        rows, problem = iterate_weights(rows, iterations=settings.weight_iterations), rows.problem
         scales = prior_std(problem, settings.spreads(problem.robot))
         parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
-        weighted = problem.residual(parameters) / rows.std[problem.channel]
-        residual = float(np.sqrt(np.mean(weighted**2)))
-        return finite_or_raised(Estimate(self.name, parameters, SolveStatus.SOLVED, rows, residual))
+        return finite_or_raised(
+            replace(estimate_at(self.name, rows, parameters, SolveStatus.SOLVED), distance=0.0)
+        )

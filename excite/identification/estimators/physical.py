@@ -20,7 +20,6 @@ from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
     RANK_TOLERANCE,
     Regression,
-    condense_problem,
     prior_std,
     square_factor,
 )
@@ -75,6 +74,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
 
     name: ClassVar[str] = "physical"
     title: ClassVar[str] = "physical parameters within bounds, globally optimal (Xu et al. 2020)"
+    weighted: ClassVar[bool] = False
     consistent: ClassVar[bool] = True
     use: ClassVar[str] = (
         "arms of which much is known beforehand, from data sheets or a scale: keeps stated bounds exactly, and proves "
@@ -95,14 +95,14 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
     ):
         self._bounds, self._effort, self._essential = bounds, effort or RetrievalSettings(), essential
 
-    def estimate(self, problem: IdentificationProblem, settings: PhysicalSettings) -> PhysicalEstimate:
-        """See :meth:`Estimator.estimate`.
+    def solve(self, rows: Regression, settings: PhysicalSettings) -> PhysicalEstimate:
+        """See :meth:`Estimator.solve`.
 
         Raises:
             InputError: the bounds are of another robot.
             NoSolutionError: the bounds contradict each other; ``best`` breaks them least.
         """
-        rows = condense_problem(problem)
+        problem = rows.problem
         allowed = feasible_set(problem, self._bounds_for(problem, settings), settings)
         n = problem.n_inertial
         base = base_parameters(rows.factor[:, :-1], parameter_labels(problem), RANK_TOLERANCE)

@@ -170,17 +170,6 @@ class BodySettings(BoxSettings):
 
 
 @dataclass(frozen=True)
-class SphereSettings(EstimatorSettings):
-    """The vectors on which inertias have to be positive (eq. 13 of Jovic et al. 2016).
-
-    Attributes:
-        sphere_subdivisions: 5 gives the 10 242 vectors of Jovic et al. 2016.
-    """
-
-    sphere_subdivisions: int = number(5, "1", 0, 6, "subdivisions of the icosahedron of the inertia rows")
-
-
-@dataclass(frozen=True)
 class PairSettings(EstimatorSettings):
     """Segments that have a twin on the other side.
 

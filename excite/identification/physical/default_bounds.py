@@ -7,10 +7,19 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.constraints.linear import equivalent_boxes
-from excite.identification.estimators.settings import BodySettings
+from excite.identification.constraints.linear import (
+    LinearConstraints,
+    bounds_about_nominal,
+    equivalent_boxes,
+    speaks_of,
+    stack_constraints,
+    stated_bounds,
+    within_bounds,
+)
+from excite.identification.estimators.settings import BodySettings, ParameterBoundsSettings
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import DIAGONAL, physical_parameters
+from excite.identification.regression import Regression, prior_std
 from excite.robot.robot import Robot
 
 # A segment may be this much lighter or heavier than nominal, and carry this share of the robot besides.
@@ -80,3 +89,39 @@ def with_drives(bounds: PhysicalBounds, names: tuple[str, ...], usual: Array) ->
         positive = name.startswith(("viscous.", "coulomb.", "armature."))
         drives[name] = bounds.drives.get(name, (0.0 if positive else -_WIDE * size, _WIDE * size))
     return replace(bounds, drives=drives)
+
+
+# Bounds of the standard parameters themselves, as rows.
+
+
+def parameter_bounds(rows: Regression, settings: ParameterBoundsSettings) -> Array:
+    """Bounds from the settings, ``(2, n_params)``, else some spreads about nominal.
+
+    Those spreads give way where the settings state bounds of the parameter.
+    """
+    if settings.parameter_bounds is not None:
+        return np.asarray(settings.parameter_bounds, dtype=float)
+    problem = rows.problem
+    spread = prior_std(problem, settings.spreads(problem.robot))
+    bounds = bounds_about_nominal(problem, spread, settings.bound_width)
+    if settings.bounds is not None:
+        bounds[:, speaks_of(problem, settings.bounds)] = [[-np.inf], [np.inf]]
+    return bounds
+
+
+def bound_rows(
+    rows: Regression, settings: ParameterBoundsSettings, places: tuple[int, ...] | None = None
+) -> LinearConstraints:
+    """Rows of the bounds of parameters and of those that the settings state.
+
+    Args:
+        rows: the rows.
+        settings: the settings.
+        places: which of a segment's ten parameters get bounds that are not stated, all and the drives if None.
+    """
+    problem = rows.problem
+    bounds = within_bounds(problem, parameter_bounds(rows, settings), places)
+    if settings.bounds is None:
+        return bounds
+    usual = default_bounds(problem.robot, settings)
+    return stack_constraints([bounds, stated_bounds(problem, settings.bounds, usual)], problem.n_params)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,72 @@ from excite.identification.sessions.pooling import Pooled, pool_estimates
 from excite.identification.statistics import base_statistics, parameter_labels
 from excite.logs.log import Log
 from excite.regressor.base_parameters import BaseParameters, base_parameters
+from excite.results import (
+    ADDED,
+    FEW,
+    HIDDEN,
+    Name,
+    Positive,
+    Stated,
+    Unbounded,
+    UnboundedPositive,
+    added_as,
+    stated,
+)
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
 
+@dataclass(frozen=True)
+class SessionValue(Stated):
+    """A base parameter in one session.
+
+    Attributes:
+        value: [SI].
+        std: its standard deviation [SI].
+    """
+
+    value: Unbounded
+    std: UnboundedPositive
+
+
+@dataclass(frozen=True)
+class SessionParameter(Stated):
+    """A base parameter in all sessions.
+
+    Attributes:
+        name: the parameter that stands for it.
+        expression: the whole combination.
+        value: over the sessions [SI].
+        between_std: standard deviation between sessions [SI].
+        low: lower end of where the next session's lies [SI].
+        high: upper end of it [SI].
+        by_session: by session.
+        varies: whether sessions lie further apart than their intervals allow.
+        std: standard deviation of ``value`` [SI].
+        inconsistency: share of the spread of the sessions' estimates that is no noise, 0 to 1.
+        mean_low: lower end of where the mean over all possible sessions lies [SI].
+        mean_high: upper end of it [SI].
+    """
+
+    name: str
+    expression: str
+    value: Unbounded
+    between_std: UnboundedPositive
+    low: Unbounded
+    high: Unbounded
+    by_session: Annotated[Mapping[Name, SessionValue], FEW]
+    varies: bool = field(metadata=added_as(False))
+    std: UnboundedPositive = field(metadata=ADDED)
+    inconsistency: Unbounded = field(metadata=ADDED)
+    mean_low: Unbounded = field(metadata=ADDED)
+    mean_high: Unbounded = field(metadata=ADDED)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Sessions(Shown):
-    """Base parameters of every session and of all together.
+class Sessions(Shown, Stated):
+    """What several sessions say, each by itself and all together.
 
     Attributes:
         names: of the sessions.
@@ -48,14 +106,14 @@ class Sessions(Shown):
         left_out: sessions whose motions do not determine all of them, with the number that they do.
     """
 
-    names: tuple[str, ...]
-    base: BaseParameters
-    values: Array
-    std: Array
-    pooled: Pooled
-    ranges: tuple[ParameterRange, ...]
-    possible: Array
-    left_out: Mapping[str, int] = field(default_factory=dict)
+    names: tuple[Name, ...]
+    base: BaseParameters = field(metadata=HIDDEN)
+    values: Array = field(metadata=HIDDEN)
+    std: Array = field(metadata=HIDDEN)
+    pooled: Pooled = field(metadata=HIDDEN)
+    ranges: tuple[ParameterRange, ...] = field(metadata=ADDED)
+    possible: Array = field(metadata=HIDDEN)
+    left_out: Annotated[Mapping[Name, int], FEW] = field(default_factory=dict)
 
     @property
     def varies(self) -> NDArray[np.bool_]:
@@ -67,36 +125,37 @@ class Sessions(Shown):
         """Where base parameters of a session yet to come lie, of what a robot can have, ``(2, n_base)``."""
         return np.clip(self.pooled.next_interval, *self.possible)
 
-    def to_json(self) -> dict[str, Any]:
-        """``{"names", "left_out", "level", "parameters": […], "ranges": […]}``."""
-        pooled, varies, following = self.pooled, self.varies, self.next_interval
-        parameters = [
-            {
-                "name": label,
-                "expression": self.base.expressions[i],
-                "value": float(pooled.mean[i]),
-                "std": float(np.sqrt(pooled.covariance[i, i])),
-                "between_std": float(pooled.between[i]),
-                "inconsistency": float(pooled.inconsistency[i]),
-                "varies": bool(varies[i]),
-                "mean_low": float(pooled.mean_interval[0, i]),
-                "mean_high": float(pooled.mean_interval[1, i]),
-                "low": float(following[0, i]),
-                "high": float(following[1, i]),
-                "by_session": {
-                    name: {"value": float(self.values[s, i]), "std": float(self.std[s, i])}
+    @property
+    @stated
+    def level(self) -> Positive:
+        """Level of the intervals."""
+        return self.pooled.level
+
+    @property
+    @stated
+    def parameters(self) -> tuple[SessionParameter, ...]:
+        """Base parameters that every session determines."""
+        pooled, varies, (low, high) = self.pooled, self.varies, self.next_interval
+        return tuple(
+            SessionParameter(
+                name=label,
+                expression=self.base.expressions[i],
+                value=float(pooled.mean[i]),
+                between_std=float(pooled.between[i]),
+                low=float(low[i]),
+                high=float(high[i]),
+                by_session={
+                    name: SessionValue(float(self.values[s, i]), float(self.std[s, i]))
                     for s, name in enumerate(self.names)
                 },
-            }
+                varies=bool(varies[i]),
+                std=float(np.sqrt(pooled.covariance[i, i])),
+                inconsistency=float(pooled.inconsistency[i]),
+                mean_low=float(pooled.mean_interval[0, i]),
+                mean_high=float(pooled.mean_interval[1, i]),
+            )
             for i, label in enumerate(self.base.labels)
-        ]
-        return {
-            "names": list(self.names),
-            "left_out": dict(self.left_out),
-            "level": pooled.level,
-            "parameters": parameters,
-            "ranges": [item.to_json() for item in self.ranges],
-        }
+        )
 
     def summary(self) -> str:
         """How many parameters differ between sessions, and the worst, in units of their noise."""

@@ -2,19 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.results import FEW, HIDDEN, Name, Stated, Unbounded, stated_with
 
-SCHEMA = "excite.signals/1"
 _MOST_POINTS = 800
 
 
+@dataclass(frozen=True)
+class Points(Stated):
+    """A curve, thinned out to what a figure shows.
+
+    Attributes:
+        x: in the unit of the axis.
+        y: in the unit of the quantity; null where there is nothing.
+    """
+
+    x: tuple[float, ...]
+    y: tuple[Unbounded, ...]
+
+    @staticmethod
+    def contradiction(found: Any) -> str:
+        """Other numbers of places than of values."""
+        n, m = len(found.x), len(found.y)
+        return "" if n == m else f"x has {n} values, y has {m}"
+
+
 @dataclass(frozen=True, eq=False)
-class SignalStep:
+class SignalStep(Stated):
     """One step: a signal before and after it.
 
     Attributes:
@@ -26,22 +45,34 @@ class SignalStep:
         before: ``(n,)``, NaN where there is nothing.
         after_x: ``(m,)``.
         after: ``(m,)`` likewise.
-        dots: whether the samples after are shown one by one.
+        dots: whether samples are shown one by one.
     """
 
-    name: str
+    name: Name
     effect: str
-    quantity: str
-    axis: str
-    before_x: Array
-    before: Array
-    after_x: Array
-    after: Array
+    quantity: Name
+    axis: Name
+    before_x: Array = field(metadata=HIDDEN)
+    before: Array = field(metadata=HIDDEN)
+    after_x: Array = field(metadata=HIDDEN)
+    after: Array = field(metadata=HIDDEN)
     dots: bool = False
+
+    @property
+    @stated_with(stated="before")
+    def points_before(self) -> Points:
+        """The signal before the step."""
+        return _plot_points(self.before_x, self.before)
+
+    @property
+    @stated_with(stated="after")
+    def points_after(self) -> Points:
+        """The signal after it."""
+        return _plot_points(self.after_x, self.after)
 
 
 @dataclass(frozen=True, eq=False)
-class SignalTrace:
+class SignalTrace(Stated):
     """The steps that one trial's channel went through, in order.
 
     Attributes:
@@ -50,35 +81,22 @@ class SignalTrace:
         steps: the steps.
     """
 
-    trial: str
-    channel: str
-    steps: tuple[SignalStep, ...]
+    SCHEMA = "excite.signals/1"
+
+    trial: Name
+    channel: Name
+    steps: Annotated[tuple[SignalStep, ...], FEW]
+
+    @staticmethod
+    def contradiction(found: Any) -> str:
+        """A channel that went through nothing."""
+        return "" if found.steps else "steps: list should have at least 1 item"
 
     def summary(self) -> str:
         """A line for each step."""
         width = max(len(step.name) for step in self.steps)
         lines = [f"  {step.name:{width}}  {step.effect}" for step in self.steps]
         return "\n".join([f"signals of {self.channel} in {self.trial}:", *lines])
-
-    def to_json(self) -> dict[str, Any]:
-        """The document ``excite.signals/1``, curves thinned out to what a figure shows."""
-        return {
-            "schema": SCHEMA,
-            "trial": self.trial,
-            "channel": self.channel,
-            "steps": [
-                {
-                    "name": step.name,
-                    "effect": step.effect,
-                    "quantity": step.quantity,
-                    "axis": step.axis,
-                    "before": _plot_points(step.before_x, step.before),
-                    "after": _plot_points(step.after_x, step.after),
-                    "dots": step.dots,
-                }
-                for step in self.steps
-            ],
-        }
 
 
 def trace_from_json(document: dict[str, Any]) -> SignalTrace:
@@ -94,7 +112,9 @@ def trace_from_json(document: dict[str, Any]) -> SignalTrace:
     return SignalTrace(document["trial"], document["channel"], tuple(steps))
 
 
-def _plot_points(x: Array, y: Array) -> dict[str, list[float | None]]:
+def _plot_points(x: Array, y: Array) -> Points:
     every = slice(None, None, max(1, -(-len(x) // _MOST_POINTS)))
-    finite = [float(f"{value:.6g}") if np.isfinite(value) else None for value in y[every]]
-    return {"x": [float(f"{value:.7g}") for value in x[every]], "y": finite}
+    rounded = (
+        tuple(float(f"{value:.{digits}g}") for value in values[every]) for values, digits in ((x, 7), (y, 6))
+    )
+    return Points(*rounded)

@@ -79,8 +79,8 @@ def stated_in_comments(path: Path) -> dict[str, Any]:
 
 
 def of_robot(said: Mapping[str, Any]) -> dict[str, Any]:
-    """What a file says of its robot, under the names of ``excite.motion/1``."""
-    return {name: said[name] for name in ("robot", "robot_hash") if name in said}
+    """What a file says of its robot and its curve, under the names of ``excite.motion/1``."""
+    return {name: said[name] for name in ("robot", "robot_hash", "curve") if name in said}
 
 
 def named_joints(said: Mapping[str, Any], joints: Sequence[str]) -> tuple[str, ...]:

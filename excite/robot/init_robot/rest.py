@@ -132,6 +132,22 @@ def _near_pairs(
     }
 
 
+class _StandingSearch(NamedTuple):
+    """The search for postures, the legs of the robot, and how it stands on them, where it does."""
+
+    postures: Postures
+    legs: list[int]
+    standing: Standing | None
+
+
+class _Pitches(NamedTuple):
+    """Joints that bend a leg, which way each turns, and whether the hip among them does so obliquely."""
+
+    joints: list[int]
+    signs: list[float]
+    oblique: bool
+
+
 def _search_standing(
     figure: Figure,
     search: PairSearch,
@@ -139,11 +155,12 @@ def _search_standing(
     said: Said,
     allowed: frozenset[tuple[str, str]],
     rng: np.random.Generator,
-) -> tuple[Postures, list[int], Standing | None]:
+) -> _StandingSearch:
     """The search from a posture ``(n_joints,)``, the legs that it has in it, and how it stands on them."""
     postures = Postures(figure, search, wanted, rng)
     legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
-    return postures, legs, postures.standing(legs, allowed) if legs and not figure.is_guessed(legs) else None
+    standing = postures.standing(legs, allowed) if legs and not figure.is_guessed(legs) else None
+    return _StandingSearch(postures, legs, standing)
 
 
 def _explain_held(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:
@@ -529,7 +546,7 @@ class Stances:
             q[columns] += np.linalg.lstsq(turn, off, rcond=_RCOND)[0]
         pin.computeJointJacobians(model, data, pin.neutral(model))
 
-    def _pitches(self, leg: int) -> tuple[list[int], list[float], bool]:
+    def _pitches(self, leg: int) -> _Pitches:
         """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel.
 
         Where these are a knee and an ankle alone, the hip before them is the one that turns most nearly about theirs,
@@ -548,14 +565,16 @@ class Stances:
         # Where as many roll as pitch, those across the robot bend it.
         group = max(groups, key=lambda one: (len(one), abs(one[0][1][1])), default=[])
         if not group:
-            return [], [], False
+            return _Pitches([], [], False)
         forth = group[0][1] * (1.0 if group[0][1][1] >= 0.0 else -1.0)
         before = [(index, axis[:2]) for index, axis in axes[: [i for i, _ in axes].index(group[0][0])]]
         hip = max(before, key=lambda one: abs(float(one[1] @ forth)), default=None)
         oblique = len(group) == 2 and hip is not None and abs(float(hip[1] @ forth)) > _OBLIQUE
         if oblique and hip is not None:
             group = [hip, *group]
-        return [index for index, _ in group], [float(np.sign(axis @ forth)) for _, axis in group], oblique
+        return _Pitches(
+            [index for index, _ in group], [float(np.sign(axis @ forth)) for _, axis in group], oblique
+        )
 
     def _widen(self, q: Array, leg: int, wide: float) -> None:
         """Turn a leg's hip out by ``wide`` [rad] and its ankle back, if joints for that are there."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 from excite.display import count
 from excite.errors import RobotError
-from excite.finding import Finding, FindingList, list_names, merge_findings, worst_first
+from excite.finding import Examination, Finding, list_names, merge_findings, worst_first
 from excite.formats.documents import read_xml
 from excite.robot.catalogue import find_robot
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
@@ -26,7 +25,6 @@ from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
 from excite.robot.urdf.tree import check_tree
 from excite.temporary_folder import TemporaryFolder
 
-SCHEMA = "excite.doctor/1"
 RULES: tuple[Callable[[DescribedRobot], Iterator[Finding]], ...] = (
     impossible_inertia,
     *SHAPE_RULES,
@@ -38,34 +36,12 @@ _OF_INERTIA = {"triangle", "not_positive", "inertial"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RobotChart(FindingList):
-    """What was found in a robot's description.
+class RobotChart(Examination):
+    """What was found in a robot's description, with the smallest correction that would cure each fault."""
 
-    Attributes:
-        robot: name of the robot, or of its file.
-        findings: what was found, worst first.
-    """
-
-    robot: str
-    findings: tuple[Finding, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """The document ``excite.doctor/1``."""
-        return {
-            "schema": SCHEMA,
-            "robot": self.robot,
-            "healthy": self.healthy,
-            "findings": [finding.to_json() for finding in self.findings],
-            "repaired": None,
-        }
-
-    def summary(self) -> str:
-        """One finding a paragraph, worst first: what, and the smallest correction that would cure it."""
-        lines = []
-        for finding in self.findings:
-            state = finding.severity + ("" if finding.sure == 1.0 else f", {100 * finding.sure:.0f} % sure")
-            lines += [f"{finding.kind} ({state}): {_sentence(finding)}", f"    {finding.remedy}"]
-        return "\n".join(lines) or "nothing wrong was found"
+    def sentence(self, finding: Finding) -> str:
+        """What was found with the links or joints that it is of."""
+        return f"{list_names(finding.places)}: {finding.text}" if finding.places else finding.text
 
     @property
     def spoiling(self) -> tuple[Finding, ...]:
@@ -77,12 +53,7 @@ class RobotChart(FindingList):
         if not self.spoiling:
             return ""
         more = f" (and {len(self.spoiling) - 1} more)" if len(self.spoiling) > 1 else ""
-        return f"the model's {_sentence(self.spoiling[0])}{more}"
-
-
-def _sentence(finding: Finding) -> str:
-    """What was found with the links or joints that it is of."""
-    return f"{list_names(finding.places)}: {finding.text}" if finding.places else finding.text
+        return f"the model's {self.sentence(self.spoiling[0])}{more}"
 
 
 def examine_description(name_or_path: str | Path) -> RobotChart:

@@ -11,6 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -83,6 +84,16 @@ class Solid:
             if np.abs(found - before).max() < 1e-6:
                 break
         return found
+
+
+class _Inertial(NamedTuple):
+    """The inertial of a link as :class:`DescribedLink` states it."""
+
+    mass: float | None
+    com: Array
+    stated: Array
+    step: float
+    axes: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,10 +245,8 @@ class DescribedRobot:
                 broken = True
                 break
             seen.add(head)
-        mass, com, six, step_size, axes = self._inertial(name, link)
-        return DescribedLink(
-            name, mass, com, six, step_size, axes, None if broken else pose, body or head, moves
-        )
+        stated = self._inertial(name, link)
+        return DescribedLink(name, *stated, None if broken else pose, body or head, moves)
 
     def _pose(self, origin: ElementTree.Element | None, where: str) -> pin.SE3 | None:
         if origin is None:
@@ -245,10 +254,8 @@ class DescribedRobot:
         xyz, rpy = (self._numbers(origin, key, 3, where, "0 0 0") for key in ("xyz", "rpy"))
         return None if xyz is None or rpy is None else pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 
-    def _inertial(
-        self, name: str, link: ElementTree.Element
-    ) -> tuple[float | None, Array, Array, float, Array]:
-        nothing = None, np.zeros(3), np.zeros(6), 0.0, np.eye(3)
+    def _inertial(self, name: str, link: ElementTree.Element) -> _Inertial:
+        nothing = _Inertial(None, np.zeros(3), np.zeros(6), 0.0, np.eye(3))
         inertial, where = link.find("inertial"), f"link {name!r}/inertial"
         weight = None if inertial is None else inertial.find("mass")
         if inertial is None or weight is None:
@@ -270,7 +277,7 @@ class DescribedRobot:
             if values.any()
             else 0.0
         )
-        return float(mass[0]), pose.translation.copy(), values, step, pose.rotation.copy()
+        return _Inertial(float(mass[0]), pose.translation.copy(), values, step, pose.rotation.copy())
 
     def _note_missing(self, link: str) -> None:
         for mesh in self._elements[link].iterfind(".//geometry/mesh"):

@@ -39,7 +39,7 @@ def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
     """Convex shapes of a robot from what ``collision`` in its ``robot.yaml`` says.
 
     Meshes become convex hulls of at most ``hull_corners`` corners that contain every corner of the mesh
-    (:func:`~excite.robot.shapes.meshes.convex_hull`). Shapes authored in ``robot.yaml`` are added to those
+    (:func:`~excite.robot.shapes.link_shapes.convex_hull`). Shapes authored in ``robot.yaml`` are added to those
     of the URDF's ``collision`` or ``visual`` elements (``either``: the second of links without the first), or stand
     alone with ``geometry: authored``.
     A ``table_height``, or the ground that a fixed base does not state, adds a 4 m × 4 m × 1 m block below the base.

@@ -7,9 +7,9 @@ Between samples a motion follows quintic polynomials; a polynomial never leaves 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import reduce
 from itertools import accumulate, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from excite.motion.motion import Motion
 _BLOCK = 256
 
 
-@dataclass(frozen=True, eq=False)
-class JointBounds:
+class JointBounds(NamedTuple):
     """What joints do not pass on each interval of a grid, at any instant.
 
     Attributes:
@@ -63,14 +62,14 @@ def jerk_bounds(motion: Motion) -> Array:
     return np.asarray(60.0 * peaks / (h * h * h))
 
 
-def _bound_between_samples(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+def _bound_between_samples(h: Array, q: Array, v: Array, a: Array) -> JointBounds:
     """Bounds between samples ``(m + 1, n_joints)`` that are ``h`` ``(m, 1)`` apart, each ``(m, n_joints)``."""
     velocity = _slopes(h, np.diff(q, axis=0), v / 5.0, a / 20.0)
     position = list(accumulate(velocity, initial=np.zeros_like(velocity[0])))
     lowest, highest = _least_of(position), _most_of(position)
     fastest = _most_of([np.abs(point) for point in velocity])
     hardest = _most_of([np.abs(after - before) for before, after in pairwise(velocity)])
-    return q[:-1] + lowest, q[:-1] + highest, 5.0 * fastest / h, 20.0 * hardest / (h * h)
+    return JointBounds(q[:-1] + lowest, q[:-1] + highest, 5.0 * fastest / h, 20.0 * hardest / (h * h))
 
 
 def _slopes(h: Array, step: Array, v: Array, a: Array) -> tuple[Array, ...]:

@@ -15,13 +15,17 @@ from excite.safety.checks.ground import ZMP_MARGIN
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
 from excite.safety.ground_forces import RESIDUAL_TOLERANCE, cone_facets, hull_edges, shares_of_wrench
-from excite.safety.parameter_set import ParameterSet, RowsOfSet, uncertainty_in_words, uncertainty_of
+from excite.safety.parameter_set import (
+    ParameterSet,
+    RowsOfSet,
+    WrenchRows,
+    uncertainty_in_words,
+    uncertainty_of,
+)
 from excite.safety.verdict import LoadRange, Robustness, Uncertainty, Worst
 
-# Samples whose regressor is looked at together: of a humanoid 5 MB, which stay in the processor's cache.
-_BLOCK = 64
-# Share of the weight that rounding leaves of a linear form at its root.
-_ROUNDING = 1e-13
+# Samples whose rows are looked at together: of a humanoid 3 MB, which stay in the processor's cache.
+_BLOCK = 256
 
 
 def judge_robustness(sweep: Sweep, parameters: ParameterSet, *, decides: bool = False) -> Robustness:
@@ -38,9 +42,27 @@ def judge_robustness(sweep: Sweep, parameters: ParameterSet, *, decides: bool = 
     """
     robot = sweep.robot
     stands = bool(robot.feet) and robot.floating
-    worst = {"joint_torque_nm": worst_torque(sweep, parameters)}
+    rows, fine = RowsOfSet(robot, parameters), sweep.fine
+    looks: dict[str, _TorqueRoom | _WrenchRoom] = {"joint_torque_nm": _TorqueRoom(sweep, parameters, rows)}
     if stands:
-        worst |= {"zmp_m": worst_zmp(sweep, parameters), "friction": worst_friction(sweep, parameters)}
+        looks["zmp_m"] = _WrenchRoom(sweep, parameters, _edges_of_support(sweep), ZMP_MARGIN)
+        looks["friction"] = _WrenchRoom(sweep, parameters, _faces_of_friction(sweep), 0.0)
+    every = np.unique(
+        np.concatenate(
+            [one.samples for one in looks.values() if one.is_known] or [np.zeros(0, dtype=np.intp)]
+        )
+    ).astype(int)
+    for start in range(0, len(every), _BLOCK):
+        at = every[start : start + _BLOCK]
+        of_block = rows.of_wrench(Moved(fine.q[at], fine.v[at], fine.a[at]))
+        for one in looks.values():
+            part = slice(*np.searchsorted(one.samples, [at[0], at[-1] + 1]))
+            if one.is_known and part.stop - part.start == len(at):
+                one.take_rows(of_block, part)
+            elif one.is_known and part.stop > part.start:
+                among = np.searchsorted(at, one.samples[part])
+                one.take_rows(WrenchRows(*(rows_of[among] for rows_of in of_block)), part)
+    worst = {name: one.worst if one.is_known else None for name, one in looks.items()}
     return Robustness(_stated_set(robot), worst, decides)
 
 
@@ -60,56 +82,104 @@ def _stated_set(robot: Robot) -> Uncertainty:
     )
 
 
-def worst_torque(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
-    """What is left to the nearest torque limit [N·m or N], over a set of parameters.
+class _TorqueRoom:
+    """What is left to the nearest torque limit [N·m or N].
 
     The torques of the joints are those of :func:`~excite.safety.checks.joints.drive_torques`. Friction and inertia of
-    the drives are as they are stated; two feet share changes of the load as they share the load.
-
-    Returns:
-        None where a torque could not be computed, or the contacts cannot carry the motion.
+    the drives are as they are stated; two feet share changes of the load as they share the load. None where a torque
+    could not be computed, or the contacts cannot carry the motion.
     """
-    robot, samples, fine = sweep.robot, sweep.torque_samples, sweep.fine
-    tau = drive_torques(sweep)
-    limits = np.broadcast_to(
-        robot.limits.while_between("torque", fine.q[samples, robot.n_base_q :]), tau.shape
-    )
-    carried = bool(robot.feet) and robot.floating
-    if carried and (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any():
-        return None
-    rows = RowsOfSet(robot, parameters)
-    shares = _shares(sweep) if carried else None
-    least: Worst | None = None
-    for start in range(0, len(samples), _BLOCK):
-        part = slice(start, start + _BLOCK)
-        at = samples[part]
-        moved = Moved(fine.q[at], fine.v[at], fine.a[at])
-        of_set = rows.of_torques(moved, None if shares is None else shares[part])
-        upper, lower = tau[part] + parameters.rise(of_set), tau[part] - parameters.rise(of_set, -1.0)
-        room = limits[part] - np.maximum(upper, -lower)
-        if not np.isfinite(room).all():
-            return None
+
+    def __init__(self, sweep: Sweep, parameters: ParameterSet, rows: RowsOfSet) -> None:
+        robot, fine = sweep.robot, sweep.fine
+        self._fine, self._joints, self._set, self._rows = fine, robot.joint_names, parameters, rows
+        self._tau, self._shares = drive_torques(sweep), None
+        positions = fine.q[sweep.torque_samples, robot.n_base_q :]
+        self._limits = np.broadcast_to(robot.limits.while_between("torque", positions), self._tau.shape)
+        self.worst: Worst | None = None
+        self.samples = sweep.torque_samples
+        self.is_known = True
+        if robot.feet and robot.floating:
+            self.is_known = not (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any()
+            self._shares = _shares(sweep)
+
+    def take_rows(self, rows: WrenchRows, part: slice) -> None:
+        """Take some of ``samples``, whose rows these are, into account."""
+        at, shares = self.samples[part], None if self._shares is None else self._shares[part]
+        moved = Moved(self._fine.q[at], self._fine.v[at], self._fine.a[at])
+        of_set, tau = self._rows.of_torques(moved, rows, shares), self._tau[part]
+        upper, lower = tau + self._set.rise(of_set), tau - self._set.rise(of_set, -1.0)
+        room = self._limits[part] - np.maximum(upper, -lower)
+        self.is_known = bool(np.isfinite(room).all())
         row, joint = np.unravel_index(int(np.argmin(room)), room.shape)
-        if least is None or room[row, joint] < least.value:
-            time = float(fine.time[at[row]])
-            least = Worst(float(room[row, joint]), 0.0, robot.joint_names[joint], time)
-    return least
+        if self.worst is None or room[row, joint] < self.worst.value:
+            time = float(self._fine.time[at[row]])
+            self.worst = Worst(float(room[row, joint]), 0.0, self._joints[joint], time)
 
 
-def worst_zmp(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
-    """Distance of the zero-moment point from the support polygon's edge [m], over a set of parameters.
+class _WrenchRoom:
+    """The least ``−plane·w/f_z`` over samples and planes; None where ``f_z`` is not positive everywhere."""
+
+    def __init__(self, sweep: Sweep, parameters: ParameterSet, facing: _Facing | None, limit: float) -> None:
+        self._sweep, self._set, self._limit, self._facing = sweep, parameters, limit, facing
+        self._best, self._at, self.is_known = np.inf, -1, facing is not None
+        self.samples = np.zeros(0, dtype=np.intp) if facing is None else facing.samples
+
+    def take_rows(self, rows: WrenchRows, part: slice) -> None:
+        """Take some of ``samples``, whose rows these are, into account."""
+        if self._facing is None:
+            return
+        some, about = self.samples[part], self._facing.about
+        phase = self._facing.phase[part]
+        for k in range(phase[0], phase[-1] + 1):
+            mine = slice(*np.searchsorted(phase, [k, k + 1]))
+            of_set, nominal = rows.of_wrench[mine], self._sweep.wrench[some[mine]]
+            if about[k].any():
+                of_set = of_set.copy()
+                of_set[:, 3:] -= pin.skew(about[k]) @ of_set[:, :3]
+                nominal[:, 3:] -= np.cross(about[k], nominal[:, :3])
+            planes = self._facing.planes[k]
+            own = planes if len(planes) == 1 else planes[part][mine]
+            self._best, row = self._set.least_ratio(own, nominal, of_set, self._best)
+            if row == -2:
+                self.is_known = False
+                return
+            if row >= 0:
+                self._at = int(some[mine][row])
+
+    @property
+    def worst(self) -> Worst | None:
+        """The least that was found, and where."""
+        if not np.isfinite(self._best):
+            return None
+        on = self._sweep.contacts[self._at]
+        names = [foot.name for foot, carries in zip(self._sweep.robot.feet, on, strict=True) if carries]
+        time = float(self._sweep.fine.time[self._at])
+        return Worst(float(self._best), self._limit, "+".join(names), time)
+
+
+class _Facing(NamedTuple):
+    """Planes that wrenches stay below: by phase of ``samples`` the point ``(3,)`` that moments are about, and planes
+    ``(n_samples or 1, n_planes, 6)``; NaN are none."""
+
+    samples: NDArray[np.intp]
+    phase: NDArray[np.intp]
+    about: list[Array]
+    planes: list[Array]
+
+
+def _edges_of_support(sweep: Sweep) -> _Facing | None:
+    """Edges of the support polygon, from which the zero-moment point keeps its distance [m].
 
     The point is a ratio of linear forms, ``n·p = (n_y m_x − n_x m_y)/f_z``: its distance from an edge is at least ``t``
     over the set if and only if a linear form that depends on ``t`` is nowhere positive. The largest such ``t`` is found
     by the steps of Dinkelbach (1967), which end at it exactly.
 
     Returns:
-        None of a robot without feet, one that is in the air anywhere, or one that the ground would have to pull.
+        None of a robot that is in the air anywhere.
     """
-    if not (sweep.robot.feet and sweep.robot.floating):
-        return None
-    samples = np.arange(sweep.fine.n_samples)
-    edges = np.full((len(samples), max(1, sum(len(foot.sole) for foot in sweep.robot.feet)), 3), np.nan)
+    n = sweep.fine.n_samples
+    edges = np.full((n, max(1, sum(len(foot.sole) for foot in sweep.robot.feet)), 3), np.nan)
     for feet, members in sweep.contact_phases():
         if len(feet):
             corners = np.concatenate([sweep.sole_corners[i][members, :, :2] for i in feet], axis=1)
@@ -118,23 +188,25 @@ def worst_zmp(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
         return None
     planes = np.zeros((*edges.shape[:2], 6))
     planes[..., 2], planes[..., 3], planes[..., 4] = edges[..., 2], -edges[..., 1], edges[..., 0]
-    return _worst_of_wrench(sweep, parameters, [_Facing(samples, np.zeros(3), planes)], ZMP_MARGIN)
+    return _Facing(np.arange(n), np.zeros(n, dtype=np.intp), [np.zeros(3)], [planes])
 
 
-def worst_friction(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
-    """The horizontal push at the feet, as a share of the vertical force, that would make them slip or turn.
+def _faces_of_friction(sweep: Sweep) -> _Facing | None:
+    """Faces of the cone of contact wrenches that forces inside the soles' friction pyramids supply.
 
-    It is the distance of the contact wrench from the faces of the cone of those that forces inside the soles' friction
-    pyramids supply (Caron, Pham and Nakamura 2015), along the horizontal force and over a set of parameters: a
-    coefficient of friction that is left. Soles are taken where they were put down.
+    The distance from them along the horizontal force, as a share of the vertical one, is a coefficient of friction that
+    is left before feet slip or turn (Caron, Pham and Nakamura 2015). Soles are taken where they were put down.
 
     Returns:
-        None as :func:`worst_zmp`, and where the feet touch in a point or a line.
+        None of a robot that is in the air anywhere, and where the feet touch in a point or a line.
     """
     robot = sweep.robot
-    if not (robot.feet and robot.floating and sweep.contacts.any(axis=1).all()):
+    if not sweep.contacts.any(axis=1).all():
         return None
-    facing = []
+    samples = sweep.torque_samples
+    phase = np.zeros(len(samples), dtype=np.intp)
+    about: list[Array] = []
+    planes: list[Array] = []
     for members in _phases(sweep):
         feet = np.flatnonzero(sweep.contacts[members[0]])
         corners = np.concatenate([sweep.sole_corners[i][members[0]] for i in feet])
@@ -146,89 +218,10 @@ def worst_friction(sweep: Sweep, parameters: ParameterSet) -> Worst | None:
         sliding = pushed > 1e-6
         if not sliding.any():
             return None
-        facing.append(_Facing(members, centre, (facets[sliding] / pushed[sliding, None])[None]))
-    return _worst_of_wrench(sweep, parameters, facing, 0.0)
-
-
-class _Facing(NamedTuple):
-    """Planes ``(n or 1, n_planes, 6)`` that wrenches about a point stay below at some samples; NaN are none."""
-
-    samples: NDArray[np.intp]
-    about: Array
-    planes: Array
-
-
-class _Wrenches(NamedTuple):
-    """The model's contact wrenches ``(n, 6)`` about a point, and their rows in a set's coordinates ``(n, 6, k)``."""
-
-    nominal: Array
-    of_set: Array
-
-
-def _worst_of_wrench(
-    sweep: Sweep, parameters: ParameterSet, facing: list[_Facing], limit: float
-) -> Worst | None:
-    """The least ``−plane·w/f_z`` over samples, planes and the set; None where ``f_z`` is not positive everywhere."""
-    robot_rows, fine = RowsOfSet(sweep.robot, parameters), sweep.fine
-    best, at = np.inf, 0
-    for samples, about, planes in facing:
-        for start in range(0, len(samples), _BLOCK):
-            some = samples[start : start + _BLOCK]
-            of_set = robot_rows.of_wrench(Moved(fine.q[some], fine.v[some], fine.a[some])).of_wrench
-            of_set[:, 3:] -= pin.skew(about) @ of_set[:, :3]
-            nominal = sweep.wrench[some].copy()
-            nominal[:, 3:] -= np.cross(about, nominal[:, :3])
-            wrenches = _Wrenches(nominal, of_set)
-            lightest = nominal[:, 2] - parameters.rise(wrenches.of_set[:, 2], -1.0)
-            if not (lightest > 0.0).all():
-                return None
-            own = planes if len(planes) == 1 else planes[start : start + _BLOCK]
-            found, row = _least_ratio(
-                parameters, wrenches, np.broadcast_to(own, (len(some), *own.shape[1:])), best
-            )
-            if found < best:
-                best, at = found, int(some[row])
-    if not np.isfinite(best):
-        return None
-    names = [foot.name for foot, on in zip(sweep.robot.feet, sweep.contacts[at], strict=True) if on]
-    return Worst(float(best), limit, "+".join(names), float(fine.time[at]))
-
-
-def _least_ratio(
-    parameters: ParameterSet, wrenches: _Wrenches, planes: Array, best: float
-) -> tuple[float, int]:
-    """The least ratio at some samples and its sample, if it is below ``best``; else ``best``."""
-    vertical = np.zeros(6)
-    vertical[2] = 1.0
-    row, plane = np.nonzero(np.isfinite(planes).all(axis=2))
-    nominal, sample = wrenches.nominal[row], -1
-    ratio = -np.einsum("ij,ij->i", planes[row, plane], nominal) / nominal[:, 2]
-    if len(ratio) and ratio.min() < best:
-        best, sample = float(ratio.min()), int(row[np.argmin(ratio)])
-    # What each component alone rises bounds what a plane does, at little cost.
-    up, down = parameters.rise(wrenches.of_set), parameters.rise(wrenches.of_set, -1.0)
-    form = planes[row, plane] + best * vertical
-    most = np.einsum("ij,ij->i", form, nominal)
-    most += np.einsum("ij,ij->i", np.maximum(form, 0.0), up[row])
-    most += np.einsum("ij,ij->i", np.maximum(-form, 0.0), down[row])
-    near = np.flatnonzero(most > 0.0)
-    while len(near):
-        row, plane, nominal = row[near], plane[near], nominal[near]
-        form = planes[row, plane] + best * vertical
-        above = np.einsum("ij,ij->i", form, nominal)
-        above += parameters.rise_of_forms(form, row, wrenches.of_set)
-        near = np.flatnonzero(above > _ROUNDING * nominal[:, 2])
-        if not len(near):
-            break
-        # What the ratio is for the parameters that are worst: it is less than the best so far, and is one that occurs.
-        of_set = wrenches.of_set[row[near]]
-        at = np.einsum("ij,ijk->ik", form[near], of_set)
-        force = nominal[near, 2] + parameters.rise_of_other(at, of_set[:, 2])
-        ratio = best - above[near] / force
-        if not ratio.min() < best:
-            break
-        best, sample = float(ratio.min()), int(row[near[np.argmin(ratio)]])
-    return best, sample
+        phase[np.searchsorted(samples, members)] = len(about)
+        about.append(centre)
+        planes.append((facets[sliding] / pushed[sliding, None])[None])
+    return _Facing(samples, phase, about, planes)
 
 
 def _phases(sweep: Sweep) -> Iterator[NDArray[np.intp]]:

@@ -221,8 +221,9 @@ class PathLimits:
         ]
         if robot.feet and robot.floating:
             shares = shares_of_feet(self.candidate, self.path, self._soles, self._dynamics[1])
-        torques = np.array([of_set.of_torques(one, shares) for one in moved])
-        wrenches = np.array([of_set.of_wrench(one).of_wrench for one in moved])
+        whole = [of_set.of_wrench(one) for one in moved]
+        torques = np.array([of_set.of_torques(*pair, shares) for pair in zip(moved, whole, strict=True)])
+        wrenches = np.array([rows.of_wrench for rows in whole])
         for rows in (torques, wrenches):
             rows[1:] -= rows[:1]
         return torques, wrenches

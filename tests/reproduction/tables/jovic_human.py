@@ -73,7 +73,7 @@ def _belts(trials: tuple[BeltTrial, ...]) -> Table:
         found, place = trial.worn.located.best, trial.place
         right = found.segment == place
         close = abs(found.mass - BELT_KG) <= _ALLOWED
-        own, other = trial.worn.mass, trial.consistent.mass
+        own, other = trial.worn.mass_by_segments_kg, trial.consistent.mass_by_segments_kg
         lines += [
             Line(f"{place}: segment found", place, found.segment, right, place),
             Line(f"{place}: mass found [kg]", None, found.mass, right and close, "within 0.5 kg of 2"),

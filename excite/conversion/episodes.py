@@ -1,0 +1,392 @@
+"""A data set of many episodes looked through: each beside the others, without a model, worst first."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.conversion.columns.words import read_clue
+from excite.conversion.recording import Column, Recording
+from excite.conversion.recordings import nested_folders, read_recordings, source_files
+from excite.conversion.sources.lerobot import recordings_of_episodes
+from excite.display import Row, count
+from excite.errors import InputError, LogError
+from excite.finding import EpisodeFindings, Examination, Finding, list_names, worst_first
+from excite.formats.lerobot import is_data_set, read_data_set
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs
+from excite.progress import Progress, silent
+
+MEASURES = ("travel", "leap", "follows", "lag_s", "gain", "zero", "friction")
+# What differs from the other episodes by so many of their deviations (by the median), and by more than a share of the
+# joint's travel or of a gain, or by so many rows.
+_DEVIATIONS, _SHARE, _ROWS = 8.0, 0.05, 2.0
+# A command explains a joint's velocity where they correlate by more. Commands lead or follow by no more [s].
+_FOLLOWS, _LAG_S = 0.6, 1.0
+_STEPS = 3
+# A joint that moves by less of what it does in the other episodes stands.
+_STANDS = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """What was measured of an episode.
+
+    Attributes:
+        name: its name.
+        seconds: its length.
+        step_s: median time between rows.
+        gap_s: longest time between rows.
+        joints: names, as the file has them.
+        measures: by name of ``MEASURES``, ``(n_joints,)``, NaN where it cannot be told: travel, largest step between
+            rows, correlation of velocity and commanded velocity, how late it follows [s], slope and constant of the
+            position by the command, and dry friction. In the file's own units.
+        findings: what differs from the others, worst first.
+    """
+
+    name: str
+    seconds: float = np.nan
+    step_s: float = np.nan
+    gap_s: float = np.nan
+    joints: tuple[str, ...] = ()
+    measures: Any = None
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """Kinds of what was found, worst first; ``ok`` for nothing."""
+        return ", ".join(dict.fromkeys(found.kind for found in self.findings)) or "ok"
+
+    @property
+    def badness(self) -> float:
+        """By which episodes are sorted."""
+        weights = {"fatal": 1e6, "spoils": 1e3}
+        return sum(weights.get(found.severity, 1.0) * len(found.places or ("",)) for found in self.findings)
+
+    @property
+    def entry(self) -> EpisodeFindings:
+        """Its entry under ``episodes``."""
+        told = self.measures if self.measures is not None else {}
+        return EpisodeFindings(
+            self.name,
+            self.verdict,
+            self.findings,
+            self.seconds,
+            self.step_s,
+            self.gap_s,
+            {name: dict(zip(self.joints, map(float, values), strict=True)) for name, values in told.items()},
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EpisodeChart(Examination):
+    """What was found in a data set."""
+
+    tables = ("findings", "episodes")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.display.Tabled`: an episode, or a finding, a row."""
+        if table == "findings":
+            return super().rows(table)
+        return [
+            {
+                "episode": one.episode,
+                "verdict": one.verdict,
+                "where": list_names(tuple(dict.fromkeys(p for f in one.findings for p in f.places))),
+                "seconds": round(one.seconds, 2),
+                "gap_s": round(one.gap_s, 3),
+            }
+            for one in self.episodes or ()
+        ]
+
+    def to_csv(self) -> str:
+        """The episodes as a table to be sorted, a measure of a joint a column."""
+        text = io.StringIO()
+        rows = [
+            dict(row)
+            | {f"{name}.{joint}": value for name, of in one.measures.items() for joint, value in of.items()}
+            for row, one in zip(self.rows("episodes"), self.episodes or (), strict=True)
+        ]
+        writer = csv.DictWriter(
+            text, dict.fromkeys(name for row in rows for name in row), lineterminator="\n"
+        )
+        writer.writeheader()
+        writer.writerows(rows)
+        return text.getvalue()
+
+    def summary(self) -> str:
+        """A line for each episode in which something was found, and how many are well."""
+        bad = [one for one in self.episodes or () if one.findings]
+        width = max((len(one.episode) for one in bad), default=0)
+        lines = [f"{one.episode:{width}}  {'; '.join(found.text for found in one.findings)}" for one in bad]
+        return "\n".join(
+            [*lines, f"{count(len(self.episodes or ()), 'episode')}, {len(bad)} with something wrong"]
+        )
+
+
+def is_of_episodes(path: Path) -> bool:
+    """Whether a folder holds episodes rather than a log: a LeRobot data set, or several recordings."""
+    is_log = (path / "log.yaml").is_file()
+    return path.is_dir() and not is_log and (is_data_set(path) or len(_tasks(path)) > 0)
+
+
+def examine_episodes(path: Path, *, jobs: Jobs = 1, progress: Progress = silent) -> EpisodeChart:
+    """Look a data set through: each episode for rows, and its joints beside those of the other episodes.
+
+    No model is asked and no unit needed. What all episodes have in common is not seen, and neither is what only
+    commands or torques tell where none were recorded.
+
+    Args:
+        path: a LeRobot data set, or a folder of recordings (bags, tables, …), one or more episodes in each.
+        jobs: number of processes.
+        progress: told after each file.
+
+    Returns:
+        The episodes, worst first.
+
+    Raises:
+        LogError: nothing there holds positions of joints.
+    """
+    measured = in_order(
+        _measure_file, _tasks(path), jobs=jobs, stage="look episodes through", progress=progress
+    )
+    episodes = [one for several in measured for one in several]
+    joints = max((one.joints for one in episodes), key=len, default=())
+    if not joints:
+        text = (
+            "; ".join(dict.fromkeys(f.text for one in episodes for f in one.findings))
+            or "holds no recordings"
+        )
+        raise LogError(
+            text, source=path, remedy="name columns q.JOINT, q_cmd.JOINT, tau.JOINT, or convert it"
+        )
+    same = [one for one in episodes if one.joints == joints]
+    table = {name: np.array([one.measures[name] for one in same]) for name in MEASURES}
+    judged = iter(_judge(same, table))
+    done = [next(judged) if one.joints == joints else _without_joints(one, joints) for one in episodes]
+    done.sort(key=lambda one: -one.badness)
+    findings = tuple(replace(found, trials=(one.name,)) for one in done for found in one.findings)
+    return EpisodeChart(
+        path.name,
+        worst_first((*_drifts(joints, table), *findings)),
+        episodes=tuple(one.entry for one in done),
+    )
+
+
+def _tasks(path: Path) -> list[Path]:
+    if is_data_set(path):
+        return list(read_data_set(path, LogError).files)
+    return source_files(path) or [folder for folder, _ in nested_folders(path, 2)]
+
+
+def _measure_file(_: None, path: Path) -> list[Episode]:
+    try:
+        root = next((folder for folder in path.parents if is_data_set(folder)), None)
+        recordings: Iterator[Recording] | list[Recording]
+        if root is not None and path.suffix == ".parquet":
+            recordings = recordings_of_episodes(replace(read_data_set(root, LogError), files=(path,)))
+        else:
+            recordings = read_recordings([path])
+        return [_measure(one, path.stem) for one in recordings]
+    except InputError as error:
+        return [Episode(path.stem, findings=(Finding("unreadable", error.what, severity="fatal"),))]
+
+
+def _measure(recording: Recording, stem: str) -> Episode:
+    name = recording.name or stem
+    found: dict[tuple[str, str], tuple[Array, Array]] = {}
+    for stream in recording.streams:
+        rows = len(stream.columns[0].values)
+        clock = stream.time
+        named = [(column, *_meaning(column)) for column in stream.columns]
+        if clock is None:
+            stamps = [column.values for column, what, _ in named if what == "time"]
+            rate = float(recording.said.get("fps") or 0.0)
+            clock = stamps[0] if stamps else np.arange(rows) / rate if rate else None
+        if clock is None or rows < 8:
+            continue
+        for column, what, joint in named:
+            if what in ("q", "q_cmd", "tau"):
+                found.setdefault((what, joint), (clock, column.values))
+    joints = tuple(joint for what, joint in found if what == "q")
+    if not joints:
+        text = "no column is the position of a joint, beside a time"
+        return Episode(name, findings=(Finding("unreadable", text, severity="fatal"),))
+    time = found["q", joints[0]][0]
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    even = np.arange(time[0], time[-1], step) if step > 0.0 else time
+
+    def at_even(what: str) -> Array:
+        nothing = (even, np.full(len(even), np.nan))
+        series = [found.get((what, joint), nothing) for joint in joints]
+        return np.column_stack([np.interp(even, *one) for one in series])
+
+    q, command, torque = at_even("q"), at_even("q_cmd"), at_even("tau")
+    leap = np.array([np.nanmax(np.abs(np.diff(found["q", joint][1])), initial=0.0) for joint in joints])
+    follows, lag = _lags(q, command, step)
+    gain, zero, lag = _tracking(even, q, command, lag)
+    measures = (np.ptp(q, axis=0), leap, follows, lag, gain, zero, _friction(q, torque, step))
+    return Episode(
+        name,
+        float(time[-1] - time[0]),
+        step,
+        float(steps.max()),
+        joints,
+        dict(zip(MEASURES, measures, strict=True)),
+    )
+
+
+def _meaning(column: Column) -> tuple[str, str]:
+    """Channel and joint of a column, by its format or else by its name."""
+    if column.channel:
+        return column.channel, column.label
+    clue = read_clue(column.said_as, ())
+    joint = "_".join([clue.label] * bool(clue.label) + [str(number) for number in clue.numbers])
+    return f"{clue.quantity}_cmd" if clue.commanded else clue.quantity, joint or column.name
+
+
+def _lags(q: Array, command: Array, step: float) -> tuple[Array, Array]:
+    """Largest correlation of each joint's velocity with the commanded one, negative where it is turned, and its lag."""
+    n, most = len(q), round(_LAG_S / step)
+    speed, asked = np.diff(q, axis=0), np.diff(command, axis=0)
+    speed, asked = speed - speed.mean(axis=0), asked - asked.mean(axis=0)
+    spectra = np.fft.rfft(speed, 2 * n, axis=0) * np.conj(np.fft.rfft(asked, 2 * n, axis=0))
+    lags = np.arange(-min(most, n - 2), min(most, n - 2) + 1)
+    size = np.linalg.norm(speed, axis=0) * np.linalg.norm(asked, axis=0)
+    size[size == 0.0] = np.nan
+    shape = np.fft.irfft(spectra, 2 * n, axis=0)[lags] / size
+    best = np.argmax(np.abs(np.nan_to_num(shape)), axis=0)
+    here = shape[best, np.arange(q.shape[1])]
+    return here, np.where(np.abs(here) > _FOLLOWS, step * lags[best], np.nan)
+
+
+def _tracking(time: Array, q: Array, command: Array, lag: Array) -> tuple[Array, Array, Array]:
+    """Slope and constant of each position by its command, and how late that is.
+
+    Gauss and Newton's steps from the first guess: ``q(t) = g c(t − d) + z`` has the derivative ``−g c'(t − d)`` in d.
+    """
+    found = np.full((3, len(lag)), np.nan)
+    inner = slice(len(time) // 20, -len(time) // 20)
+    for j in np.flatnonzero(np.isfinite(lag)):
+        late = lag[j]
+        for _ in range(_STEPS):
+            asked = np.interp(time - late, time, command[:, j])
+            columns = np.column_stack([asked, np.gradient(asked, time), np.ones(len(time))])[inner]
+            gain, moved, _ = np.linalg.lstsq(columns, q[inner, j], rcond=None)[0]
+            late = float(np.clip(late - moved / gain, -_LAG_S, _LAG_S)) if gain else late
+        found[:, j] = gain, np.median(q[inner, j] - columns[:, 0]), late
+    return found[0], found[1], found[2]
+
+
+def _friction(q: Array, torque: Array, step: float) -> Array:
+    """Dry friction of each joint, beside a weight, a constant and what grows with the velocity."""
+    found = np.full(q.shape[1], np.nan)
+    angle = np.radians(q) if np.abs(q).max() > 4.0 * np.pi else q
+    speed = np.gradient(q, step, axis=0)
+    for j in np.flatnonzero(np.isfinite(torque).all(axis=0)):
+        v = speed[:, j]
+        slips = np.abs(v) > 0.2 * np.std(v)
+        columns = np.column_stack([np.sign(v), v, np.sin(angle[:, j]), np.cos(angle[:, j]), np.ones(len(v))])
+        found[j] = np.linalg.lstsq(columns[slips], torque[slips, j], rcond=None)[0][0]
+    return found
+
+
+def _without_joints(one: Episode, joints: tuple[str, ...]) -> Episode:
+    """An episode that has other joints than most, or none."""
+    if one.findings:
+        return one
+    lost = tuple(sorted(set(joints) ^ set(one.joints)))
+    return replace(
+        one,
+        findings=(Finding("channels", f"other joints: {list_names(lost)}", places=lost, severity="fatal"),),
+    )
+
+
+def _judge(episodes: list[Episode], table: dict[str, Array]) -> Iterator[Episode]:
+    """Each episode with what sets it apart from the others of the same joints."""
+    with np.errstate(invalid="ignore"):
+        middle = {name: _median(values) for name, values in table.items()}
+        spread = {name: 1.4826 * _median(np.abs(values - middle[name])) for name, values in table.items()}
+    travel, step = middle["travel"], float(np.median([one.step_s for one in episodes]))
+    told = middle["follows"] > _FOLLOWS
+    floors = {
+        "lag_s": np.full(len(travel), _ROWS * step),
+        "gain": np.full(len(travel), 2.0 * _SHARE),
+        "zero": _SHARE * travel,
+        "friction": 0.5 * np.abs(middle["friction"]),
+    }
+    for k, one in enumerate(episodes):
+        now = {name: values[k] for name, values in table.items()}
+        stands = now["travel"] < _STANDS * travel
+        turned = told & (now["follows"] < -_FOLLOWS)
+        found: list[Finding] = []
+
+        def note(
+            kind: str, bad: Array, text: str, severity: Any = "spoils", one: Episode = one, found: Any = found
+        ) -> None:
+            places = tuple(np.array(one.joints)[bad].tolist())
+            if places:
+                found.append(Finding(kind, f"{list_names(places)} {text}", places=places, severity=severity))
+
+        note("constant", stands, "stands while it moves in the other episodes", "fatal")
+        note("command_sign", turned, "moves against its command", "fatal")
+        for name, kind, text in (
+            ("lag_s", "late", "follows later or sooner than in the other episodes"),
+            ("zero", "zero_position", "has another zero than in the other episodes"),
+            ("gain", "gain", "follows by another share than in the other episodes"),
+            ("friction", "friction", "has another friction than in the other episodes"),
+        ):
+            away = np.abs(now[name] - middle[name])
+            bad = (away > floors[name]) & (away > _DEVIATIONS * spread[name]) & ~stands & ~turned
+            if name != "friction":
+                bad &= told
+            elif len(bad):
+                note("torque_sign", bad & (now[name] < 0.0) & (middle[name] > 0.0), "or its torque is turned")
+                bad &= now[name] * middle[name] > 0.0
+            at = np.flatnonzero(bad)
+            figures = ", ".join(f"{now[name][j]:.4g} for {middle[name][j]:.4g}" for j in at[:3])
+            note(kind, bad, f"{text} ({figures})")
+        if one.gap_s > max(3.5 * one.step_s, 0.1):
+            text = f"rows are missing for {one.gap_s:.2f} s"
+            found.append(Finding("missing_rows", text, {"gap_s": one.gap_s}, severity="spoils"))
+        far = (now["leap"] > 5.0 * middle["leap"]) & (now["leap"] > _SHARE * travel)
+        if not found or found[-1].kind != "missing_rows":
+            note("steps", far & (travel > 0.0), "leaps: rows are missing, or it was set anew")
+        yield replace(one, findings=worst_first(tuple(found)))
+
+
+def _median(values: Array) -> Array:
+    """Of the episodes that tell it, ``(n_joints,)``; NaN where none does."""
+    return np.array([np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else np.nan for c in values.T])
+
+
+def _drifts(joints: tuple[str, ...], table: dict[str, Array]) -> list[Finding]:
+    """What goes on changing from the first episode to the last, of a change beyond ten of its deviations."""
+    found, travel = [], _median(table["travel"])
+    for name in ("zero", "gain", "friction"):
+        for j, joint in enumerate(joints):
+            values = table[name][:, j]
+            k = np.flatnonzero(np.isfinite(values))
+            if len(k) < 10:
+                continue
+            # The median of slopes over half of the episodes (Theil 1950, of pairs that are far apart).
+            half = len(k) // 2
+            slope = float(
+                np.median((values[k[half:]] - values[k[: len(k) - half]]) / (k[half:] - k[: len(k) - half]))
+            )
+            rest = values[k] - slope * k
+            noise = 1.4826 * float(np.median(np.abs(rest - np.median(rest)))) * np.sqrt(12.0 / len(k))
+            change = slope * float(k[-1] - k[0])
+            least = 0.02 * travel[j] if name == "zero" else 0.1 * abs(float(np.median(values[k])))
+            if abs(change) > max(10.0 * noise, least):
+                text = f"{name} of {joint} drifts by {change:.3g} over {len(k)} episodes"
+                found.append(Finding("drift", text, {name: change}, (joint,), severity="limits"))
+    return found

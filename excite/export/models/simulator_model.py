@@ -1,0 +1,369 @@
+"""An identified robot in the format of a simulator: files, proof, and what a person wants to know of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.atomic import all_or_nothing, write_bytes, write_text
+from excite.display import Row, Tabled, count
+from excite.errors import NoSolutionError
+from excite.export.models.model_format import (
+    JOINT_TERMS,
+    SERVO_TERMS,
+    LoadedModel,
+    Lost,
+    ModelFormat,
+    Subject,
+    with_friction,
+)
+from excite.export.models.parameters import ASSUMED, InconsistentModelError
+from excite.export.models.subject import COLUMNS, Change, list_changes, subject_of
+from excite.export.models.verification import States, random_states
+from excite.export.registry import MODEL_FORMATS
+from excite.formats.tables import csv_text
+from excite.identification.result import Identification
+from excite.logs.robot import is_bare
+from excite.regressor.columns import PARAMETERS
+from excite.regressor.kernels import joint_torque_regressor
+from excite.results import HIDDEN, FilePath, Name, Positive, Stated, write_json
+from excite.robot.robot import Robot
+
+# What a format has no place for: said beside the files, not left for the simulation to show.
+
+# Terms of drives that no robot model of any simulator here has, and what to do without them.
+_NOWHERE = {
+    "offset": "no joint has a constant torque, nor Coulomb friction that differs by direction: add it to the command",
+    "root": "friction that grows with the square root of speed is in no joint: coulomb and viscous alone are there",
+    "joint_viscous": "friction behind a gear that two motors share belongs to no single joint of the model",
+    "joint_coulomb": "friction behind a gear that two motors share belongs to no single joint of the model",
+    "joint_armature": "inertia behind a gear that two motors share belongs to no single joint of the model",
+    "encoder": "an encoder's zero is no part of the robot: correct the readings",
+    "bending": "cross-talk of a torque sensor is no part of the robot: correct the readings",
+    "gain": "a torque constant that is off is no part of the robot: scale the torques",
+    "load_friction": "friction of joints does not grow with the load there: it is too small where the load is large",
+}
+_BELOW_ZERO = "was found below zero, which no joint can be: what the model had before stands there"
+
+
+def lost_in(model_format: ModelFormat, subject: Subject) -> tuple[Lost, ...]:
+    """All that was found of a robot and that its files in a format do not hold."""
+    found: list[Lost] = []
+    for name, value in subject.drives.items():
+        term, _, joint = name.partition(".")
+        if value == 0.0:
+            continue
+        if term not in JOINT_TERMS:
+            found.append(Lost(term, joint, value, _NOWHERE.get(term, "no robot model has it")))
+        elif value < 0.0:
+            found.append(Lost(term, joint, value, _BELOW_ZERO))
+        elif term not in model_format.held:
+            found.append(Lost(term, joint, value, model_format.lacks[term]))
+    held = model_format.servo(subject)
+    for term in SERVO_TERMS:
+        if term not in held and term in model_format.lacks and np.isfinite(subject.servo(term)).any():
+            late = subject.delay_s if term == "delay" else None
+            found.append(Lost(term, "every joint", late, model_format.lacks[term]))
+    return (*found, *subject.beyond)
+
+
+# Proof that what is read of the files hears every parameter: each is changed, and its torques have to follow.
+#
+# Torques are linear in the parameters, so a change is known beforehand: of ten parameters by the regressor,
+# of a joint's friction and rotor inertia by its velocity and acceleration. What a servo is told (gains,
+# limits, a delay) shows in no torque of the bodies: it is read back by itself. All bodies get a small body
+# more, and that body another mass, first moment or inertia in turn, so that what is written is always a body;
+# its size is such that each part of it moves the torques well above their rounding.
+
+# Torque of the added bodies, as share of the largest: large enough to be seen above rounding of single precision, and
+# small enough that nothing of the model is lost in it.
+_SHARE = 0.2
+# Share of a parameter's own torque by which its change may be missed.
+_MISSED = 0.01
+# A parameter whose whole torque is below this many times the format's rounding is not seen, in any format.
+_ABOVE_ROUNDING = 200.0
+
+
+@dataclass(frozen=True)
+class Proof(Stated):
+    """What became of the torques, read from the files, when each parameter was changed.
+
+    Attributes:
+        torque_error: of the files, against what was found, relative to the largest torque.
+        felt: number of parameters whose change the torques, or a servo's settings, followed.
+        unseen: parameters that no torque depends on, such as the mass of a link that turns about a vertical axis.
+        not_held: parameters that the format does not have, and that change nothing.
+    """
+
+    torque_error: Positive
+    felt: int
+    unseen: tuple[Name, ...]
+    not_held: tuple[Name, ...]
+
+
+def prove_taken(model_format: ModelFormat, subject: Subject) -> Proof:
+    """Render, read again and change every parameter in turn.
+
+    Args:
+        model_format: the format.
+        subject: what is to be written.
+
+    Raises:
+        InputError: the format takes no such robot.
+        NoSolutionError: the torques are not those that were found, or do not follow a change (a bug here).
+    """
+    trial = _Trial(model_format, subject)
+    error = trial.error()
+    if not error <= model_format.tolerance and model_format.exact(subject):
+        raise NoSolutionError(
+            f"{model_format.name} was not written: read again, its torques are {error:.1e} off",
+            remedy="report this with the robot",
+        )
+    found = trial.bodies()
+    for term in JOINT_TERMS:
+        found |= trial.joints(term)
+    for term in model_format.servo(subject):
+        found |= trial.servos(term)
+    deaf = [name for name, what in found.items() if what == _DEAF]
+    if deaf:
+        shown = ", ".join(deaf[:6]) + (f" and {len(deaf) - 6} more" if len(deaf) > 6 else "")
+        raise NoSolutionError(
+            f"{model_format.name} was not written: its torques do not follow {shown}",
+            remedy="report this with the robot",
+        )
+    felt, unseen, not_held = (
+        tuple(name for name, what in found.items() if what == one) for one in (_FELT, _UNSEEN, _NOT_HELD)
+    )
+    return Proof(error, len(felt), unseen, not_held)
+
+
+# What torques do where a parameter changes.
+_FELT, _UNSEEN, _DEAF, _NOT_HELD = "felt", "unseen", "deaf", "not held"
+
+
+class _Trial:
+    """A subject in a format, its states, and the torques that are read of it."""
+
+    def __init__(self, model_format: ModelFormat, subject: Subject) -> None:
+        self.format, self.robot = model_format, subject.robot
+        self.states: States = random_states(self.robot, subject.parameters)
+        states = self.states
+        self.regressor = joint_torque_regressor(self.robot.model, states.q, states.v, states.a)
+        own = self._load(subject)
+        self.base, self.drives = own.torques, own.joint_terms
+        # What is written as a whole was read once; changes are of what torques depend on.
+        self.subject = subject.varied(shapes=False)
+        self.largest = max(float(np.abs(self.base).max()), 1e-9)
+        self.floor = _ABOVE_ROUNDING * model_format.tolerance * self.largest
+
+    def _load(self, subject: Subject) -> LoadedModel:
+        return self.format.load(subject, self.format.render(subject), self.states)
+
+    def error(self) -> float:
+        """Relative error of the torques as read, against the found parameters; what was not found is the file's."""
+        drives = {}
+        for term, own in self.drives.items():
+            found = self.subject.term(term)
+            drives[term] = np.where(np.isfinite(found), found, own)
+        wanted = with_friction(self.robot, self.states.torque, self.states, drives)
+        return float(np.abs(self.base - wanted).max() / max(float(np.abs(wanted).max()), 1e-9))
+
+    def bodies(self) -> dict[str, str]:
+        """What a change of each inertial parameter does."""
+        added, steps = self._added()
+        parameters = self.subject.parameters
+        plain = self._load(self.subject.but(parameters + added.ravel(), {})).torques
+        found: dict[str, str] = {}
+        columns = self.regressor.reshape(*self.regressor.shape[:2], -1, 10)
+        for k, name in enumerate(PARAMETERS):
+            more = added.copy()
+            more[:, k] += steps[:, k]
+            changed = self._load(self.subject.but(parameters + more.ravel(), {})).torques
+            parts = columns[..., k] * steps[:, k]
+            missed = float(np.abs(changed - plain - parts.sum(axis=2)).max())
+            for segment, own in zip(self.robot.segments, np.abs(parts).max(axis=(0, 1)), strict=True):
+                followed = _FELT if missed <= _MISSED * own + self.floor / 10.0 else _DEAF
+                found[f"{segment.link}.{name}"] = _UNSEEN if own <= self.floor else followed
+        return found
+
+    def _added(self) -> tuple[Array, Array]:
+        """A body for each segment, ``(n, 10)``, and how far each of its parameters is changed, ``(n, 10)``."""
+        n = len(self.robot.segments)
+        ten = self.subject.parameters.reshape(n, 10)
+        heavy = ten[:, 0] > 0.0
+        # Of a body that has none of its own: 0.1 m.
+        length = np.full(n, 0.1)
+        spread = np.abs(ten[:, [4, 6, 9]]).max(axis=1)
+        length[heavy] = np.clip(np.sqrt(spread[heavy] / ten[heavy, 0]), 1e-3, 1.0)
+        body = np.zeros((n, 10))
+        body[:, 0] = 1.0
+        body[:, [4, 6, 9]] = 2.0 * (length**2)[:, None]
+        # Half of what would leave its pseudo-inertia, diag(l², l², l², 1), singular.
+        step = 0.5 * np.column_stack([np.ones(n), *[length] * 3, *[length**2] * 6])
+        columns = self.regressor.reshape(*self.regressor.shape[:2], n, 10)
+        effect = np.abs(np.einsum("srnk,nk->srn", columns, body)).max(axis=(0, 1))
+        size = _SHARE * self.largest / np.maximum(effect, 1e-3 * max(float(effect.max()), 1e-12))
+        return body * size[:, None], step * size[:, None]
+
+    def joints(self, term: str) -> dict[str, str]:
+        """What a change of a term of each joint does; one that the format does not hold has to change nothing."""
+        own = self.subject.written(term)
+        step = _SHARE * self.largest * np.random.default_rng(11).uniform(0.5, 1.0, self.robot.n_joints)
+        names = [f"{term}.{joint}" for joint in self.robot.joint_names]
+        before, after = (
+            self._load(
+                self.subject.but(self.subject.parameters, dict(zip(names, values, strict=True)))
+            ).torques
+            for values in (own, own + step)
+        )
+        zero = np.zeros_like(self.states.torque)
+        wanted = with_friction(self.robot, zero, self.states, {term: step})
+        far = np.abs(after - before - wanted)[:, self.robot.n_base_v :].max(axis=0)
+        followed = far <= _MISSED * np.abs(wanted[:, self.robot.n_base_v :]).max(axis=0)
+        held = term in self.format.held
+        right = _FELT if held else _NOT_HELD
+        return {name: right if good == held else _DEAF for name, good in zip(names, followed, strict=True)}
+
+    def servos(self, term: str) -> dict[str, str]:
+        """Whether a known term of each joint's servo is read as written, and follows a change."""
+        own = self.subject.servo(term)
+        more = np.random.default_rng(11).uniform(1.2, 1.5, self.robot.n_joints)
+        late = term == "delay"
+        # All joints have one delay, and a change of it is several steps.
+        changed = own + 10.0 * max(self.format.delay_step_s, 1e-3) if late else own * more
+        off = np.zeros(self.robot.n_joints)
+        for values in (own, changed):
+            told = {**self.subject.servo_values, term: values}
+            seen = self._load(self.subject.varied(servo_values=told)).terms[term]
+            room = 0.5 * self.format.delay_step_s if late else 0.0
+            off = np.maximum(
+                off,
+                np.abs(seen - values)
+                - room
+                - _MISSED * np.abs(values - own)
+                - 4.0 * float(np.finfo(np.float32).eps) * np.abs(values),
+            )
+        known = zip(self.robot.joint_names, np.isfinite(own), off, strict=True)
+        return {f"{term}.{joint}": _FELT if far <= 0.0 else _DEAF for joint, there, far in known if there}
+
+
+CHANGES, LOST, DOCUMENT = "changes.csv", "lost.csv", "model.json"
+
+
+@dataclass(frozen=True, repr=False)
+class SimulatorModel(Tabled, Stated):
+    """A robot that was written for a simulator.
+
+    Attributes:
+        format: format of the files.
+        robot: name of the robot.
+        folder: where the files are.
+        files: relative to this document's folder; the first is the one to open.
+        changes: all parameters of bodies and joints, before and after.
+        lost: what was found and is not in the files.
+        notes: what a user of the files should know, one sentence each.
+        proof: that the files are understood as they are meant.
+    """
+
+    SCHEMA = "excite.model/1"
+
+    format: Name
+    robot: Name
+    folder: Path = field(metadata=HIDDEN)
+    files: tuple[FilePath, ...]
+    changes: tuple[Change, ...]
+    lost: tuple[Lost, ...]
+    notes: tuple[str, ...]
+    proof: Proof
+
+    tables = ("changes", "lost")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.display.Tabled`: all parameters before and after, or what the format has no place for."""
+        return [row.row() for row in (self.changes if table == "changes" else self.lost)]
+
+    def summary(self) -> str:
+        """What was written, proved and lost, in one line."""
+        lost = f", {len(self.lost)} lost" if self.lost else ""
+        where = self.folder / self.files[0]
+        return f"{self.robot} as {self.format} in {where}: {count(self.proof.felt, 'parameter')} proved{lost}"
+
+
+def write_simulator_model(
+    result: str | Path | Identification,
+    format_name: str,
+    out: str | Path,
+    *,
+    robot: str | Robot | None = None,
+    template: str | Path | None = None,
+) -> SimulatorModel:
+    """Write the robot of a result for a simulator, after proving that every parameter arrives there.
+
+    Beside the model stand ``changes.csv``, ``lost.csv`` and ``model.json``; all of them appear together or none.
+
+    Args:
+        result: an identification; or what ``excite identify``, ``campaign`` or ``diagnose --apply`` wrote: its folder,
+            or the document in it.
+        format_name: one of :data:`~excite.export.registry.MODEL_FORMATS`.
+        out: folder to write to.
+        robot: the robot that the result is of, where the result does not say or it lies elsewhere now.
+        template: its MuJoCo model, whose text ``mjcf`` keeps, where the robot is not named by that.
+
+    Returns:
+        What was written.
+
+    Raises:
+        UnknownNameError: no such format.
+        InconsistentModelError: a segment is no rigid body.
+        InputError: the result or the robot cannot be read, or the format takes no such robot.
+        NoSolutionError: what is read of the files does not follow a parameter (a bug here); nothing is written.
+    """
+    model_format = MODEL_FORMATS.make(format_name)
+    folder = Path(out)
+    subject = subject_of(result, folder, robot=robot, template=None if template is None else Path(template))
+    bad = subject.inconsistent()
+    if bad:
+        raise InconsistentModelError(bad, can_be_forced=False)
+    rendered = model_format.render(subject)
+    proof = prove_taken(model_format, subject)
+    written = SimulatorModel(
+        format_name,
+        subject.robot.name,
+        folder,
+        tuple(rendered.files),
+        list_changes(subject),
+        lost_in(model_format, subject),
+        (
+            *rendered.notes,
+            *_describe_off(proof, model_format.tolerance),
+            *_servo_lines(model_format, subject),
+        ),
+        proof,
+    )
+    with all_or_nothing():
+        for name, content in rendered.files.items():
+            write_bytes(folder / name, content)
+        for name, columns in ((CHANGES, COLUMNS), (LOST, ("parameter", "where", "value", "why"))):
+            rows = written.rows(name.removesuffix(".csv"))
+            write_text(
+                folder / name, csv_text(columns, [[row[column] for column in columns] for row in rows])
+            )
+        write_json(written.to_json(), folder / DOCUMENT)
+    return written
+
+
+def _servo_lines(model_format: ModelFormat, subject: Subject) -> list[str]:
+    return [ASSUMED] if is_bare(subject.robot) and "kp" in model_format.servo(subject) else []
+
+
+def _describe_off(proof: Proof, tolerance: float) -> list[str]:
+    if proof.torque_error <= tolerance:
+        return []
+    return [
+        f"its torques are {proof.torque_error:.1e} of the largest off those found: that is what the file has of its"
+        " own, such as springs or bodies that were left alone"
+    ]

@@ -1,1 +1,0 @@
-"""Published inertial parameters of body segments, number by number."""
