@@ -20,7 +20,7 @@ _STEP, _COUNT_STEP = 2e-2, 5e-4
 # Largest change of a shape's logarithm in one step, and shorter ones tried where it gains nothing.
 _LONGEST, _SHORTER = 0.7, (1.0, 0.4, 0.12)
 # Steps at most, and nats below which the next one is not taken.
-_STEPS, _ENOUGH = 8, 0.5
+_STEPS, _ENOUGH = 4, 0.5
 # A priori precision of a step of a shape's logarithm.
 _DAMPING = 2.0
 # Starts of another form; nats of a term from which its other forms are tried, and by which one may be behind.

@@ -17,7 +17,7 @@ from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
-from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
+from excite.diagnosis.budget.prediction import Prediction
 from excite.diagnosis.budget.record import rows_of
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
@@ -34,16 +34,16 @@ from excite.diagnosis.selection.prior import (
     with_odds,
 )
 from excite.diagnosis.selection.sampler import Draws, climb, sample
+from excite.diagnosis.selection.settling import Basis, gears_of, settle
 from excite.diagnosis.selection.shapes import (
     forms_unlike_grids,
     other_forms,
-    searched_together,
     shape_changes,
 )
 from excite.progress import step
 
 # By turn: factor of the noise's variance, and white part of its spectrum.
-_TURNS = ((16.0, 10.0), (4.0, 3.0), (1.0, 1.0), (1.0, 1.0), (1.0, 1.0), (1.0, 1.0))
+_TURNS = ((16.0, 10.0), (4.0, 3.0), (1.0, 1.0), (1.0, 1.0))
 # Sweeps of a turn, those that do not count, and how many times more the last one has.
 _SWEEPS, _BURNT, _LONGER = 60, 30, 4
 # How often an ascent begins again without what its sizes deny, and what that loses.
@@ -177,19 +177,14 @@ class _Turns:
 
     def _remade(self, gram: Gram, terms: Sequence[Term], turn: int) -> tuple[Atoms, list[Term]]:
         """The likeliest model's terms with their shapes searched, made anew at what it predicts; and where to begin."""
-        terms, company = searched_together(gram, terms, self.slab)
-        sizes = [company.sizes(i) for i in range(len(terms))]
-        model = fit(Design(self.rows, tuple(terms)), range(len(terms)), left_out=False)
-        if turn == 0:
-            self.full = signs_beside(self.full, model)
-            self.rows = rows_of(self.full, self.modelled, self.noise.floor)
-            self.slab = Slab.of(self.rows, self.slab.gap)
-        now = predicted(self.full, model)
-        gears = [i for i, term in enumerate(terms) if term.known and not term.effect.timing]
-        makers = [
-            TermMaker(now.without(*(gears if i in gears else [i])), self.full.strict)
-            for i in range(len(terms))
-        ]
+        basis = Basis(self.full, self.rows, self.modelled, self.noise, self.slab.gap)
+        settled = settle(basis, gram, terms, once=turn == 0)
+        gram, terms, makers, now = settled.gram, settled.terms, settled.makers, settled.now
+        sizes = [settled.company.sizes(i) for i in range(len(terms))]
+        gears = gears_of(terms)
+        turned = settled.basis is not basis
+        self.full, self.rows = settled.basis.full, settled.basis.rows
+        self.slab = Slab.of(self.rows, self.slab.gap) if turned else self.slab
         found: Atoms = {}
         for term, maker in other_forms(gram, terms, self.slab, makers) if turn >= 1 else []:
             found.setdefault(term.key, []).append(self._with_shape(gram, maker, term, None))
@@ -197,7 +192,7 @@ class _Turns:
         joints = self._worst(gram, terms)
         for term in forms_unlike_grids(gram, terms, self.slab, whole, self.library.effects, joints):
             found.setdefault(term.key, []).append(self._with_shape(gram, whole, term, None))
-        self._grid_again(now, terms, gears, first=turn == 0)
+        self._grid_again(now, terms, gears, first=turn == 0 or turned)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
             if _is_begun(term):
