@@ -328,6 +328,9 @@ class WholeDelay(TimeDelay):
         columns = super().shape(context, location, theta).columns
         return Shape(offset={j: theta[0] * block[:, 0] for j, block in columns.items()})
 
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        return theta[0] >= _SAMPLE / context.baseline.samples.rate_hz
+
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """Its length as rows between reversals tell it, where they surely tell another than all rows do; else that."""
         found = super().estimates(context, location, theta, fit)

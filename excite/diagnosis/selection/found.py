@@ -127,7 +127,7 @@ def _of_some_share(
     terms: Sequence[Term], rows: Rows, floor: Array, scale: Array, context: Context
 ) -> list[Term]:
     """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges."""
-    kept = list(terms)
+    kept, moving = list(terms), np.isfinite(scale)
     while kept:
         model = fit(Design(rows, tuple(kept)), range(len(kept)))
         cannot = [k for k, term in enumerate(kept) if not term.can_be(context, model.parameters(k))]
@@ -140,7 +140,7 @@ def _of_some_share(
         weight = weight / max(float(weight.sum()), 1e-300)
         worth = np.array(
             [
-                max(float(value @ weight) / _OF_ALL, float(value.max(initial=0.0)) / _OF_A_JOINT)
+                max(float(value @ weight) / _OF_ALL, float(value[moving].max(initial=0.0)) / _OF_A_JOINT)
                 for value in shares.value
             ]
         )

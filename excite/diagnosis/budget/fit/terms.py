@@ -59,7 +59,7 @@ class Term:
     def can_be(self, context: Context, x: Array) -> bool:
         """Whether fitted parameters ``(size,)`` are of something that can be, as its name says it."""
         if self.known:
-            return True
+            return self.admissible(context, x)
         beta = self.beta(x)
         if not self.effect.possible(context, self.location, beta):
             return False
@@ -69,7 +69,8 @@ class Term:
 
     def admissible(self, context: Context, x: Array) -> bool:
         """Whether its name says fitted parameters ``(size,)`` best."""
-        return self.known or self.effect.admissible(context, self.location, self.theta, self.beta(x))
+        beta = np.zeros(0) if self.known else self.beta(x)
+        return self.effect.admissible(context, self.location, self.theta, beta)
 
     @property
     def size(self) -> int:
