@@ -20,8 +20,11 @@ from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.standing_joints import stands_throughout
-from excite.diagnosis.selection.prior import group_of, groups_of, problem_of
+from excite.diagnosis.selection.gram import Gram
+from excite.diagnosis.selection.prior import Slab, group_of, groups_of, problem_of
 from excite.diagnosis.selection.sampler import gains_beside
+from excite.diagnosis.selection.settling import Basis, settle
+from excite.diagnosis.selection.shapes import in_plainest_forms
 from excite.diagnosis.selection.turns import Selected, select
 
 # Probability from which an effect is in the model, and that of a rival, in units of its own, from which it is told.
@@ -62,6 +65,16 @@ def model_of_gap(
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     keys = {term.key for term in terms}
     terms = _with_bodies([term for term in free if term.key in keys], selected, rows)
+    if len(terms) < len(free):
+        # What stood beside them has bent their shapes, what they are made of and how friction changes sign.
+        begun = rows_of(full, modelled, floor)
+        basis = Basis(full, begun, modelled, selected.noise, selected.gap)
+        maker = TermMaker(Context(full), full.strict)
+        again = [term if term.effect.is_body else maker.again(term) or term for term in terms]
+        gram = Gram.of(begun, gram.discrepancy, gram.atoms, selected.noise)
+        settled = settle(basis, gram, again, once=False)
+        selected, rows = replace(selected, full=settled.basis.full), settled.basis.rows
+        terms = in_plainest_forms(settled.gram, settled.terms, Slab.of(rows, selected.gap))
     if sigma is not None:
         model = fit(Design(rows, tuple(terms)), range(len(terms)))
         terms = [terms[k] for k in sorted(unlike_noise(model, selected.full, sigma, len(groups), rng))]

@@ -64,12 +64,14 @@ class Selected:
         full: what every model begins with, fitted; its friction changes sign as beside the largest effects.
         gram: of the last turn.
         draws: of models.
+        noise: of its rows.
         gap: ``(n_joints,)`` RMS without any effect.
     """
 
     full: Baseline
     gram: Gram
     draws: Draws
+    noise: Noise
     gap: Array
 
     @property
@@ -161,7 +163,8 @@ class _Turns:
             gram = Gram.of(self.rows, discrepancy, atoms, self.noise)
             terms = [atoms[a].term for a in posterior.chosen]
             if last:
-                return Selected(self.full, gram, _sampled(gram, terms, _LONGER * _SWEEPS, rng), self.slab.gap)
+                draws = _sampled(gram, terms, _LONGER * _SWEEPS, rng)
+                return Selected(self.full, gram, draws, self.noise, self.slab.gap)
             found, keys = self._remade(gram, terms, turn)
         raise AssertionError("there is a last turn")
 
