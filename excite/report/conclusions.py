@@ -14,7 +14,7 @@ from excite.identification.judgement.judgement import POOR_RSD
 from excite.logs.log import LogHeader
 from excite.report.folder import Document, Findings
 from excite.report.html import format_number
-from excite.report.plots.forces import channel_label
+from excite.report.plots.curves import channel_label
 from excite.robot.catalogue import robot_of_log
 from excite.safety.verdict import conditions
 

@@ -13,11 +13,11 @@ from defusedxml.ElementTree import fromstring
 from PIL import Image
 
 from excite.report.comparisons import ForceComparison
-from excite.report.plots.body import draw_posture, front_view, shape_points
-from excite.report.plots.forces import plot_forces
+from excite.report.plots.body import draw_posture, project, shape_points
+from excite.report.plots.curves import channel_panels, draw_panels
 from excite.report.plots.sketch import Outlines, Words, text_length
 from excite.report.sections.answers import plot_rsd
-from excite.report.sections.identified import plot_masses
+from excite.report.sections.identified import draw_masses
 from excite.report.sections.motions import (
     choose_motions,
     different_instants,
@@ -34,6 +34,10 @@ from tests.report.sample import sample_data, sample_motion
 @pytest.fixture(scope="module")
 def data(g1):
     return sample_data(g1)
+
+
+def _curves(data):
+    return draw_panels(data.time, channel_panels(data))
 
 
 def _outlines(sketch):
@@ -76,9 +80,7 @@ def test_numbers_of_a_figure_are_not_rounded_with_the_places_of_its_lines():
     """Torques of a thousandth of a newton metre had the scale 0.00, 0.00, -0.00, and 0.125 stood there as 0.12."""
     time = np.linspace(0.0, 1.0, 50)
     measured = 0.004 * np.sin(9.0 * time)[:, None]
-    figure = plot_forces(
-        ForceComparison("one", ("a",), ("N·m",), time, measured, 0.5 * measured, 0.9 * measured)
-    )
+    figure = _curves(ForceComparison("one", ("a",), ("N·m",), time, measured, 0.5 * measured, 0.9 * measured))
     root = fromstring(to_svg(figure, "small", "what it shows"))
     texts = [
         "".join(item.itertext()).strip().replace("−", "-")
@@ -92,18 +94,29 @@ def test_numbers_of_a_figure_are_not_rounded_with_the_places_of_its_lines():
 
 
 def test_masses_show_all_three_and_mark_what_changed(data):
-    axes = plot_masses(data.masses).axes[0]
-    nominal, identified, intervals = axes.containers
-    (lines,) = intervals.lines[2]
-    ends = np.array([segment[:, 0] for segment in lines.get_segments()])
-    np.testing.assert_allclose(ends.mean(axis=1), data.masses.identified)
-    np.testing.assert_allclose(np.ptp(ends, axis=1), 2.0 * data.masses.half_width)
-    np.testing.assert_allclose([bar.get_width() for bar in nominal], data.masses.nominal)
-    np.testing.assert_allclose([bar.get_width() for bar in identified], data.masses.identified)
-    np.testing.assert_allclose(axes.lines[0].get_xdata(), data.masses.true)
-    bold = [label.get_text() for label in axes.get_yticklabels() if label.get_fontweight() == "bold"]
-    assert bold == [name for name, flag in zip(data.masses.names, data.masses.changed, strict=True) if flag]
-    assert not plot_masses(dataclasses.replace(data.masses, true=None)).axes[0].lines
+    masses = data.masses
+    sketch, n = draw_masses(masses), len(masses.names)
+    words = {shape.text: shape for shape in sketch.shapes if isinstance(shape, Words)}
+    marks = sorted(
+        (float(text), shape.place[0]) for text, shape in words.items() if text.replace(".", "").isdigit()
+    )
+    (zero, left), (most, right) = marks[0], marks[-1]
+
+    def kilograms(places):
+        return zero + (np.array(places) - left) / (right - left) * (most - zero)
+
+    bars = np.array(_outlines(sketch)[-2 * n :])[:, 1, 0]
+    np.testing.assert_allclose(kilograms(bars[:n]), masses.nominal, atol=1e-9)
+    np.testing.assert_allclose(kilograms(bars[n:]), masses.identified, atol=1e-9)
+    lines = [shape for shape in sketch.shapes if isinstance(shape, Outlines) and not shape.closed]
+    spans, ticks = (kilograms(np.array(shape.parts)[:, :, 0]) for shape in lines[-2:])
+    np.testing.assert_allclose(spans.mean(axis=1), masses.identified, atol=1e-9)
+    np.testing.assert_allclose(np.ptp(spans, axis=1), 2.0 * masses.half_width, atol=1e-9)
+    np.testing.assert_allclose(ticks[:, 0], masses.true, atol=1e-9)
+    bold = [text for text, shape in words.items() if shape.bold]
+    assert bold == [name for name, flag in zip(masses.names, masses.changed, strict=True) if flag]
+    untold = draw_masses(dataclasses.replace(masses, true=None)).shapes
+    assert "true" in words and "true" not in {one.text for one in untold if isinstance(one, Words)}
 
 
 @pytest.mark.parametrize("n_channels", [1, 6, 7])
@@ -112,7 +125,7 @@ def test_forces_have_a_panel_a_channel_with_unit_and_rmse(n_channels):
     measured = np.zeros((len(time), n_channels))
     names = tuple(f"joint{i}" for i in range(n_channels))
     data = ForceComparison("t", names, ("N·m",) * n_channels, time, measured, measured + 2.0, measured - 0.5)
-    panels = [axes for axes in plot_forces(data).axes if axes.get_visible()]
+    panels = [axes for axes in _curves(data).axes if axes.get_visible()]
     assert [axes.get_title("left") for axes in panels] == [f"{name}, RMSE 2 → 0.5 N·m" for name in names]
     assert {axes.get_ylabel() for axes in panels} == {"[N·m]"}
     assert all(len(line.get_xdata()) <= 3000 for axes in panels for line in axes.lines)
@@ -129,14 +142,13 @@ def test_rsd_points_fall_where_they_belong():
 
 
 def test_a_picture_stands_on_the_ground_with_its_mass_over_its_feet(g1):
-    view = front_view()
-    drawn = draw_posture(g1, g1.rest, frozenset(foot.name for foot in g1.feet), view)
+    drawn = draw_posture(g1, g1.rest, frozenset(foot.name for foot in g1.feet))
     com = pin.centerOfMass(g1.model, g1.model.createData(), g1.rest) * [1.0, 1.0, 0.0]
-    np.testing.assert_allclose(drawn.com, view.flat((com - [*g1.rest[:2], 0.0])[None])[0])
+    np.testing.assert_allclose(drawn.com, project((com - [*g1.rest[:2], 0.0])[None])[0])
     low, high = drawn.support.min(axis=0), drawn.support.max(axis=0)
     assert (low < drawn.com).all() and (drawn.com < high).all()
     assert len(drawn.soles) == 2 and len(drawn.bones) >= g1.n_joints // 2 and len(drawn.hulls) > 15
-    assert draw_posture(g1, g1.rest, frozenset(), view).support is None
+    assert draw_posture(g1, g1.rest, frozenset()).support is None
 
 
 @pytest.mark.parametrize(
@@ -178,7 +190,7 @@ def test_speed_share_is_of_the_limit(g1):
 
 
 def test_drawings_follow_the_page_and_pictures_are_light(data):
-    figure = plot_masses(data.masses)
+    figure = _curves(data.forces)
     svg = to_svg(figure, "one", "what it shows")
     assert 'aria-label="what it shows"' in svg and "var(--identified)" in svg
     assert not any(role.light in svg for role in ROLES)
@@ -195,7 +207,7 @@ def test_a_row_of_postures_is_drawn_in_full_on_the_page_and_as_a_picture(g1):
     outlines = [path.get("d") for path in root.iter("{http://www.w3.org/2000/svg}path")]
     ends = np.array([[float(part) for part in re.findall(r"[-.\d]+", outline)][:2] for outline in outlines])
     assert (ends >= 0.0).all() and (ends <= [width, height]).all()
-    drawn = draw_posture(g1, motion.q[0], frozenset(), front_view())
+    drawn = draw_posture(g1, motion.q[0], frozenset())
     assert len(outlines) >= 3 * (len(drawn.hulls) + len(drawn.bones) + len(drawn.soles))
     words = [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")]
     assert words[0].startswith("a < b & c") and words[1] == "0.0 s" and len(words) == 4

@@ -10,11 +10,20 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import RobotError
+from excite.report.plots.sketch import Dots, Outlines
+from excite.report.replay.scene import solid_triangles
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, PALE, PAPER, TRUE
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_shapes
 from excite.robot.shapes.shape import Shape
 
+# The picture's axes in the world, and the direction to the viewer: from the front, a little to the robot's left and a
+# little from above.
 _AZIMUTH, _ELEVATION = np.deg2rad(38.0), np.deg2rad(12.0)
+_FORWARD = np.array([np.cos(_AZIMUTH), np.sin(_AZIMUTH), 0.0])
+_RIGHT = np.array([-_FORWARD[1], _FORWARD[0], 0.0])
+_UP = np.array([0.0, 0.0, np.cos(_ELEVATION)]) - np.sin(_ELEVATION) * _FORWARD
+_TOWARDS = np.array([0.0, 0.0, np.sin(_ELEVATION)]) + np.cos(_ELEVATION) * _FORWARD
 _SHORTEST_BONE = 0.01
 # Sides from which outlines are looked at for their outermost corners. A corner that is missed sticks out from the line
 # between its neighbours by less than 0.7 % of what that is long, of a trunk less than a picture's dot.
@@ -22,33 +31,9 @@ _SIDES = 2.0 * np.pi * np.arange(256) / 256
 _OUTWARDS = np.column_stack([np.cos(_SIDES), np.sin(_SIDES)])
 
 
-@dataclass(frozen=True, eq=False)
-class View:
-    """A parallel projection.
-
-    Attributes:
-        right: world direction of the picture's x axis, ``(3,)``.
-        up: world direction of its y axis, ``(3,)``.
-        towards: world direction to the viewer, ``(3,)``.
-    """
-
-    right: Array
-    up: Array
-    towards: Array
-
-    def flat(self, points: Array) -> Array:
-        """Picture coordinates ``(n, 2)`` of world points ``(n, 3)`` [m]."""
-        return np.column_stack([points @ self.right, points @ self.up])
-
-
-def front_view() -> View:
-    """From the front, a little to the robot's left and a little from above."""
-    ca, sa, ce, se = np.cos(_AZIMUTH), np.sin(_AZIMUTH), np.cos(_ELEVATION), np.sin(_ELEVATION)
-    return View(
-        right=np.array([-sa, ca, 0.0]),
-        up=np.array([-se * ca, -se * sa, ce]),
-        towards=np.array([ce * ca, ce * sa, se]),
-    )
+def project(points: Array) -> Array:
+    """Picture coordinates ``(n, 2)`` of world points ``(n, 3)`` [m]."""
+    return np.column_stack([points @ _RIGHT, points @ _UP])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +56,24 @@ class Picture:
     com: Array | None
     marked: tuple[Array, ...] = ()
 
+    def shapes(self) -> list[Outlines | Dots]:
+        """Support in green, pale bodies, marked ones in orange, soles, blue bones, the centre of mass."""
+        joints: Array = np.unique(np.round(np.vstack([bone[:1] for bone in self.bones]), 4), axis=0)
+        ground = [] if self.support is None else [Outlines((self.support,), fill=TRUE, opacity=0.45)]
+        mass = [] if self.com is None else [Dots(self.com[None], 1.8, NOMINAL, PAPER)]
+        return [
+            *ground,
+            Outlines(self.hulls, fill=PALE, edge=PAPER),
+            Outlines(self.marked, fill=NOMINAL, edge=INK, width=0.6, opacity=0.75),
+            Outlines(self.soles, edge=INK, width=0.8),
+            Outlines(self.bones, edge=IDENTIFIED, width=1.7, closed=False),
+            Dots(joints, 1.1, INK),
+            *mass,
+        ]
+
 
 def draw_posture(
-    robot: Robot, q: Array, loaded: frozenset[str], view: View, marked: frozenset[str] = frozenset()
+    robot: Robot, q: Array, loaded: frozenset[str], marked: frozenset[str] = frozenset()
 ) -> Picture:
     """Draw a posture.
 
@@ -81,34 +81,28 @@ def draw_posture(
         robot: the robot.
         q: configuration, ``(nq,)``.
         loaded: names of the feet that carry load.
-        view: where it is seen from.
         marked: links to mark.
     """
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
     origin = np.array([q[0], q[1], 0.0]) if robot.floating else np.zeros(3)
-
-    def flat(points: Array) -> Array:
-        return view.flat(np.asarray(points) - origin)
-
+    flat = np.array([1.0, 1.0, 0.0])
     soles = {
-        foot.name: np.array([data.oMi[foot.joint].act(corner) for corner in foot.sole]) for foot in robot.feet
+        foot.name: np.array([data.oMi[foot.joint].act(corner) for corner in foot.sole]) - origin
+        for foot in robot.feet
     }
-    standing = [corners for name, corners in soles.items() if name in loaded]
-    support = None
+    standing = [corners * flat for name, corners in soles.items() if name in loaded]
+    support = com = None
     if standing:
         ground = np.vstack(standing)
-        ground[:, 2] = 0.0
-        support = flat(ground[hull_outline(ground[:, :2])])
-    com = None
+        support = project(ground[hull_outline(ground[:, :2])])
     if robot.floating:
-        centre = pin.centerOfMass(robot.model, data, q) * np.array([1.0, 1.0, 0.0])
-        com = flat(centre[None])[0]
-    hulls = _hull_outlines(robot, data, view, flat)
+        com = project(((pin.centerOfMass(robot.model, data, q) - origin) * flat)[None])[0]
+    hulls = _hull_outlines(robot, data, origin)
     return Picture(
         hulls=tuple(outline for link, outline in hulls if link not in marked),
-        bones=tuple(flat(bone) for bone in _bone_lines(robot, data)),
-        soles=tuple(flat(corners) for corners in soles.values()),
+        bones=tuple(project(bone - origin) for bone in _bone_lines(robot, data)),
+        soles=tuple(project(corners) for corners in soles.values()),
         support=support,
         com=com,
         marked=tuple(outline for link, outline in hulls if link in marked),
@@ -132,7 +126,7 @@ def _bone_lines(robot: Robot, data: pin.Data) -> list[Array]:
     return [bone for bone in bones if np.linalg.norm(bone[1] - bone[0]) > _SHORTEST_BONE]
 
 
-def _hull_outlines(robot: Robot, data: pin.Data, view: View, flat) -> tuple[tuple[str, Array], ...]:
+def _hull_outlines(robot: Robot, data: pin.Data, origin: Array) -> tuple[tuple[str, Array], ...]:
     """Links and outlines of their shapes, far ones first."""
     try:
         shapes = collision_shapes(robot)
@@ -144,10 +138,10 @@ def _hull_outlines(robot: Robot, data: pin.Data, view: View, flat) -> tuple[tupl
             continue
         pose = data.oMi[shape.joint] * shape.placement
         points = shape_points(shape) @ pose.rotation.T + pose.translation
-        seen = flat(points)
+        seen = project(points - origin)
         corners = hull_outline(seen)
         if len(corners) > 2:
-            outlines.append((float(points.mean(axis=0) @ view.towards), shape.link, seen[corners]))
+            outlines.append((float(points.mean(axis=0) @ _TOWARDS), shape.link, seen[corners]))
     outlines.sort(key=lambda item: item[0])
     return tuple((link, corners) for _, link, corners in outlines)
 
@@ -163,21 +157,4 @@ def hull_outline(points: Array) -> NDArray[np.intp]:
 
 def shape_points(shape: Shape) -> Array:
     """Points whose convex hull is the shape, in its own frame, ``(n, 3)`` [m]; round shapes within 3 %."""
-    if shape.vertices is not None:
-        return shape.vertices
-    if shape.kind == "box":
-        corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-        return corners * np.array(shape.size)
-    radius = shape.size[0]
-    turn = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-    circle = radius * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(16)])
-    if shape.kind == "cylinder":
-        half = np.array([0.0, 0.0, 0.5 * shape.size[1]])
-        return np.vstack([circle + half, circle - half])
-    rings = [
-        circle * np.array([np.cos(t), np.cos(t), 0.0]) + [0, 0, radius * np.sin(t)]
-        for t in np.deg2rad([0, 30, 60])
-    ]
-    dome = np.vstack([*rings, [[0.0, 0.0, radius]]])
-    half = np.array([0.0, 0.0, 0.5 * shape.size[1] if shape.kind == "capsule" else 0.0])
-    return np.vstack([dome + half, -(dome + half)])
+    return shape.vertices if shape.vertices is not None else solid_triangles(shape.kind, shape.size)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -15,33 +16,34 @@ from excite.errors import ExciteError
 from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
 from excite.motion.motion import Motion
-from excite.report.comparisons import PathComparison, Record
-from excite.report.folder import Findings
-from excite.report.html import Cell, folded_content, html_paragraph, html_table, inline_figure, live_replay
-from excite.report.plots.body import Picture, View, draw_posture, front_view
-from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, rectangle_corners, text_length
-from excite.report.replay.scene import robot_scene, trial_frames
-from excite.report.replay.tracks import motion_tracks
-from excite.report.sections.section import Content, section, section_content
-from excite.report.theme import (
-    GROUND,
-    IDENTIFIED,
-    INK,
-    MUTED,
-    NOMINAL,
-    PALE,
-    PAPER,
-    TRUE,
-    WIDTH_IN,
-    shorten_name,
+from excite.report.comparisons import PathComparison, Record, ReportData
+from excite.report.folder import Document, Findings
+from excite.report.html import (
+    columns_table,
+    folded_content,
+    html_paragraph,
+    html_table,
+    inline_figure,
+    live_replay,
 )
+from excite.report.plots.body import Picture, draw_posture, project
+from excite.report.plots.sketch import Outlines, Shape, Sketch, Words, rectangle_corners, text_length
+from excite.report.replay.scene import TrialFrames, robot_scene, trial_frames
+from excite.report.replay.tracks import motion_tracks, pack_table
+from excite.report.sections.section import Content, section, section_content
+from excite.report.theme import GROUND, IDENTIFIED, MUTED, WIDTH_IN, shorten_name
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 
 _N_PICTURES = 4
 # A page of 15 MB still opens on a phone, and all else on it comes to 3 MB at most. G1 takes 7 kB a second of motion.
 _MOST_BYTES = 10_000_000
-_HOW = (
+_CHOSEN = {
+    "motion": "motion",
+    "chosen for the segments": lambda entry: ", ".join(entry["segments"]),
+    "duration [s]": lambda entry: float(entry["duration_s"]),
+}
+HOW_TO_WATCH = (
     "Drag the picture to look from elsewhere. One cursor runs over all plots: a click takes the robot there, a drag "
     "along a plot zooms, a double click shows all of it again."
 )
@@ -57,51 +59,37 @@ def show_motions(findings: Findings) -> Content | str:
         lead = "The motions that were checked, those that are not safe first."
         return section_content(lead, *figures) if figures else ""
     selected = findings.plan["selected"]
-    rows: list[tuple[Cell, ...]] = [
-        (entry["motion"], ", ".join(entry["segments"]), float(entry["duration_s"])) for entry in selected
-    ]
-    headers = ("motion", "chosen for the segments", "duration [s]")
-    listing = folded_content(
-        f"All {len(rows)} motions" if len(rows) > 1 else "The motion", html_table(headers, rows)
-    )
+    title = f"All {len(selected)} motions" if len(selected) > 1 else "The motion"
+    listing = folded_content(title, columns_table(selected, _CHOSEN))
     rejected = findings.plan["candidates"]["rejected"]
     reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
-    refused = (
-        folded_content(
-            f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
-            html_table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
-        )
-        if rejected
-        else ""
+    refused = folded_content(
+        f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
+        html_table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
     )
     lead = "These motions excite the segments best, and every one of them passed the checks."
-    return section_content(lead, *_motion_figures(findings), listing, refused)
-
-
-def _motion_caption(robot: Robot) -> str:
-    return f"{_BODY}; {_FEET}." if robot.feet else f"{_BODY}."
+    return section_content(lead, *_motion_figures(findings), listing, refused if rejected else "")
 
 
 def _motion_figures(findings: Findings) -> list[str]:
     robot, motions = findings.robot, _worst_first(findings)
     if robot is None or not motions:
         return []
-    shown = choose_motions(motions, _N_PICTURES)
-    snapshots = html_paragraph(_motion_caption(robot), "lead") + inline_figure(
-        draw_snapshots(robot, shown).to_svg("Snapshots of the motions")
-    )
+    caption = f"{_BODY}; {_FEET}." if robot.feet else f"{_BODY}."
+    shown = draw_snapshots(robot, choose_motions(motions, _N_PICTURES))
+    snapshots = html_paragraph(caption, "lead") + inline_figure(shown.to_svg("Snapshots of the motions"))
     activity = draw_activity(robot, motions).to_svg("Peak speed of each joint in each motion")
-    caption = folded_content("Which joint moves in which motion", inline_figure(activity))
+    folded = folded_content("Which joint moves in which motion", inline_figure(activity))
     moving, left = _titled_tracks(robot, motions)
     if not moving:
-        return [snapshots, caption]
-    said = (
-        html_paragraph(f"Not moving here, for a page shall stay small: {', '.join(left)}.", "note")
-        if left
-        else ""
-    )
-    how = html_paragraph(_HOW, "lead moving")
-    return [how, live_replay("replay", robot_scene(robot), moving, snapshots), said, caption]
+        return [snapshots, folded]
+    said = f"Not moving here, for a page shall stay small: {', '.join(left)}."
+    return [
+        html_paragraph(HOW_TO_WATCH, "lead moving"),
+        live_replay("replay", robot_scene(robot), moving, snapshots),
+        html_paragraph(said, "note") if left else "",
+        folded,
+    ]
 
 
 def _worst_first(findings: Findings) -> tuple[Motion, ...]:
@@ -116,22 +104,21 @@ def _titled_tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, A
     found: dict[str, Any] = {}
     left, size = [], 0
     for motion in motions:
-        if size > _MOST_BYTES:
+        content = None
+        if size <= _MOST_BYTES:
+            with suppress(ExciteError):
+                content = motion_tracks(robot, motion).to_json()
+                size += len(json.dumps(content))
+        if content is None or size > _MOST_BYTES:
             left.append(motion.name)
-            continue
-        try:
-            content = motion_tracks(robot, motion).to_json()
-        except ExciteError:
-            left.append(motion.name)
-            continue
-        size += len(json.dumps(content))
-        if size > _MOST_BYTES:
-            left.append(motion.name)
-            continue
-        found[f"{motion.name} · {motion.metadata.generator.replace('_', ' ')} · {motion.duration:.1f} s"] = (
-            content
-        )
+        else:
+            found[motion_title(motion)] = content
     return found, left
+
+
+def motion_title(motion: Motion) -> str:
+    """A motion's name, generator and duration."""
+    return f"{motion.name} · {motion.metadata.generator.replace('_', ' ')} · {motion.duration:.1f} s"
 
 
 # Which joints each chosen motion moves, and how fast.
@@ -238,15 +225,14 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
     Drawn are the links' shapes, bones from joint to joint, soles, and for a robot on feet the support polygon
     (green) with the projection of the centre of mass (point).
     """
-    view = front_view()
-    rows = [_snapshot_row(robot, motion, view, n_postures) for motion in motions]
+    rows = [_snapshot_row(robot, motion, n_postures) for motion in motions]
     points = np.vstack(
         [part for row in rows for _, drawn in row for part in (*drawn.hulls, *drawn.bones, *drawn.soles)]
     )
     low, high = points.min(axis=0), points.max(axis=0)
     width = high[0] - low[0]
     ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
-    tile = _ground_tile(view, width, ground)
+    tile = _ground_tile(width, ground)
     low, high = np.minimum(low, tile.min(axis=0)), np.maximum(high, tile.max(axis=0))
     # One beside the other, with a margin above them, and below them room for a line.
     across, along = high[0] - low[0] + 1.06 * width * (n_postures - 1), 1.03 * (high[1] - low[1])
@@ -261,24 +247,18 @@ def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
         for i, (time, drawn) in enumerate(row):
             x = left + scale * 1.06 * width * i
             offset = np.array([x, bottom + scale * low[1]])
-            shapes += [shape.moved(scale, offset) for shape in _posture_shapes(drawn, tile)]
+            parts = [Outlines((tile,), fill=GROUND), *drawn.shapes()]
+            shapes += [shape.moved(scale, offset) for shape in parts]
             shapes.append(Words(f"{time:.1f} s", (x, bottom + 0.4 * _TITLE), MUTED, anchor="center"))
     return Sketch(_WIDTH, len(rows) * row_height, tuple(shapes))
 
 
-def _snapshot_row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, Picture]]:
-    return [
-        (
-            float(motion.time[i] - motion.time[0]),
-            draw_posture(
-                robot,
-                motion.q[i],
-                frozenset(foot for foot, flags in motion.contacts.items() if flags[i]),
-                view,
-            ),
-        )
-        for i in different_instants(motion, n)
-    ]
+def _snapshot_row(robot: Robot, motion: Motion, n: int) -> list[tuple[float, Picture]]:
+    row = []
+    for i in different_instants(motion, n):
+        loaded = frozenset(foot for foot, flags in motion.contacts.items() if flags[i])
+        row.append((float(motion.time[i] - motion.time[0]), draw_posture(robot, motion.q[i], loaded)))
+    return row
 
 
 def _motion_title(motion: Motion) -> str:
@@ -287,62 +267,106 @@ def _motion_title(motion: Motion) -> str:
     return f"{motion.name} ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
 
 
-def _ground_tile(view: View, width: float, ground: float) -> Array:
+def _ground_tile(width: float, ground: float) -> Array:
     """Outline of the piece of ground under one posture, in picture coordinates [m]."""
     half = 0.42 * width
-    corners = [[half, half], [-half, half], [-half, -half], [half, -half]]
-    return view.flat(np.array([[x, y, ground] for x, y in corners]))
-
-
-def _posture_shapes(drawn: Picture, tile: Array) -> list[Outlines | Dots]:
-    shapes: list[Outlines | Dots] = [Outlines((tile,), fill=GROUND)]
-    if drawn.support is not None:
-        shapes.append(Outlines((drawn.support,), fill=TRUE, opacity=0.45))
-    starts = np.vstack([bone[:1] for bone in drawn.bones])
-    joints: Array = np.unique(np.round(starts, 4), axis=0)
-    shapes += [
-        Outlines(drawn.hulls, fill=PALE, edge=PAPER),
-        Outlines(drawn.soles, edge=INK, width=0.8),
-        Outlines(drawn.bones, edge=IDENTIFIED, width=1.7, closed=False),
-        Dots(joints, 1.1, INK),
-    ]
-    if drawn.com is not None:
-        shapes.append(Dots(drawn.com[None], 1.8, NOMINAL, PAPER))
-    return shapes
+    return project(
+        np.array([[x, y, ground] for x, y in [(half, half), (-half, half), (-half, -half), (half, -half)]])
+    )
 
 
 # A trial in motion: as it was measured, and beside it as a simulator or its command has it.
 
-_COMMANDED = "commanded"
 _LOST = " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
 
 
 @section("moving", "The trial in motion")
 def show_moving(findings: Findings) -> Content | str:
     """The trial that judges; with an identification both models, with a diagnosis its simulator before and after."""
-    record = findings.record
+    record, data, found = findings.record, findings.data, findings.diagnosis or {}
     if record is None:
         return ""
-    path = findings.data.path
-    found = findings.diagnosis or {}
-    if path is not None and not set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names):
-        path = None
-    trial = record.trial(path.trial if path else "")
+    path = _fitting_path(record, data)
+    models = _model_paths(path, found)
     try:
-        models = {} if path is None else _model_paths(path, found)
-        lost = "" if path is None or models else _LOST
-        path = path if models else None
-        tracks = _simulated_tracks(record, path, models) if path else _recorded_tracks(record, trial)
+        tracks = trial_tracks(record, data, found)
     except ExciteError:
         return ""
     still = html_paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
-    if path is not None and path.horizon_s is not None:
+    if path is not None and models and path.horizon_s is not None:
         lead = _of_identification(record.robot, path, path.horizon_s)
     else:
         horizon_s = (found.get("simulation") or {}).get("horizon_s")
-        lead = _lead_sentence(trial.name, path is not None, horizon_s, tracks) + lost
-    shown = live_replay("moving-replay", robot_scene(record.robot), tracks, still)
-    return section_content(lead, shown)
+        lead = _lead_sentence(record.trial(path.trial if path else "").name, bool(models), horizon_s, tracks)
+        lead += _LOST if path is not None and not models else ""
+    return section_content(lead, live_replay("moving-replay", robot_scene(record.robot), tracks, still))
+
+
+def trial_tracks(record: Record, data: ReportData, diagnosis: Document) -> dict[str, Any]:
+    """The trial that judges by title: measured, with each model as a ghost and what it leaves of the torques.
+
+    Where there is no model that can be looked at, as it was recorded.
+    """
+    path = _fitting_path(record, data)
+    models = _model_paths(path, diagnosis)
+    if path is None or not models:
+        return recorded_track(
+            record, record.trial(path.trial if path else data.gap.trial if data.gap else "")
+        )
+    base = None if set(BASE_POSE) <= set(path.joints) else record.trial(path.trial).base
+    base = base if base is not None and len(base) == len(path.time) else None
+    tracks = {}
+    for name, positions in models.items():
+        ghost = (name, positions)
+        frames = trial_frames(
+            record.robot, path.trial, path.time, path.measured, path.joints, base=base, ghost=ghost
+        )
+        content = frames.to_json()
+        content["signals"] += _residual_signals(record.robot, data, frames)
+        tracks[f"{path.trial} · {name}"] = content
+    return tracks
+
+
+def recorded_track(record: Record, trial: Trial) -> dict[str, Any]:
+    """A trial by its title, its command as a ghost, with its torques and currents."""
+    joints = tuple(record.log.header.joints)
+    ghost = None if trial.q_cmd is None else ("commanded", trial.q_cmd)
+    frames = trial_frames(record.robot, trial.name, trial.time, trial.q, joints, base=trial.base, ghost=ghost)
+    content = frames.to_json()
+    for title, unit, values in (("torque", "N·m", trial.tau), ("current", "A", trial.current)):
+        if values is not None:
+            columns = _joint_columns(record.robot, frames, trial.time, joints, values)
+            content["signals"].append({"title": title, "unit": unit, "label": "measured", "values": columns})
+    return {f"{trial.name} · {trial.role}": content}
+
+
+def _joint_columns(
+    robot: Robot, frames: TrialFrames, time: Array, names: tuple[str, ...], values: Array
+) -> dict[str, Any]:
+    """Signals ``(n, n_names)`` at the frames, a column a joint of the robot; NaN of joints that have none."""
+    found = np.full((len(frames.time), robot.n_joints), np.nan)
+    for i, name in enumerate(names):
+        if name in robot.joint_names:
+            found[:, robot.joint_index(name)] = np.interp(frames.time, time - time[0], values[:, i])
+    return pack_table(found)
+
+
+def _residual_signals(robot: Robot, data: ReportData, frames: TrialFrames) -> list[dict[str, Any]]:
+    """What the model leaves of each joint's torque in the same trial, before and after the effects."""
+    gap = data.gap
+    if gap is None or gap.trial != frames.name or not set(gap.channels) & set(robot.joint_names):
+        return []
+    before, after = (
+        _joint_columns(robot, frames, gap.time, gap.channels, gap.measured - model)
+        for model in (gap.nominal, gap.identified)
+    )
+    named = {"title": "torque, measured less modelled", "unit": "N·m", "label": "as it was"}
+    return [{**named, "values": before, "other": after, "otherLabel": "with the effects"}]
+
+
+def _fitting_path(record: Record, data: ReportData) -> PathComparison | None:
+    path = data.path
+    return path if path and set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names) else None
 
 
 def _lead_sentence(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str, Any]) -> str:
@@ -379,8 +403,10 @@ def _describe_strays(robot: Robot, path: PathComparison, positions: Array) -> st
     return f"up to {much:.2g} rad ({joint})" if much < np.pi else f"more than half a turn ({joint})"
 
 
-def _model_paths(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, Array]:
+def _model_paths(path: PathComparison | None, diagnosis: dict[str, Any]) -> dict[str, Array]:
     """Where models take the robot, by what they are: those of an identification, or simulators of a diagnosis."""
+    if path is None:
+        return {}
     if path.horizon_s is not None:
         models = {"the identified model": path.identified, "the model as supplied": path.nominal}
     else:
@@ -389,41 +415,3 @@ def _model_paths(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, A
             models["the simulator with the effects"] = path.identified
     # A joint that spins, since its model lacks friction and a rotor, is nothing to look at.
     return {name: at for name, at in models.items() if np.abs(at - path.measured).max() < np.pi}
-
-
-def _simulated_tracks(record: Record, path: PathComparison, models: dict[str, Array]) -> dict[str, Any]:
-    """Measured, with each model as a ghost."""
-    base = _base_of(record, path)
-    return {
-        f"{path.trial} · {name}": trial_frames(
-            record.robot,
-            path.trial,
-            path.time,
-            path.measured,
-            path.joints,
-            base=base,
-            ghost=(name, positions),
-        ).to_json()
-        for name, positions in models.items()
-    }
-
-
-def _base_of(record: Record, path: PathComparison) -> Any:
-    if set(BASE_POSE) <= set(path.joints):
-        return None
-    trial = record.trial(path.trial)
-    return trial.base if trial.base is not None and len(trial.base) == len(path.time) else None
-
-
-def _recorded_tracks(record: Record, trial: Trial) -> dict[str, Any]:
-    ghost = None if trial.q_cmd is None else (_COMMANDED, trial.q_cmd)
-    track = trial_frames(
-        record.robot,
-        trial.name,
-        trial.time,
-        trial.q,
-        tuple(record.log.header.joints),
-        base=trial.base,
-        ghost=ghost,
-    ).to_json()
-    return {f"{trial.name} · {trial.role}": track}
