@@ -8,41 +8,7 @@ from pathlib import Path, PosixPath
 from excite.atomic import write_text
 from excite.report.folder import Findings, read_folder
 from excite.report.html import body_scripts, content_policy, html_paragraph, read_asset
-from excite.report.sections.answers import (
-    show_answer,
-    show_certainty,
-    show_differences,
-    show_overview,
-    show_parameters,
-)
-from excite.report.sections.diagnosed import (
-    show_baseline,
-    show_budget_by_channel,
-    show_curves,
-    show_effects,
-    show_gap_by_channel,
-    show_log_findings,
-    show_record,
-    show_torques_beside_model,
-    show_trivial,
-    show_verdict,
-    show_where,
-)
-from excite.report.sections.identified import (
-    show_forces,
-    show_masses,
-    show_person,
-    show_sessions,
-    show_signals,
-)
-from excite.report.sections.motions import show_motions, show_moving
-from excite.report.sections.planned import (
-    show_assumed,
-    show_excitation,
-    show_refused,
-    show_safety,
-    show_stages,
-)
+from excite.report.sections import answers, diagnosed, identified, motions
 from excite.report.sections.section import Section
 from excite.report.theme import css_variables
 
@@ -134,32 +100,32 @@ def _page_footer(findings: Findings) -> str:
 # The sections in the order of the page. A new one is one file beside this one and one line here.
 
 SECTIONS: tuple[Section, ...] = (
-    show_answer,
-    show_verdict,
-    show_overview,
-    show_log_findings,
-    show_torques_beside_model,
-    show_moving,
-    show_effects,
-    show_budget_by_channel,
-    show_gap_by_channel,
-    show_trivial,
-    show_where,
-    show_baseline,
-    show_curves,
-    show_record,
-    show_motions,
-    show_refused,
-    show_safety,
-    show_assumed,
-    show_excitation,
-    show_certainty,
-    show_forces,
-    show_masses,
-    show_person,
-    show_differences,
-    show_parameters,
-    show_sessions,
-    show_signals,
-    show_stages,
+    answers.show_answer,
+    diagnosed.show_verdict,
+    answers.show_overview,
+    diagnosed.show_log_findings,
+    diagnosed.show_torques_beside_model,
+    motions.show_moving,
+    diagnosed.show_effects,
+    diagnosed.show_budget_by_channel,
+    diagnosed.show_gap_by_channel,
+    diagnosed.show_trivial,
+    diagnosed.show_where,
+    diagnosed.show_baseline,
+    diagnosed.show_curves,
+    diagnosed.show_record,
+    motions.show_motions,
+    motions.show_refused,
+    motions.show_safety,
+    motions.show_assumed,
+    motions.show_excitation,
+    answers.show_certainty,
+    identified.show_forces,
+    identified.show_masses,
+    identified.show_person,
+    answers.show_differences,
+    identified.show_parameters,
+    identified.show_sessions,
+    identified.show_signals,
+    answers.show_stages,
 )

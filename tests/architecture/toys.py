@@ -294,7 +294,7 @@ def show_toy(findings):
 """,
         (
             ("report/page.py", "from excite.", "from excite.report.sections.toy import show_toy"),
-            ("report/page.py", "    show_stages,", "    show_toy,"),
+            ("report/page.py", "    answers.show_stages,", "    show_toy,"),
         ),
     ),
 }

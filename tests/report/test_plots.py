@@ -22,10 +22,10 @@ from excite.report.sections.motions import (
     choose_motions,
     different_instants,
     draw_activity,
+    draw_conditioning,
     draw_snapshots,
     peak_speed_share,
 )
-from excite.report.sections.planned import draw_conditioning
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion

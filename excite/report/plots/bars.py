@@ -17,8 +17,6 @@ _WIDTH, _ROW, _SIZE, _SMALL = 72.0 * WIDTH_IN, 15.0, 8.5, 7.0
 _WIDE, _SLIM, _TICK = 0.74, 0.36, 0.8
 # Room for the numbers behind the bars [point].
 _NUMBERS = 90.0
-# Decades up to which each is divided, and parts of a plain axis.
-_DIVIDED, _PARTS = 3, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,16 +134,16 @@ def _log_marks(ends: Sequence[Array]) -> Array:
     finite = _finite_values(ends)
     decades = max(1, int(np.ceil(np.log10(finite.max() * 1.5)))) if finite.size else 1
     whole = 10.0 ** np.arange(decades + 1)
-    return (
-        whole if decades > _DIVIDED else np.append(np.outer(whole[:-1], [1.0, 2.0, 5.0]).ravel(), whole[-1])
-    )
+    if decades > 3:
+        return np.asarray(whole)
+    return np.append(np.outer(whole[:-1], [1.0, 2.0, 5.0]).ravel(), whole[-1])
 
 
 def _plain_marks(ends: Sequence[Array]) -> Array:
     """Round numbers, zero among them, about all that is drawn."""
     finite = _finite_values(ends)
     low, high = min(0.0, finite.min(initial=0.0)), max(finite.max(initial=0.0), 1e-9)
-    rough = (high - low) / _PARTS
+    rough = (high - low) / 8
     decade = 10.0 ** np.floor(np.log10(rough))
     step = decade * next(part for part in (1.0, 2.0, 5.0, 10.0) if part * decade >= rough)
     return step * np.arange(np.floor(low / step), np.ceil(high / step) + 1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from html import escape
@@ -18,6 +18,7 @@ from excite.report.comparisons import ForceComparison
 from excite.report.conclusions import VERDICTS
 from excite.report.folder import Document, Findings
 from excite.report.html import (
+    Columns,
     Said,
     columns_table,
     folded_content,
@@ -50,7 +51,7 @@ def show_gap_by_channel(findings: Findings) -> Content | str:
         "the line leave nothing to explain."
     )
     drawing = draw_gap(channels, closed).to_svg("Gap of each channel over its noise floor")
-    columns = {
+    columns: Columns = {
         "channel": "name",
         "unit": "unit",
         "before": "before",
@@ -116,14 +117,12 @@ _BODIES = {
     "rigid_body": "The bodies' base parameters were fitted to this record, too.",
     "rigid_body_fixed": "The bodies are as the model has them.",
 }
-_BASELINE = {
+_BASELINE: Columns = {
     "joint": "joint",
     "parameter": lambda item: item["parameter"].replace("_", " "),
     "value": "value",
     "±": "std",
-    "90 % interval": lambda item: (
-        "–" if item["interval90"] is None else span(*map(format_number, item["interval90"]), " to ")
-    ),
+    "90 % interval": lambda item: _interval_text(item["interval90"], format_number),
     "unit": "unit",
 }
 
@@ -189,7 +188,7 @@ def show_budget_by_channel(findings: Findings) -> Content | str:
     return section_content(lead, html_paragraph(how), beside, _bar_legend(), large, rest)
 
 
-_PARTS_COLUMNS = {
+_PARTS_COLUMNS: Columns = {
     "part": lambda part: part.what,
     "share": lambda part: percent_cell(part.share),
     "90 % interval": lambda part: _interval_text(part.interval),
@@ -208,10 +207,17 @@ def _render_channel(name: str, channel: Document) -> str:
     )
 
 
-def _interval_text(interval: tuple[float | None, float | None] | None, unit: str = " %") -> str:
+def _interval_text(
+    interval: Sequence[float | None] | None, text: Callable[[float | None], str] = percent_text
+) -> str:
     if interval is None:
         return "–"
-    return span(*(percent_text(end).removesuffix(" %") + unit for end in interval), " to ")
+    low, high = map(text, interval)
+    return span(low, high, " to ")
+
+
+def _bare_percent(share: float | None) -> str:
+    return percent_text(share).removesuffix(" %")
 
 
 def _channel_parts(channel: Document) -> Iterator[_Part]:
@@ -332,7 +338,7 @@ def _verdict_tiles(found: Document) -> Iterator[str]:
     if not closed:
         return
     bounds = gap["share_closed_90"]
-    within = f"; 90 % interval {_interval_text(bounds, '')} %" if bounds else ""
+    within = f"; 90 % interval {_interval_text(bounds, _bare_percent)} %" if bounds else ""
     if bounds and None not in bounds and bounds[0] < _SURE * (gap["share_closed"] or 0.0):
         within += (
             ": so much is closed on the trials that judge, which are too few or too short to say it of others"
@@ -406,7 +412,7 @@ def show_where(findings: Findings) -> Content | str:
         "that judge is no part of Where the gap goes. The band holds the middle 80 % of the gap's power."
     )
     what = dict.fromkeys(name for row in found["where"] for name in row["dependence"])
-    columns = {
+    columns: Columns = {
         "channel": lambda row: channel_label(row["channel"]),
         "share of the gap": lambda row: percent_cell(row["share"], shaded=True),
         **{name.replace("_", " "): partial(_dependence_cell, name) for name in what},
@@ -459,7 +465,7 @@ def _curve_panels(data: ForceComparison, name: str, closed: bool) -> tuple[Panel
 # Effects in the order of their evidence: accepted ones, those as likely, those that were tried.
 
 _PARAMETERS = 3
-_EFFECTS = {
+_EFFECTS: Columns = {
     "effect": lambda item: item["effect"].replace("_", " "),
     "place": lambda item: item["location"] or "",
     "": "standing",
@@ -512,7 +518,7 @@ def _format_sizes(parameters: Document) -> str:
 
 # What to measure next, what was wrong with the record, and the limits of what was said.
 
-_FAULTS = {
+_FAULTS: Columns = {
     "what": "what",
     "what was done, or is to be done": "cause",
     "": lambda item: "repaired" if item["repaired"] else "left as it is",

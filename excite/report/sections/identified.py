@@ -1,4 +1,4 @@
-"""Sections of an identification: segment masses, prediction of the sensors, signal processing, sessions."""
+"""Sections of an identification: masses, prediction of the sensors, parameters, signal processing, sessions."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from excite.display import span
+from excite.identification.judgement.judgement import said_rsd
 from excite.logs.signals.trace import SignalTrace, trace_from_json
 from excite.report.comparisons import ForceComparison, MassComparison, ReportData
 from excite.report.folder import Document, Findings
 from excite.report.html import (
+    Columns,
+    Said,
     columns_table,
     folded_content,
     format_number,
@@ -176,7 +179,7 @@ def _from_zero(data: ReportData) -> ForceComparison | None:
     return replace(forces, time=forces.time - (path.time[0] if path is not None and same else forces.time[0]))
 
 
-_FITS = {
+_FITS: Columns = {
     "channel": lambda row: channel_label(row["name"]),
     "unit": lambda row: row["unit"] or _UNITS.get(row["name"][:1] if len(row["name"]) == 2 else "", ""),
     "RMSE nominal": "reference_rmse",
@@ -232,7 +235,7 @@ def _with_deviation(block: Document | None) -> str:
     return format_number(block["mass"]) + ("" if std is None else f" ± {format_number(std, 2)}")
 
 
-_REACTIONS = {
+_REACTIONS: Columns = {
     "ground reaction": lambda fit: f"{fit['name']} [{fit['unit']}]",
     "RMSE identified": "rmse",
     "correlation": lambda fit: format_number(fit["cc"]),
@@ -315,3 +318,42 @@ def show_signals(findings: Findings) -> Content | str:
     rows = [(f"{number} {step.name}", step.effect) for number, step in enumerate(trace.steps, start=1)]
     svg = to_svg(plot_signals(trace), "signals", "Each step of the signal processing, before and after")
     return section_content(lead, inline_figure(svg), html_table(("step", "what it did"), rows))
+
+
+# The base parameters, whether the standard ones are physical, and warnings.
+
+_CHECKS = {
+    "mass_positive": "masses are positive",
+    "inertia_positive_definite": "inertias are positive definite",
+    "triangle_inequality": "inertias obey the triangle inequality",
+    "pseudo_inertia_min_eigenvalue": "smallest eigenvalue of a pseudo-inertia",
+}
+
+_BASE_PARAMETERS: Columns = {
+    "base parameter (SI)": "expression",
+    "value": "value",
+    "standard deviation": "std",
+    "RSD": lambda item: Said(item["rsd_percent"], said_rsd(item["rsd_percent"])),
+}
+
+
+@section("parameters", "Parameters")
+def show_parameters(findings: Findings) -> Content | str:
+    """Values with their uncertainty, behind a fold; warnings in the open."""
+    identification = findings.identification
+    if identification is None:
+        return ""
+    lead = (
+        f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
+        "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly determine it."
+    )
+    warnings = [html_paragraph(text, "note") for text in identification["warnings"]]
+    base = identification["base_parameters"]
+    values = folded_content(f"{len(base)} base parameters", columns_table(base, _BASE_PARAMETERS))
+    return section_content(lead, *warnings, _consistency_sentence(identification), values)
+
+
+def _consistency_sentence(identification: dict) -> str:
+    found = identification["consistency"] or {}
+    rows = [(label, found[name]) for name, label in _CHECKS.items() if found.get(name) is not None]
+    return html_table(("physical consistency of the standard parameters", ""), rows) if rows else ""
