@@ -14,8 +14,8 @@ from pathlib import Path
 
 from excite.atomic import atomic_path, write_text
 from excite.report.folder import read_folder
+from excite.report.plots.postures import choose_motions, draw_snapshots
 from excite.report.sections.identified import draw_masses
-from excite.report.sections.motions import choose_motions, draw_snapshots
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"

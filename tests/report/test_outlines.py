@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from excite.report.plots.body import hull_outline
+from excite.report.plots.postures import hull_outline
 
 
 def test_an_outline_has_the_corners_of_the_hull_anticlockwise() -> None:

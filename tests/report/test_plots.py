@@ -13,19 +13,21 @@ from defusedxml.ElementTree import fromstring
 from PIL import Image
 
 from excite.report.comparisons import ForceComparison
-from excite.report.plots.body import draw_posture, project, shape_points
 from excite.report.plots.curves import channel_panels, draw_panels
-from excite.report.plots.sketch import Outlines, Words, text_length
-from excite.report.sections.answers import plot_rsd
-from excite.report.sections.identified import draw_masses
-from excite.report.sections.motions import (
+from excite.report.plots.postures import (
     choose_motions,
     different_instants,
     draw_activity,
-    draw_conditioning,
+    draw_posture,
     draw_snapshots,
     peak_speed_share,
+    project,
+    shape_points,
 )
+from excite.report.plots.sketch import Outlines, Words, text_length
+from excite.report.sections.answers import plot_rsd
+from excite.report.sections.identified import draw_masses
+from excite.report.sections.motions import draw_conditioning
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion

@@ -6,11 +6,9 @@ import json
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.display import count
@@ -33,12 +31,17 @@ from excite.report.html import (
     live_replay,
 )
 from excite.report.plots.bars import Bars, draw_bars
-from excite.report.plots.body import Picture, draw_posture, project
-from excite.report.plots.sketch import Outlines, Shape, Sketch, Words, rectangle_corners, text_length
+from excite.report.plots.postures import (
+    choose_motions,
+    draw_activity,
+    draw_refused,
+    draw_snapshots,
+    value_text,
+)
+from excite.report.plots.sketch import Sketch
 from excite.report.replay.scene import TrialFrames, robot_scene, trial_frames
 from excite.report.replay.tracks import motion_tracks, pack_table
 from excite.report.sections.section import Content, section, section_content
-from excite.report.theme import GROUND, IDENTIFIED, MUTED, WIDTH_IN, shorten_name
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 from excite.safety.verdict import MARGINS, conditions
@@ -127,160 +130,6 @@ def _titled_tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, A
 def motion_title(motion: Motion) -> str:
     """A motion's name, generator and duration."""
     return f"{motion.name} · {motion.metadata.generator.replace('_', ' ')} · {motion.duration:.1f} s"
-
-
-# Which joints each chosen motion moves, and how fast.
-
-_ACTIVITY_WIDTH = 72.0 * WIDTH_IN
-_KEY = (0.25, 0.5, 1.0)
-_LINE = 12.0
-# Sizes of the names of joints and of motions [point].
-_JOINTS, _MOTIONS = 7.5, 7.0
-# Below this share of its speed limit a joint does not move.
-_STILL = 0.01
-# Columns are no wider than four rows are high.
-_WIDEST = 4.0 * _LINE
-
-
-def peak_speed_share(robot: Robot, motions: Sequence[Motion]) -> Array:
-    """Highest speed of each joint as a share of its velocity limit, ``(n_joints, n_motions)``, no unit."""
-    return np.column_stack(
-        [np.abs(motion.joint_velocities()).max(axis=0) / robot.limits.velocity for motion in motions]
-    )
-
-
-def draw_activity(robot: Robot, motions: Sequence[Motion]) -> Sketch:
-    """A square a joint and motion: the fuller the colour, the nearer the joint comes to its speed limit."""
-    share = peak_speed_share(robot, motions)
-    joints = [shorten_name(name.removesuffix("_joint")) for name in robot.joint_names]
-    names = [shorten_name(motion.name) for motion in motions]
-    left = 8.0 + max(text_length(name, _JOINTS) for name in joints)
-    top, column = 2.5 * _LINE, min((_ACTIVITY_WIDTH - left) / len(names), _WIDEST)
-    cells: dict[float, list[Array]] = {}
-    for row, place in np.argwhere(share >= _STILL).tolist():
-        x, y = left + column * place, top + _LINE * row
-        cell = rectangle_corners(x + 0.04 * column, y + 0.5, x + 0.96 * column, y + _LINE - 0.5)
-        cells.setdefault(_activity_shade(share[row, place]), []).append(cell)
-    shapes: list[Shape] = list(_colour_key())
-    shapes += [
-        Outlines(tuple(parts), fill=IDENTIFIED, opacity=shade) for shade, parts in sorted(cells.items())
-    ]
-    shapes += [
-        Words(name, (left - 4.0, top + _LINE * (row + 0.5)), MUTED, _JOINTS, "right")
-        for row, name in enumerate(joints)
-    ]
-    bottom = top + _LINE * len(joints) + 4.0
-    shapes += [
-        Words(name, (left + column * (place + 0.5), bottom), MUTED, _MOTIONS, "right", upward=True)
-        for place, name in enumerate(names)
-    ]
-    return Sketch(
-        _ACTIVITY_WIDTH, bottom + 4.0 + max(text_length(name, _MOTIONS) for name in names), tuple(shapes)
-    )
-
-
-def _colour_key() -> list[Shape]:
-    said = "peak speed as a share of the joint's limit"
-    shapes: list[Shape] = [Words(said, (4.0, 0.5 * _LINE))]
-    x = 4.0
-    for value in _KEY:
-        cell = rectangle_corners(x, 1.15 * _LINE, x + 1.6 * _LINE, 1.85 * _LINE)
-        shapes.append(Outlines((cell,), fill=IDENTIFIED, opacity=_activity_shade(value)))
-        shapes.append(Words(f"{value:.0%}", (x + 2.0 * _LINE, 1.5 * _LINE)))
-        x += 5.0 * _LINE
-    return shapes
-
-
-def _activity_shade(share: float) -> float:
-    return round(min(1.0, 0.06 + 0.94 * float(share)), 2)
-
-
-# Snapshots of motions: a row a motion, its most different postures from left to right.
-
-_WIDTH = 72.0 * WIDTH_IN
-# Heights of a row's title, and of a row with it at most [point].
-_TITLE, _HIGHEST = 18.0, 187.0
-
-
-def different_instants(motion: Motion, n: int) -> NDArray[np.int64]:
-    """Indices of ``n`` samples whose postures differ most from each other, in order of time.
-
-    Each next one is the farthest, in joint space, from those taken so far; the first is the motion's start.
-    """
-    postures = motion.joint_positions()
-    taken = [0]
-    distance = np.linalg.norm(postures - postures[0], axis=1)
-    while len(taken) < min(n, motion.n_samples):
-        farthest = int(np.argmax(distance))
-        taken.append(farthest)
-        distance = np.minimum(distance, np.linalg.norm(postures - postures[farthest], axis=1))
-    return np.unique(taken)
-
-
-def choose_motions(motions: Sequence[Motion], n: int) -> list[Motion]:
-    """At most ``n`` motions in their order: one of each generator first, then spread over the rest."""
-    first = list({motion.metadata.generator: motion for motion in reversed(motions)}.values())[::-1][:n]
-    rest = [motion for motion in motions if motion not in first]
-    missing = min(n - len(first), len(rest))
-    if missing > 0:
-        first += [rest[int(i)] for i in np.linspace(0, len(rest) - 1, missing).round()]
-    return [motion for motion in motions if motion in first]
-
-
-def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7) -> Sketch:
-    """Postures of each motion from forward kinematics.
-
-    Drawn are the links' shapes, bones from joint to joint, soles, and for a robot on feet the support polygon
-    (green) with the projection of the centre of mass (point).
-    """
-    rows = [_snapshot_row(robot, motion, n_postures) for motion in motions]
-    points = np.vstack(
-        [part for row in rows for _, drawn in row for part in (*drawn.hulls, *drawn.bones, *drawn.soles)]
-    )
-    low, high = points.min(axis=0), points.max(axis=0)
-    width = high[0] - low[0]
-    ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
-    tile = _ground_tile(width, ground)
-    low, high = np.minimum(low, tile.min(axis=0)), np.maximum(high, tile.max(axis=0))
-    # One beside the other, with a margin above them, and below them room for a line.
-    across, along = high[0] - low[0] + 1.06 * width * (n_postures - 1), 1.03 * (high[1] - low[1])
-    scale = min(_WIDTH / across, (_HIGHEST - 2.0 * _TITLE) / along)
-    left = 0.5 * (_WIDTH - scale * across) - scale * low[0]
-    row_height = scale * along + 2.0 * _TITLE
-    shapes: list[Shape] = []
-    for place, (row, motion) in enumerate(zip(rows, motions, strict=True)):
-        top = place * row_height
-        shapes.append(Words(_motion_title(motion), (4.0, top + 0.5 * _TITLE), size=9.0))
-        bottom = top + _TITLE + scale * along
-        for i, (time, drawn) in enumerate(row):
-            x = left + scale * 1.06 * width * i
-            offset = np.array([x, bottom + scale * low[1]])
-            parts = [Outlines((tile,), fill=GROUND), *drawn.shapes()]
-            shapes += [shape.moved(scale, offset) for shape in parts]
-            shapes.append(Words(f"{time:.1f} s", (x, bottom + 0.4 * _TITLE), MUTED, anchor="center"))
-    return Sketch(_WIDTH, len(rows) * row_height, tuple(shapes))
-
-
-def _snapshot_row(robot: Robot, motion: Motion, n: int) -> list[tuple[float, Picture]]:
-    row = []
-    for i in different_instants(motion, n):
-        loaded = frozenset(foot for foot, flags in motion.contacts.items() if flags[i])
-        row.append((float(motion.time[i] - motion.time[0]), draw_posture(robot, motion.q[i], loaded)))
-    return row
-
-
-def _motion_title(motion: Motion) -> str:
-    aims = [joint.removesuffix("_joint").replace("_", " ") for joint in motion.metadata.targets]
-    aim = f", aimed at {', '.join(aims[:4])}" + (" …" if len(aims) > 4 else "") if aims else ""
-    return f"{motion.name} ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
-
-
-def _ground_tile(width: float, ground: float) -> Array:
-    """Outline of the piece of ground under one posture, in picture coordinates [m]."""
-    half = 0.42 * width
-    return project(
-        np.array([[x, y, ground] for x, y in [(half, half), (-half, half), (-half, -half), (half, -half)]])
-    )
 
 
 # A trial in motion: as it was measured, and beside it as a simulator or its command has it.
@@ -468,66 +317,6 @@ def draw_conditioning(data: ConditioningComparison) -> Sketch:
     )
 
 
-# The worst of what refuses candidates: the robot in that posture, the links concerned in another colour.
-
-# Height of a line of a title, and of a posture, and the room about it [point].
-_TITLE_LINE, _HEIGHT, _ROOM = 11.0, 200.0, 8.0
-_TITLE_SIZE = 9.0
-
-
-def draw_refused(robot: Robot, worst: Sequence[Document]) -> Sketch:
-    """A picture each, side by side: all links pale, the links that touch (or the joint's, or the foot's) orange.
-
-    Args:
-        robot: the robot.
-        worst: of a document's ``refused``, with postures.
-    """
-    feet = frozenset(foot.name for foot in robot.feet)
-    width = _WIDTH / max(len(worst), 2)
-    letters = int((width - _ROOM) / text_length("m", _TITLE_SIZE))
-    titles = [[part for line in _refusal_title(item) for part in wrap(line, letters)] for item in worst]
-    top = _TITLE_LINE * max(map(len, titles)) + _ROOM
-    ground = 0.0 if robot.floating else robot.description.collision.table_height
-    shapes: list[Shape] = []
-    for place, (item, title) in enumerate(zip(worst, titles, strict=True)):
-        drawn = draw_posture(robot, np.array(item["posture"]), feet, concerned_links(robot, item["where"]))
-        points = np.vstack([*drawn.hulls, *drawn.marked, *drawn.bones])
-        low, high = points.min(axis=0), points.max(axis=0)
-        if ground is not None:
-            level = float(project(np.array([[0.0, 0.0, ground]]))[0, 1])
-            low[1], high[1] = min(low[1], level), max(high[1], level)
-        scale = min((width - 2.0 * _ROOM) / (high[0] - low[0]), _HEIGHT / (high[1] - low[1]))
-        middle = 0.5 * (low + high)
-        offset = np.array([(place + 0.5) * width, top + 0.5 * _HEIGHT]) + scale * middle * [-1.0, 1.0]
-        if ground is not None:
-            half = 0.5 * (width - 2.0 * _ROOM) / scale
-            line = np.array([[middle[0] - half, level], [middle[0] + half, level]])
-            shapes.append(Outlines((line,), edge=GROUND, width=1.5, closed=False).moved(scale, offset))
-        shapes += [shape.moved(scale, offset) for shape in drawn.shapes()]
-        shapes += [
-            Words(text, (place * width + 0.5 * _ROOM, (line + 0.5) * _TITLE_LINE), size=_TITLE_SIZE)
-            for line, text in enumerate(title)
-        ]
-    return Sketch(_WIDTH, top + _HEIGHT + _ROOM, tuple(shapes))
-
-
-def _refusal_title(item: Document) -> list[str]:
-    """Reason, place and value, a line each."""
-    limit = "" if item["limit"] is None else f" (limit {_value_text(item, 'limit')})"
-    value = "" if item["worst"] is None else f"{_value_text(item, 'worst')}{limit}"
-    return [part for part in (item["reason"].replace("_", " "), shorten_name(item["where"]), value) if part]
-
-
-def concerned_links(robot: Robot, where: str) -> frozenset[str]:
-    """Links that a refusal's place names: a pair's, the one that a joint moves, a foot's."""
-    links = set(where.split(" - "))
-    links |= {foot.link for foot in robot.feet if where in {foot.name, "feet"}}
-    if where in robot.joint_names:
-        joint = robot.model.getJointId(where)
-        links |= {segment.link for segment in robot.segments if segment.joint == joint}
-    return frozenset(links)
-
-
 # What refuses candidates: how many, the worst with a picture, and the change most likely to help.
 
 # Pictures beside each other, and lines of the table that are not folded away.
@@ -537,8 +326,8 @@ _REFUSED: Columns = {
     "reason": lambda item: item["reason"].replace("_", " "),
     "where": "where",
     "candidates": "candidates",
-    "worst": lambda item: _value_text(item, "worst"),
-    "limit": lambda item: _value_text(item, "limit"),
+    "worst": lambda item: value_text(item, "worst"),
+    "limit": lambda item: value_text(item, "limit"),
     "at [s]": "time_s",
 }
 _BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None, "posture": None}
@@ -591,10 +380,6 @@ def _refusal_pictures(robot: Robot | None, refused: list[Document]) -> str:
         return ""
     drawing = draw_refused(robot, worst[:_PICTURES])
     return inline_figure(drawing.to_svg("The robot in the worst of the refused postures"))
-
-
-def _value_text(item: Document, key: str) -> str:
-    return "–" if item[key] is None else f"{format_number(item[key])} {item['unit']}".strip()
 
 
 # The independent verdict on the chosen motions.
