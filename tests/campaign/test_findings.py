@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from excite.campaign.experiment import simulate
-from excite.campaign.result import Campaign, force_comparison, save_findings
+from excite.campaign.result import force_comparison, save_findings
+from excite.documents.campaign import Campaign
 from excite.identification.identify import identify
 from excite.identification.rollout import HORIZON_S
 from excite.logs.files import load_log
