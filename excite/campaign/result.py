@@ -188,18 +188,6 @@ def findings_of(
     )
 
 
-def force_comparison(
-    robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None = None
-) -> ForceComparison | None:
-    """Measured, nominal and identified curves of the validation trial that moves most; None without one.
-
-    Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
-    a second would draw corners.
-    """
-    shown = _shown_trial(robot, identification, log, settings)
-    return None if shown is None else _compare_forces(identification, shown)
-
-
 class _Shown(NamedTuple):
     """The trial that is shown, the log's header, and settings and rows at the log's own rate."""
 
@@ -212,7 +200,11 @@ class _Shown(NamedTuple):
 def _shown_trial(
     robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None
 ) -> _Shown | None:
-    """The validation trial that moves most."""
+    """The validation trial that moves most.
+
+    Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten a second
+    would draw corners.
+    """
     if not log.role("validation"):
         return None
     settings = settings or ProblemSettings()
