@@ -142,7 +142,7 @@ def _wrong_torques(header: LogHeader) -> Iterator[_Fault]:
     try:
         coupling_matrix(header.torque_joints, header.coupling)
     except InputError as error:
-        yield _Fault(error.what, "coupling", error.remedy)
+        yield _Fault(error.what, "coupling", error.remedy or "")
 
 
 def _wrong_gains(header: LogHeader) -> Iterator[_Fault]:
