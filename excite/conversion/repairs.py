@@ -15,8 +15,7 @@ from excite.conversion.columns.units import BEYOND
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Machine, Recording
 from excite.errors import LogError
-from excite.logs.signals.resample import resample_smooth
-from excite.logs.signals.seams import without_seams
+from excite.logs.signals.resample import resample_smooth, without_seams
 from excite.logs.units import TO_SI
 
 # Rows in which something was not measured: filled between neighbours where that is sound, else left out.

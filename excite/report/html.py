@@ -14,6 +14,8 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
+from excite.results import finite
+
 
 @dataclass(frozen=True)
 class Said:
@@ -174,10 +176,7 @@ _SCRIPTS = {
 
 def data_island(identifier: str, content: Any, title: str = "") -> str:
     """Data of the page for its scripts: JSON in which no text can end the element."""
-    try:
-        text = _write_json_text(content)
-    except ValueError:
-        text = _write_json_text(_check_finite(content))
+    text = json.dumps(finite(content), ensure_ascii=False, separators=(",", ":"))
     for char in "<>&\u2028\u2029":
         text = text.replace(char, f"\\u{ord(char):04x}")
     named = f' data-title="{escape(title)}"' if title else ""
@@ -232,16 +231,3 @@ def read_asset(name: str) -> str:
 @cache
 def _asset_hash(name: str) -> str:
     return base64.b64encode(hashlib.sha256(read_asset(name).encode()).digest()).decode("ascii")
-
-
-def _write_json_text(content: Any) -> str:
-    """JSON; raises ValueError where a number is not finite, which JSON cannot say."""
-    return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-
-
-def _check_finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _check_finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_check_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
