@@ -85,7 +85,7 @@ def test_every_section_and_every_figure_is_there(page):
     assert {part.identifier for part in SECTIONS} - {"person", "moving", "findings", "beside-model"} <= set(
         outline.ids
     )
-    assert outline.drawings == 10
+    assert outline.drawings == 9
     assert "Left out" not in page
 
 

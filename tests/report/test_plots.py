@@ -17,17 +17,15 @@ from excite.report.plots.curves import channel_panels, draw_panels
 from excite.report.plots.postures import (
     choose_motions,
     different_instants,
-    draw_activity,
     draw_posture,
     draw_snapshots,
-    peak_speed_share,
     project,
     shape_points,
 )
 from excite.report.plots.sketch import Outlines, Words, text_length
 from excite.report.sections.answers import plot_rsd
 from excite.report.sections.identified import draw_masses
-from excite.report.sections.motions import draw_conditioning
+from excite.report.sections.motions import activity_table, draw_conditioning
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion
@@ -51,14 +49,16 @@ def _outlines(sketch):
     ]
 
 
-def test_activity_of_motions_far_below_the_speed_limits_is_an_empty_grid(g1):
-    generous = dataclasses.replace(g1.limits, velocity=1e4 * g1.limits.velocity)
-    key, names = 3, {name.removesuffix("_joint") for name in g1.joint_names}
-    empty = draw_activity(dataclasses.replace(g1, limits=generous), [sample_motion(g1, 0)])
-    assert len(_outlines(empty)) == key
-    assert names < {shape.text for shape in empty.shapes if isinstance(shape, Words)}
-    squares = _outlines(draw_activity(g1, [sample_motion(g1, 0)]))[key:]
-    assert len(squares) == int((peak_speed_share(g1, [sample_motion(g1, 0)]) >= 0.01).sum()) > 0
+def test_joints_that_move_are_shaded_by_their_share_of_the_speed_limit(g1):
+    motion = sample_motion(g1, 0)
+    slow = dataclasses.replace(motion, v=motion.v * 0.0 + 0.5 * g1.limits.velocity.min())
+    shown = activity_table(g1, [motion, slow])
+    cells = np.array(re.findall(r'data-v="([^"]+)">([^<]*)<', shown)).reshape(g1.n_joints, 2, 2)
+    share = np.abs(motion.joint_velocities()).max(axis=0) / g1.limits.velocity
+    np.testing.assert_allclose(cells[:, 0, 0].astype(float), share, rtol=1e-6)
+    assert [text == "" for text in cells[:, 0, 1]] == (share < 0.01).tolist()
+    assert cells[:, 1, 0].astype(float).max() == pytest.approx(0.5) and "50 %" in cells[:, 1, 1]
+    assert {f"<td>{name.removesuffix('_joint')}</td>" in shown for name in g1.joint_names} == {True}
 
 
 def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):
@@ -182,13 +182,6 @@ def test_each_generator_is_shown_first(g1):
     names = [motion.name for motion in choose_motions(motions, 4)]
     assert {"motion_00", "motion_01", "motion_02"} < set(names) and len(names) == 4
     assert choose_motions(motions, 10) == motions
-
-
-def test_speed_share_is_of_the_limit(g1):
-    motion = sample_motion(g1, 0)
-    scaled = dataclasses.replace(motion, v=motion.v * 0.0 + 0.5 * g1.limits.velocity.min())
-    share = peak_speed_share(g1, [scaled])
-    assert share.shape == (g1.n_joints, 1) and share.max() == pytest.approx(0.5)
 
 
 def test_drawings_follow_the_page_and_pictures_are_light(data):

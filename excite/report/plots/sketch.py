@@ -120,7 +120,6 @@ class Words:
         role: its colour.
         size: height of its line [point].
         anchor: which part of it is at the place.
-        upward: whether it is read from below to above.
         bold: whether its letters are.
     """
 
@@ -129,7 +128,6 @@ class Words:
     role: Role = INK
     size: float = 8.5
     anchor: Literal["left", "center", "right"] = "left"
-    upward: bool = False
     bold: bool = False
 
     def to_svg(self) -> str:
@@ -138,21 +136,13 @@ class Words:
         font = f"{'bold ' if self.bold else ''}{self.size:g}px {FONT}"
         look = f"font: {font}; fill: {_role_colour(self.role)}; text-anchor: {_ANCHORS[self.anchor]}"
         # A capital is 0.7 of the line's height.
-        down = 0.35 * self.size
-        place = f'x="{x:.1f}" y="{y + down:.1f}"'
-        if self.upward:
-            place = f'transform="translate({x + down:.1f} {y:.1f}) rotate(-90)"'
+        place = f'x="{x:.1f}" y="{y + 0.35 * self.size:.1f}"'
         return f'<text {place} style="{look}">{escape(self.text)}</text>'
 
     def paint(self, axes: Any) -> None:
         """The same with matplotlib."""
-        look: dict[str, Any] = {"fontsize": self.size, "color": self.role.light}
-        look |= {"fontweight": "bold"} if self.bold else {}
-        if self.upward:
-            bottom = {"left": "bottom", "center": "center", "right": "top"}[self.anchor]
-            look |= {"rotation": 90.0, "ha": "center", "va": bottom}
-        else:
-            look |= {"ha": self.anchor, "va": "center_baseline"}
+        look: dict[str, Any] = {"fontsize": self.size, "color": self.role.light, "ha": self.anchor}
+        look |= {"va": "center_baseline", "fontweight": "bold" if self.bold else "normal"}
         axes.text(*self.place, self.text, **look)
 
 

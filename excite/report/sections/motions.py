@@ -21,6 +21,7 @@ from excite.report.folder import Document, Findings
 from excite.report.html import (
     Cell,
     Columns,
+    Said,
     columns_table,
     condition_value,
     folded_content,
@@ -29,11 +30,11 @@ from excite.report.html import (
     html_table,
     inline_figure,
     live_replay,
+    percent_cell,
 )
 from excite.report.plots.bars import Bars, draw_bars
 from excite.report.plots.postures import (
     choose_motions,
-    draw_activity,
     draw_refused,
     draw_snapshots,
     value_text,
@@ -89,8 +90,10 @@ def _motion_figures(findings: Findings) -> list[str]:
     caption = f"{_BODY}; {_FEET}." if robot.feet else f"{_BODY}."
     shown = draw_snapshots(robot, choose_motions(motions, _N_PICTURES))
     snapshots = html_paragraph(caption, "lead") + inline_figure(shown.to_svg("Snapshots of the motions"))
-    activity = draw_activity(robot, motions).to_svg("Peak speed of each joint in each motion")
-    folded = folded_content("Which joint moves in which motion", inline_figure(activity))
+    activity = html_paragraph("Peak speed as a share of the joint's limit.", "lead") + activity_table(
+        robot, motions
+    )
+    folded = folded_content("Which joint moves in which motion", activity)
     moving, left = _titled_tracks(robot, motions)
     if not moving:
         return [snapshots, folded]
@@ -101,6 +104,21 @@ def _motion_figures(findings: Findings) -> list[str]:
         html_paragraph(said, "note") if left else "",
         folded,
     ]
+
+
+def activity_table(robot: Robot, motions: Sequence[Motion]) -> str:
+    """A row a joint, a column a motion: the fuller the colour, the nearer the joint comes to its speed limit."""
+    peaks = [np.abs(motion.joint_velocities()).max(axis=0) / robot.limits.velocity for motion in motions]
+    rows = [
+        (name.removesuffix("_joint"), *(_activity_cell(float(share)) for share in shares))
+        for name, *shares in zip(robot.joint_names, *peaks, strict=True)
+    ]
+    return html_table(["joint", *(motion.name for motion in motions)], rows)
+
+
+def _activity_cell(share: float) -> Said:
+    """Below a hundredth of its speed limit a joint does not move."""
+    return percent_cell(share, shaded=True) if share >= 0.01 else Said(share, "", 0.0)
 
 
 def _worst_first(findings: Findings) -> tuple[Motion, ...]:
