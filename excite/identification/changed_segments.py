@@ -17,9 +17,9 @@ from scipy.special import ndtri
 
 from excite.arrays import Array
 from excite.atomic import write_text
-from excite.identification.inertia import FILE_ORDER, pseudo_inertia_matrices
+from excite.identification.inertia import COLUMNS, FILE_ORDER, ROWS, pseudo_inertia_matrices
 from excite.identification.noise import NoiseModel, whitened_factor
-from excite.identification.problem import IdentificationProblem
+from excite.identification.problem import NEVER_NEGATIVE, IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares, prior_std
 from excite.identification.sessions.pooling import Pooled
 from excite.regressor.base_parameters import BaseParameters
@@ -335,8 +335,6 @@ def _range(matrix: Array) -> Array:
 
 # Between which ends a base parameter of any robot lies, whatever its bodies and drives are.
 
-# Terms that take power out, and rotors: below zero is no robot.
-NEVER_NEGATIVE = ("viscous", "coulomb", "armature")
 # An eigenvalue this far below zero, of the largest, is rounding, and so is a coefficient of that size.
 _ROUNDING = 1e-9
 
@@ -546,7 +544,7 @@ def _quantities(ten: Array) -> Array:
     """Mass, centre of mass, and inertia about it, xx yy zz xy xz yz, ``(10,)``."""
     center = ten[1:4] / ten[0]
     shift = ten[0] * (float(center @ center) * np.eye(3) - np.outer(center, center))
-    central = ten[4:] - shift[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    central = ten[4:] - shift[ROWS, COLUMNS]
     return np.concatenate([ten[:1], center, central[list(FILE_ORDER)]])
 
 

@@ -23,6 +23,8 @@ from excite.rows.settings import Filters, ProblemSettings
 from excite.threads import one_blas_thread
 
 _BLOCK = 4096
+NEVER_NEGATIVE = ("viscous", "coulomb", "armature")
+"""Terms of drives that take power out, and rotors: below zero is no robot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +88,21 @@ class IdentificationProblem:
         """Independent numbers that some rows hold in each channel, ``(n_channels,)``."""
         weights = None if self.freedom is None else self.freedom[rows]
         return np.bincount(self.channel[rows], weights, minlength=len(self.channel_names)).astype(float)
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Which parameters are free, ``(n_params,)``: all but those of segments that the sensors do not see."""
+        free = np.ones(self.n_params, dtype=bool)
+        for segment in self.unmeasured:
+            free[self.robot.parameter_columns(segment)] = False
+        return free
+
+    @property
+    def non_negative(self) -> list[int]:
+        """Columns of masses, of drives' friction and of rotors; an offset may have either sign."""
+        drives = range(self.n_inertial, self.n_params)
+        positive = [j for j in drives if self.parameter_names[j].partition(".")[0] in NEVER_NEGATIVE]
+        return [*range(0, self.n_inertial, 10), *positive]
 
     @property
     def n_rows(self) -> int:

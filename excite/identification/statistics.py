@@ -12,7 +12,14 @@ from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
 from excite.arrays import Array
-from excite.identification.noise import NoiseModel, TrialGrid, fft_length, upper_triangle
+from excite.identification.noise import (
+    NoiseModel,
+    TrialGrid,
+    conjugate_counts,
+    fft_length,
+    filter_amplitude,
+    upper_triangle,
+)
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, leaves_freedom
 from excite.regressor.base_parameters import BaseParameters, base_parameters
@@ -379,8 +386,7 @@ _FEWEST = 12.0
 def filter_power(frequency_hz: Array, filters: Filters | None, sampling_hz: float, rate_hz: float) -> Array:
     """Power of white noise after the zero-phase filter and decimation, one where nothing is filtered.
 
-    Forwards and backwards the Butterworth amplitude is ``1/(1 + (tan πf/fs / tan πfc/fs)^2n)``; the power is
-    its square, and decimation folds what lies above half the new rate.
+    Decimation folds what lies above half the new rate.
 
     Args:
         frequency_hz: ``(n,)`` from 0 to half of ``rate_hz``.
@@ -393,14 +399,9 @@ def filter_power(frequency_hz: Array, filters: Filters | None, sampling_hz: floa
     """
     if filters is None or filters.cutoff_hz >= 0.5 * sampling_hz:
         return np.ones_like(frequency_hz)
-    corner = np.tan(np.pi * filters.cutoff_hz / sampling_hz)
-    power = np.zeros_like(frequency_hz)
-    for fold in range(max(1, round(sampling_hz / rate_hz))):
-        shifted = frequency_hz + fold * rate_hz
-        # tan² has the period of the sampling rate and is even about half of it; large where it diverges.
-        ratio = np.minimum(np.abs(np.tan(np.pi * shifted / sampling_hz)) / corner, 1e6)
-        power += (1.0 + ratio ** (2 * filters.order)) ** -2.0
-    return power
+    folds = rate_hz * np.arange(max(1, round(sampling_hz / rate_hz)))[:, None]
+    amplitude = filter_amplitude(frequency_hz + folds, filters.cutoff_hz, filters.order, sampling_hz)
+    return np.asarray((amplitude**2).sum(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -430,10 +431,7 @@ def frequency_bins(n_fft: int, filters: Filters | None, sampling_hz: float, rate
     relative = np.arange(n_fft // 2 + 1) * 2.0 / n_fft
     colour = filter_power(0.5 * rate_hz * relative, filters, sampling_hz, rate_hz)
     kept = np.flatnonzero(colour > _PRESENT * colour.max())
-    weight = np.full(len(relative), 2.0 / n_fft)
-    weight[0] = 1.0 / n_fft
-    if n_fft % 2 == 0:
-        weight[-1] = 1.0 / n_fft
+    weight = conjugate_counts(n_fft) / n_fft
     return Bins(
         n_fft, kept, relative[kept], colour[kept], colour[kept] > _AUDIBLE * colour.max(), weight[kept]
     )

@@ -196,10 +196,10 @@ def test_the_first_level_holds_or_there_is_no_result(slacks, at, status):
     row = LinearConstraints(np.eye(N)[:1], np.array([1.0]), ("row:x",))
     free = LinearConstraints(np.eye(N)[1:2], np.array([-1.0]), ("row:y",))
     levels = (Level("1", row), Level("2", free))
-    assert _recomputed_status(levels, answer(at * np.eye(N)[0], *slacks), {}) is status
+    assert _recomputed_status(levels, answer(at * np.eye(N)[0], *slacks)) is status
     missed = (replace(levels[0], family=Listed(unit_rows(np.random.default_rng(0), 9, 3.0))), levels[1])
     if status is SolveStatus.SOLVED:
-        assert _recomputed_status(missed, answer(at * np.eye(N)[0], *slacks), {}) is SolveStatus.VIOLATED
+        assert _recomputed_status(missed, answer(at * np.eye(N)[0], *slacks)) is SolveStatus.VIOLATED
     assert _recomputed_status((), answer(np.zeros(N)), {}) is SolveStatus.SOLVED
 
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.identification.constraints.linear import within_bounds
+from excite.identification.constraints.linear import mirrored_parameters, within_bounds
 from excite.identification.estimators.hqp import (
     BoundedNearBase,
     Cls1Settings,
@@ -19,7 +19,6 @@ from excite.identification.estimators.hqp import (
     icosphere_corners,
     masses_in_range,
     mirrored_pairs,
-    mirrored_parameters,
 )
 from excite.identification.estimators.least_squares import (
     Huber,
