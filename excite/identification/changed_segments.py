@@ -452,12 +452,11 @@ def parameter_ranges(
         nominal = problem.prior[part]
         if nominal[0] <= 0.0:
             continue
-        if mean[10 * s] <= 0.0:
+        ten = mean[part]
+        if ten[0] <= 0.0:
             # No body: the data contradict the nominal model here, and what is left is its own spread.
-            free = np.diag(prior[part] ** 2)
-            found += _of_link(segment.link, nominal, nominal, free, prior[part], quantile)
-            continue
-        found += _of_link(segment.link, nominal, mean[part], covariance, prior[part], quantile)
+            ten, covariance = nominal, np.diag(prior[part] ** 2)
+        found += _of_link(segment.link, nominal, ten, covariance, prior[part], quantile)
     drives = range(problem.n_inertial, problem.n_params)
     return (*found, *_of_drives(problem, base, pooled, drives))
 
@@ -468,11 +467,9 @@ def ranges_document(ranges: Sequence[ParameterRange], level: float) -> dict[str,
     quantities = {name for name, _ in _QUANTITIES}
     for item in ranges:
         group = document["links" if item.parameter in quantities else "joints"]
-        group.setdefault(item.link, {})[item.parameter] = {
-            "low": item.low, "high": item.high, "value": item.value, "unit": item.unit, "measured": item.measured,
-        }  # fmt: skip
-        if item.clipped:
-            group[item.link][item.parameter]["clipped"] = True
+        clipped = {"clipped": True} if item.clipped else {}
+        entry = item.row("low", "high", "value", "unit", "measured") | clipped
+        group.setdefault(item.link, {})[item.parameter] = entry
     return document
 
 
@@ -555,8 +552,7 @@ def _of_drives(
     place = {int(column): i for i, column in enumerate(base.independent)}
     found = []
     for column in columns:
-        alone = column in place and np.count_nonzero(base.matrix[place[column]]) == 1
-        if not alone:
+        if column not in place or np.count_nonzero(base.matrix[place[column]]) != 1:
             continue
         i = place[column]
         term, _, joint = problem.parameter_names[column].partition(".")

@@ -14,7 +14,6 @@ from excite.identification.estimators.physical import PhysicalRetrieval, Physica
 from excite.identification.judgement.judgement import check_consistency
 from excite.identification.physical import retrieval as relaxation_module
 from excite.identification.physical.bounds import InertiaRules
-from excite.identification.physical.bounds_file import load_physical_bounds
 from excite.identification.physical.coordinates import physical_parameters, standard_parameters
 from excite.identification.physical.feasible_set import base_objective, essential_objective
 from excite.identification.physical.retrieval import Relaxation, RetrievalSettings
@@ -258,11 +257,11 @@ class TestFaults:
         path = tmp_path / "bounds.yaml"
         path.write_text(text.replace(old, new, 1), encoding="utf-8")
         with pytest.raises(InputError, match=field):
-            load_physical_bounds(path, iiwa.bounds().links)
+            iiwa.bounds(path)
 
     def test_missing_file(self, tmp_path):
         with pytest.raises(InputError, match="no such file"):
-            load_physical_bounds(tmp_path / "none.yaml", iiwa.bounds().links)
+            iiwa.bounds(tmp_path / "none.yaml")
 
     @pytest.mark.parametrize(("name", "value"), [("starts", -1), ("gap", float("nan")), ("nodes", 0)])
     def test_bad_effort(self, name, value):

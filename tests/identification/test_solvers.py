@@ -127,17 +127,6 @@ def test_an_unconstrained_optimum_is_left_where_it_is():
     assert matrix.shape == (4 + 12 + 4, 9) and offset.shape == (20,)
 
 
-def test_weights_count_in_the_objective():
-    """``min ½ Σ w (z − t)²`` on a plane has a closed form."""
-    rng = np.random.default_rng(0)
-    target, weights, row = rng.normal(size=5), rng.uniform(0.5, 4.0, size=5), rng.normal(size=5)
-    row /= np.linalg.norm(row)
-    plane = LinearConstraints(row[None], np.array([2.0]), ("tie:x",), 1)
-    found = interior_point(ConicProblem(target, plane, (), weights)).z
-    across = row / weights
-    assert np.allclose(found, target + across * (2.0 - row @ target) / (row @ across), atol=1e-7)
-
-
 def test_violations_are_named_by_kind():
     problem = conic_problem(1)
     z = problem.target + 3.0

@@ -58,6 +58,7 @@ from excite.identification.estimators.settings import (
     word,
 )
 from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.physical.cone_program import solve_clarabel
 from excite.identification.physical.default_bounds import bound_rows, default_bounds
 from excite.identification.regression import Regression, prior_std
 
@@ -72,19 +73,17 @@ _SHARES = (1.0, 0.3, 0.1, 0.03)
 
 @dataclass(frozen=True, eq=False)
 class ConicProblem:
-    """``min ½ Σ w (z − target)²`` with linear constraints and cones.
+    """``min ½ ‖z − target‖²`` with linear constraints and cones.
 
     Attributes:
         target: ``(n,)``.
         linear: rows on ``z``, of unit length.
         cones: blocks on ``z``.
-        weights: ``w``, ``(n,)``; ones where None.
     """
 
     target: Array
     linear: LinearConstraints
     cones: tuple[Cones, ...]
-    weights: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +115,7 @@ def stack_rows(problem: ConicProblem) -> tuple[Array, Array]:
 
 
 def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> ConicAnswer:
-    """Clarabel (Goulart and Chen 2024) on one thread.
+    """Clarabel on one thread.
 
     Centred at the unconstrained optimum, where the objective is small: relative tolerances then mean
     something.
@@ -130,26 +129,15 @@ def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> Coni
     for cones in problem.cones:
         kind = clarabel.PSDTriangleConeT(cones.order) if cones.order else clarabel.SecondOrderConeT(4)
         kinds += [kind] * len(cones.bound)
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    # Rows and blocks have unit length already; another scaling makes multipliers of redundant rows diverge.
-    settings.equilibrate_enable = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    settings.tol_infeas_abs = settings.tol_infeas_rel = tolerance
-    weights = np.ones(n) if problem.weights is None else problem.weights
-    solver = clarabel.DefaultSolver(
-        sparse.diags(weights, format="csc"),
+    found = solve_clarabel(
+        np.ones(n),
         np.zeros(n),
         sparse.csc_matrix(-matrix),
         matrix @ problem.target + offset,
         kinds,
-        settings,
+        tolerance,
     )
-    solution = solver.solve()
-    return ConicAnswer(
-        problem.target + np.array(solution.x), np.array(solution.z), "Infeasible" in str(solution.status)
-    )
+    return ConicAnswer(problem.target + found.x, found.dual, found.infeasible)
 
 
 def refine_answer(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
@@ -237,7 +225,7 @@ def conic_violations(problem: ConicProblem, z: Array) -> dict[str, float]:
 
 
 def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
-    """Bound on the distance from an answer to the optimum, from its duality gap; ``weights`` must be None.
+    """Bound on the distance from an answer to the optimum, from its duality gap.
 
     Multipliers are put into their cones first; nothing that the solver says of itself is used. Infinite where they are
     not finite.

@@ -15,7 +15,7 @@ from excite.errors import InputError, RobotError
 from excite.formats.documents import read_yaml
 from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.settings import BodySettings
-from excite.identification.physical.bounds import InertiaRules, Interval, KnownBounds, PhysicalBounds
+from excite.identification.physical.bounds import Interval, KnownBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.default_bounds import default_bounds
 from excite.robot.quantities import MAX_INERTIA
@@ -60,50 +60,6 @@ def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
                 + ", ".join(robot.joint_names),
             )
     return known
-
-
-def load_physical_bounds(path: str | Path, links: tuple[str, ...]) -> PhysicalBounds:
-    """Read a file ``excite.physical_bounds/1`` that bounds every parameter of every link.
-
-    Args:
-        path: the YAML file; ``robots/iiwa14/physical_bounds.yaml`` is an example.
-        links: links of the robot's segments, in its order; each needs all ten bounds.
-
-    Raises:
-        InputError: the file is malformed, a link is missing or unknown, or a bound is empty.
-    """
-    path = Path(path)
-    known = _known_bounds(path, _read_bounds_document(path), links)
-    for name in (f"{link}.{name}" for link in links for name in NAMES):
-        if name not in known.parameters:
-            raise InputError(
-                "has no bounds", source=path, field=name, remedy="bound every parameter of every link"
-            )
-    lower, upper = (
-        np.array([[known.parameters[f"{link}.{name}"][side] for name in NAMES] for link in links])
-        for side in (0, 1)
-    )
-    total = (float(lower[:, 0].sum()), float(upper[:, 0].sum()))
-    return known.over(PhysicalBounds(links, lower, upper, {}, total, InertiaRules()))
-
-
-def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
-    """One column of values of a bounds file, by parameter name (published solutions, for example).
-
-    Raises:
-        InputError: the file is malformed, or a parameter has no such value.
-    """
-    values: dict[str, float] = {}
-    for name, entry in (_read_bounds_document(Path(path)).get("parameters") or {}).items():
-        if not isinstance(entry, dict) or column not in entry:
-            raise InputError(f"has no value {column!r}", source=path, field=name)
-        value = _read_number(entry[column])
-        if value is None or not math.isfinite(value):
-            raise InputError(
-                f"is {entry[column]!r}", source=path, field=f"{name}.{column}", remedy="give a number"
-            )
-        values[name] = value
-    return values
 
 
 def _read_bounds_document(path: Path) -> dict[str, Any]:
