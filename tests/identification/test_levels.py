@@ -203,21 +203,6 @@ def test_the_first_level_holds_or_there_is_no_result(slacks, at, status):
     assert _recomputed_status((), answer(np.zeros(N))) is SolveStatus.SOLVED
 
 
-def test_without_levels_it_is_weighted_least_squares_nearest_to_nominal(arm):
-    settings = HqpSettings()
-    found = HierarchicalProgram(levels=lambda *_: ()).estimate(arm, settings)
-    rows = iterate_weights(condense_problem(arm))
-    scaled = scaled_parameters(rows, settings)
-    weighted = arm.Y / rows.std[arm.channel, None]
-    expected = np.linalg.lstsq(
-        weighted * scaled.scales, arm.residual(arm.prior) / rows.std[arm.channel], rcond=1e-9
-    )[0]
-    moved = (found.parameters - arm.prior) / scaled.scales
-    assert np.allclose(weighted @ (scaled.scales * (moved - expected)), 0.0, atol=1e-5)
-    assert np.linalg.norm(moved) == pytest.approx(np.linalg.norm(expected), rel=1e-4)
-    assert (found.violations, found.active) == ({}, ())
-
-
 def test_levels_are_those_of_the_paper(arm):
     settings = HqpSettings(sphere_epsilon=1e-3, mirror=None)
     rows = iterate_weights(condense_problem(arm))

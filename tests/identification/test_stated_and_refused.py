@@ -169,14 +169,6 @@ def test_the_solution_of_ls_is_the_shortest(reference, arm):
     assert len(unseen) > 5 and np.abs(unseen @ moved).max() < 1e-6 * np.linalg.norm(moved)
 
 
-@pytest.mark.parametrize("kind", [LeastSquares, WeightedLeastSquares])
-def test_unseen_segments_stay_as_they_are(kind, arm):
-    blind = replace(arm, Y=np.where(np.arange(arm.n_params) // 10 == 3, 0.0, arm.Y), unmeasured=(3,))
-    found = kind().estimate(blind, kind.settings_class()).parameters
-    assert np.array_equal(found[30:40], arm.prior[30:40])
-    assert not np.allclose(found[40:50], arm.prior[40:50])
-
-
 @pytest.mark.parametrize("alpha", [1e-3, 1.0, 1e4])
 def test_the_most_probable_parameters_are_those_of_the_normal_equations(alpha, arm):
     found = MaximumAPosteriori().estimate(arm, MapSettings(alpha=alpha, prior_spread=0.3))
