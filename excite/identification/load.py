@@ -17,6 +17,7 @@ from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, minimum_norm, square_factor
 from excite.logs.log import Log
 from excite.regressor.base_parameters import base_parameters
+from excite.regressor.columns import PARAMETERS
 from excite.robot.robot import Robot
 from excite.rows.joint_rows import drive_terms
 from excite.rows.settings import ProblemSettings
@@ -435,7 +436,6 @@ def _seen_share(matrix: Array, count: int) -> Array:
     return np.asarray((rows[size > RANK_TOLERANCE * size[0], :count] ** 2).sum(axis=0))
 
 
-_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _UNITS = ("kg", *("kg·m",) * 3, *("kg·m²",) * 6)
 # Least share of a parameter that has to lie in what the motions excite; what is less is another parameter's as well.
 _SEEN = 0.99
@@ -481,7 +481,7 @@ class WeighedLoad:
 
     def to_json(self) -> dict[str, Any]:
         """A document ``excite.load/1``."""
-        rows = zip(_NAMES, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True)
+        rows = zip(PARAMETERS, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True)
         return {
             "schema": "excite.load/1",
             "parameters": {
@@ -504,13 +504,13 @@ class WeighedLoad:
         """Mass, first moments and what is not determined, in lines."""
         lines = []
         for name, unit, value, half, told in zip(
-            _NAMES, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True
+            PARAMETERS, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True
         ):
             if told and half > 0.0:
                 lines.append(f"{name:>4} {value:8.4f} ± {half:.4f} {unit} (95 %)")
             elif told:
                 lines.append(f"{name:>4} {value:8.4f} {unit} (stated)")
-        lost = [name for name, told in zip(_NAMES, self.determined, strict=True) if not told]
+        lost = [name for name, told in zip(PARAMETERS, self.determined, strict=True) if not told]
         if lost:
             lines.append(f"these motions do not tell {', '.join(lost)}")
         lines.append(f"gains: {self.gains_source}")

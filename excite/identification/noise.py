@@ -28,8 +28,9 @@ from excite.rows.settings import Filters
 # Lags, in independent samples of the filter, over which filtered noise is still correlated.
 _FILTER_MEMORY = 8.0
 _LARGEST_SHARE = 0.2
-_COLUMNS_AT_ONCE = 16
-_FREQUENCIES_AT_ONCE = 1024
+# How much of a trial in the frequency domain is held twice at a time.
+COLUMNS_AT_ONCE = 16
+FREQUENCIES_AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,8 +159,8 @@ def whitened_factor(
         root = root[kept] * np.sqrt(conjugate_counts(grid.n_samples)[kept] / grid.n_samples)[:, None]
         whiten = root[:, :, None] * vectors[kept].conj().transpose(0, 2, 1)
         transformed = _transform_columns(problem, grid, columns, noise.std, n_channels, kept)
-        for start in range(0, len(kept), _FREQUENCIES_AT_ONCE):
-            part = slice(start, start + _FREQUENCIES_AT_ONCE)
+        for start in range(0, len(kept), FREQUENCIES_AT_ONCE):
+            part = slice(start, start + FREQUENCIES_AT_ONCE)
             z = (whiten[part] @ transformed[part]).reshape(-1, columns.shape[1])
             factor = upper_triangle(np.vstack([factor, z.real, z.imag]))
     return factor
@@ -176,8 +177,8 @@ def _transform_columns(
     """Columns of a trial over the noise's ``std`` at some frequencies, ``(n_kept, n_channels, k)``, complex."""
     scale = std[problem.channel[grid.rows], None]
     found = np.empty((len(kept), n_channels, columns.shape[1]), dtype=complex)
-    for start in range(0, columns.shape[1], _COLUMNS_AT_ONCE):
-        part = slice(start, start + _COLUMNS_AT_ONCE)
+    for start in range(0, columns.shape[1], COLUMNS_AT_ONCE):
+        part = slice(start, start + COLUMNS_AT_ONCE)
         spread = grid.spread(columns[grid.rows, part] / scale, problem.channel, n_channels)
         found[:, :, part] = np.fft.rfft(spread, axis=0)[kept]
     return found

@@ -13,6 +13,8 @@ from scipy.special import stdtrit
 
 from excite.arrays import Array
 from excite.identification.noise import (
+    COLUMNS_AT_ONCE,
+    FREQUENCIES_AT_ONCE,
     NoiseModel,
     TrialGrid,
     conjugate_counts,
@@ -20,7 +22,7 @@ from excite.identification.noise import (
     filter_amplitude,
     upper_triangle,
 )
-from excite.identification.problem import IdentificationProblem
+from excite.identification.problem import IdentificationProblem, row_blocks
 from excite.identification.regression import RANK_TOLERANCE, Regression, leaves_freedom
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import PARAMETERS
@@ -28,8 +30,6 @@ from excite.rows.settings import Filters
 from excite.threads import one_blas_thread
 
 # Base parameters with intervals that hold for filtered noise.
-
-_BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +134,7 @@ def parameter_labels(problem: IdentificationProblem) -> tuple[str, ...]:
 def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, factor: Array) -> Array:
     """``W X R⁻¹``, ``(n_rows, n_base)``, block by block so that there is only one copy."""
     q = np.empty((len(matrix), len(columns)))
-    for start in range(0, len(matrix), _BLOCK):
-        rows = slice(start, start + _BLOCK)
+    for rows in row_blocks(len(matrix)):
         weighted = matrix[rows, columns] * weight[rows, None]
         q[rows] = solve_triangular(factor, weighted.T, trans="T", check_finite=False).T
     return q
@@ -479,10 +478,8 @@ def alike_bands(power: Array, counts: Array, taken: Array) -> Array:
 
 # Trials in the frequency domain, and the bands in which their noise is alike.
 
-# Cells that bands are made of, and how much is held twice at a time.
+# Cells that bands are made of.
 _CELLS = 256
-_COLUMNS_AT_ONCE = 16
-_FREQUENCIES_AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -519,8 +516,8 @@ def transformed_trial(
     bins = trial_bins(problem, grid, fft_length(2 * grid.n_samples))
     k = q.shape[1]
     x = np.empty((len(bins.kept), 2, n_channels, k))
-    for start in range(0, k, _COLUMNS_AT_ONCE):
-        part = slice(start, start + _COLUMNS_AT_ONCE)
+    for start in range(0, k, COLUMNS_AT_ONCE):
+        part = slice(start, start + COLUMNS_AT_ONCE)
         spread = grid.spread(q[grid.rows, part], problem.channel, n_channels)
         transformed = np.fft.rfft(spread, bins.n_fft, axis=0)[bins.kept]
         x[:, 0, :, part], x[:, 1, :, part] = transformed.real, transformed.imag
@@ -585,5 +582,5 @@ def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int
 def frequency_blocks(chosen: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
     """Places of the chosen frequencies ``(n_kept,)``, a few at a time, so that columns need no second copy."""
     places = np.flatnonzero(chosen)
-    for start in range(0, len(places), _FREQUENCIES_AT_ONCE):
-        yield places[start : start + _FREQUENCIES_AT_ONCE]
+    for start in range(0, len(places), FREQUENCIES_AT_ONCE):
+        yield places[start : start + FREQUENCIES_AT_ONCE]

@@ -21,7 +21,7 @@ from excite.identification.estimators.scaled_problem import ridge, scaled_parame
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings, number, word
 from excite.identification.noise import estimate_noise
 from excite.identification.orthogonal import row_space
-from excite.identification.problem import IdentificationProblem
+from excite.identification.problem import IdentificationProblem, row_blocks
 from excite.identification.regression import (
     Regression,
     iterate_weights,
@@ -103,7 +103,6 @@ class MaximumAPosteriori(Estimator[MapSettings]):
 
 # Least squares that outlying rows cannot pull far (Huber 1964), by iteratively reweighted rows.
 
-_BLOCK = 4096
 _ROUNDS = 100
 # Rounds in which the scale still follows the residuals; afterwards the objective is fixed and convex.
 _SCALE_ROUNDS = 20
@@ -206,8 +205,7 @@ def _step(rows: Regression, basis: Array, residual: Array, bound: float) -> _Ste
     gram, gradient = np.zeros((rank, rank)), np.zeros(rank)
     scaled = residual / rows.std[problem.channel]
     weight = bound / np.maximum(np.abs(scaled), bound)
-    for start in range(0, problem.n_rows, _BLOCK):
-        part = slice(start, start + _BLOCK)
+    for part in row_blocks(problem.n_rows):
         q = (problem.Y[part] / rows.std[problem.channel[part], None]) @ basis
         weighted = q * weight[part, None]
         gram += weighted.T @ q
