@@ -319,11 +319,8 @@ def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]
     centre = body[1:] / body[0]
     slope = np.column_stack([-centre, np.eye(3)]) / body[0]
     std = np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope))
-    return _point(centre), _point(std)
-
-
-def _point(values: Array) -> Point:
-    return float(values[0]), float(values[1]), float(values[2])
+    x, y, z = ((float(value), float(error)) for value, error in zip(centre, std, strict=True))
+    return (x[0], y[0], z[0]), (x[1], y[1], z[1])
 
 
 def _range(matrix: Array) -> Array:

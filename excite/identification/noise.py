@@ -66,10 +66,6 @@ class NoiseModel:
         values, vectors = np.linalg.eigh(0.5 * (spectrum + spectrum.conj().transpose(0, 2, 1)))
         return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.conj().transpose(0, 2, 1))
 
-    def scaled(self, factor: float) -> NoiseModel:
-        """The same noise with its variance multiplied by ``factor``."""
-        return NoiseModel(self.std * np.sqrt(factor), self.autocovariance)
-
 
 def estimate_noise(
     problem: IdentificationProblem, grids: tuple[TrialGrid, ...], residual: Array
@@ -113,7 +109,7 @@ def _pooled_autocovariance(
     for grid in grids:
         r = grid.spread(scaled[grid.rows], problem.channel, n_channels)
         counts += problem.numbers(grid.rows)
-        n_fft = fft_length(grid.n_samples + n_lags)
+        n_fft = next_fast_len(grid.n_samples + n_lags, real=True)
         f = np.fft.rfft(r, n_fft, axis=0)
         cross = np.fft.irfft(f.conj()[:, :, None] * f[:, None, :], n_fft, axis=0)
         total += cross[:n_lags]
@@ -187,11 +183,6 @@ def _transform_columns(
 def upper_triangle(rows: Array) -> Array:
     """``R`` of ``rows = Q R``: of rows ``(m, n)`` an upper triangle ``(min(m, n), n)``."""
     return np.asarray(np.linalg.qr(rows, mode="r"))
-
-
-def fft_length(n: int) -> int:
-    """Next length at which the transform of real numbers is fast."""
-    return int(next_fast_len(n, real=True))
 
 
 def conjugate_counts(n_fft: int) -> Array:
@@ -450,7 +441,7 @@ class EquationNoise:
         meat = np.zeros((width, width))
         for sources, grid in zip(self.sources, self.grids, strict=True):
             x = grid.spread(columns[grid.rows], self.problem.channel, n_channels).astype(np.float32)
-            rate, n_fft = 1.0 / grid.step_s, fft_length(2 * grid.n_samples)
+            rate, n_fft = 1.0 / grid.step_s, next_fast_len(2 * grid.n_samples, real=True)
             frequency = np.asarray(np.fft.rfftfreq(n_fft, grid.step_s), dtype=float)
             scale = np.sqrt(conjugate_counts(n_fft) / n_fft * rate / self.log_hz)
             folds = [-rate * fold for fold in range(int(np.ceil(sampling / rate)))]

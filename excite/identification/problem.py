@@ -95,7 +95,7 @@ class IdentificationProblem:
         return np.bincount(self.channel[rows], weights, minlength=len(self.channel_names)).astype(float)
 
     @property
-    def moving(self) -> NDArray[np.bool_]:
+    def is_moving(self) -> NDArray[np.bool_]:
         """Which parameters are free, ``(n_params,)``: all but those of segments that the sensors do not see."""
         free = np.ones(self.n_params, dtype=bool)
         for segment in self.unmeasured:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
@@ -18,7 +19,6 @@ from excite.identification.noise import (
     NoiseModel,
     TrialGrid,
     conjugate_counts,
-    fft_length,
     filter_amplitude,
     upper_triangle,
 )
@@ -204,7 +204,7 @@ class NoiseBands:
         shortest = min(grid.n_samples for grid in grids)
         memory = max(8.0 / min(1.0, problem.noise_bandwidth), 4.0 / narrowest)
         n_lags = int(min(memory, max(1.0, 0.2 * shortest)))
-        bins = trial_bins(problem, grids[0], fft_length(8 * n_lags + 8))
+        bins = trial_bins(problem, grids[0], next_fast_len(8 * n_lags + 8, real=True))
         spectrum = np.zeros((bins.n_fft // 2 + 1, *self.power.shape[1:]))
         spectrum[bins.kept] = bins.colour[:, None, None] * self.power[band_of(bins, self.edges)]
         covariance = np.fft.irfft(spectrum, bins.n_fft, axis=0)[: n_lags + 1]
@@ -513,7 +513,7 @@ def transformed_trial(
 ) -> TransformedTrial:
     """A trial's columns ``q`` ``(n_rows, k)`` and residual ``(n_rows,)`` transformed."""
     n_channels = len(problem.channel_names)
-    bins = trial_bins(problem, grid, fft_length(2 * grid.n_samples))
+    bins = trial_bins(problem, grid, next_fast_len(2 * grid.n_samples, real=True))
     k = q.shape[1]
     x = np.empty((len(bins.kept), 2, n_channels, k))
     for start in range(0, k, COLUMNS_AT_ONCE):

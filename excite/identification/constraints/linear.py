@@ -57,7 +57,7 @@ class LinearConstraints:
         """The rows of a mask ``(n_rows,)``, all as inequalities."""
         return LinearConstraints(self.matrix[mask], self.bound[mask], tuple(compress(self.labels, mask)))
 
-    def worst(self, parameters: Array) -> dict[str, float]:
+    def worst_violations(self, parameters: Array) -> dict[str, float]:
         """Largest violation of each kind of row."""
         found: dict[str, float] = {}
         for label, value in zip(self.labels, self.violations(parameters), strict=True):
@@ -65,7 +65,7 @@ class LinearConstraints:
             found[kind] = max(found.get(kind, 0.0), float(value))
         return found
 
-    def reached(self, parameters: Array, tolerance: float) -> tuple[str, ...]:
+    def labels_reached(self, parameters: Array, tolerance: float) -> tuple[str, ...]:
         """Labels of the rows that hold with no more than ``tolerance`` to spare."""
         near = self.matrix @ parameters - self.bound < tolerance
         return tuple(dict.fromkeys(compress(self.labels, near)))
@@ -259,7 +259,7 @@ def measured_total_mass(rows: Regression) -> TotalMass:
     problem = rows.problem
     total = np.zeros(problem.n_params)
     total[: problem.n_inertial : 10] = 1.0
-    seen = np.where(problem.moving, total, 0.0)
+    seen = np.where(problem.is_moving, total, 0.0)
     a = rows.factor[:, :-1]
     norms = np.linalg.norm(a, axis=0)
     used = norms > 1e-12 * max(float(norms.max()), 1e-300)

@@ -216,7 +216,7 @@ def _projection_jacobian(problem: ConicProblem, vector: Array, gram: Array) -> A
 
 def conic_violations(problem: ConicProblem, z: Array) -> dict[str, float]:
     """Largest violation of each kind of constraint at a point, from the point alone."""
-    worst = problem.linear.worst(z)
+    worst = problem.linear.worst_violations(z)
     for cones in problem.cones:
         for label, margin in zip(cones.labels, cones.margin(cones.values(z)), strict=True):
             kind = label.partition(":")[0]

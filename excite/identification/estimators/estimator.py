@@ -148,7 +148,7 @@ def checked_estimate(
         constraints: what it should meet, rows of unit length on ``z``.
     """
     parameters = objective.parameters(z)
-    worst = constraints.worst(z)
+    worst = constraints.worst_violations(z)
     status = SolveStatus.SOLVED
     if not np.isfinite(parameters).all() or not np.isfinite(distance):
         status = SolveStatus.NOT_FINITE
@@ -159,7 +159,7 @@ def checked_estimate(
     return replace(
         estimate_at(method, rows, parameters, status, worst),
         distance=distance,
-        active=constraints.reached(z, VIOLATION_TOLERANCE),
+        active=constraints.labels_reached(z, VIOLATION_TOLERANCE),
     )
 
 
@@ -243,7 +243,7 @@ def plain_models(problem: IdentificationProblem, linear: LinearConstraints) -> l
         Parameters, ``(n_params,)`` each.
     """
     models = [problem.prior.copy()]
-    moving = problem.moving
+    moving = problem.is_moving
     moving[problem.n_inertial :] = False
     for row, bound, label in zip(linear.matrix, linear.bound, linear.labels, strict=True):
         weight = float(row[moving] @ problem.prior[moving])

@@ -349,7 +349,7 @@ class HierarchicalProgram(Estimator[HqpSettings]):
         """The answer with everything recomputed from the parameters."""
         parameters = scaled.parameters(answer.x)
         rows_met = stack_constraints([level.constraints for level in levels], len(answer.x))
-        worst = rows_met.worst(answer.x)
+        worst = rows_met.worst_violations(answer.x)
         status = answer.status
         if status is SolveStatus.SOLVED:
             status = _recomputed_status(levels, answer)
@@ -358,7 +358,7 @@ class HierarchicalProgram(Estimator[HqpSettings]):
         return replace(
             estimate_at(self.name, rows, parameters, status, worst),
             distance=answer.fit_distance,
-            active=rows_met.reached(answer.x, _VIOLATION),
+            active=rows_met.labels_reached(answer.x, _VIOLATION),
             total_mass=settings.total_mass,
         )
 
@@ -496,7 +496,7 @@ class BoundedNearBase(Estimator[Cls1Settings]):
             self._projector or ActiveSetProjector(),
             ((start - scaled.center) / scaled.scales)[scaled.free],
         )
-        worst, status = level.constraints.worst(answer.x), answer.status
+        worst, status = level.constraints.worst_violations(answer.x), answer.status
         if status is SolveStatus.SOLVED and max(worst.values(), default=0.0) > _VIOLATION:
             status = SolveStatus.VIOLATED
         parameters = scaled.parameters(answer.x)
@@ -506,7 +506,7 @@ class BoundedNearBase(Estimator[Cls1Settings]):
         best = replace(
             estimate_at(self.name, rows, parameters, status, worst),
             distance=answer.fit_distance,
-            active=level.constraints.reached(answer.x, _VIOLATION),
+            active=level.constraints.labels_reached(answer.x, _VIOLATION),
         )
         if status is not SolveStatus.SOLVED:
             raise no_solution(status, best)

@@ -65,7 +65,7 @@ class LeastSquares(Estimator[LsSettings]):
             parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
         else:
             parameters = least_squares(rows.factor)
-        parameters = np.where(problem.moving, parameters, problem.prior)
+        parameters = np.where(problem.is_moving, parameters, problem.prior)
         return finite_or_raised(
             replace(estimate_at(self.name, rows, parameters, SolveStatus.SOLVED), distance=0.0)
         )

@@ -101,9 +101,10 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         n = problem.n_inertial
         base = base_parameters(rows.factor[:, :-1], parameter_labels(problem), RANK_TOLERANCE)
         factor = square_factor(rows.factor[:, [*base.independent, problem.n_params]])
+        leaves_out = problem.channel_names[0] != "fx" if self._essential is None else self._essential
         objective = (
             essential_objective(factor, base.matrix, problem.n_rows)
-            if self._leaves_out(problem)
+            if leaves_out
             else base_objective(factor, base.matrix)
         )
         nominal = np.nan_to_num(physical_parameters(problem.prior[:n]))
@@ -144,9 +145,6 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         missed = ", ".join(f"{kind} by {value:.3g} {_UNITS[kind]}" for kind, value in broken.items())
         what = f"{error.what}: at best {missed or 'nothing is left'} outside"
         return NoSolutionError(what, best=best, remedy=error.remedy)
-
-    def _leaves_out(self, problem: IdentificationProblem) -> bool:
-        return problem.channel_names[0] != "fx" if self._essential is None else self._essential
 
     def _bounds_for(self, problem: IdentificationProblem, settings: PhysicalSettings) -> PhysicalBounds:
         links = tuple(segment.link for segment in problem.robot.segments)

@@ -57,7 +57,7 @@ def scaled_parameters(rows: Regression, settings: EstimatorSettings) -> Scaled:
     """Scales from the spreads; parameters of unmeasured segments are not free."""
     problem = rows.problem
     scales = prior_std(problem, settings.spreads(problem.robot))
-    return Scaled(problem.prior.copy(), scales, np.flatnonzero(problem.moving))
+    return Scaled(problem.prior.copy(), scales, np.flatnonzero(problem.is_moving))
 
 
 # The objective of eq. (4) of Jovic et al. 2015 as a distance, in scaled and rotated parameters.
