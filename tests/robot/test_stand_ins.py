@@ -171,7 +171,11 @@ CAMERA = (
         ('<link name="world"/>', "0 0 0.4", "nothing touches"),
         (f'<link name="world"><visual>{MESH}</visual></link>', "0 0 0", "nothing touches"),
         ('<link name="world"/>', "0 0 0", ""),
-        ('<link name="world"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>', "0 0 0.4", ""),
+        (
+            '<link name="world"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>',
+            "0 0 0.4",
+            "",
+        ),
     ],
 )
 def test_a_root_without_mass_is_a_link_too(tmp_path: Path, base: str, at: str, said: str) -> None:
@@ -185,4 +189,6 @@ def test_a_root_without_mass_is_a_link_too(tmp_path: Path, base: str, at: str, s
     there_and_back = (smooth(time / 2.0) - smooth((time - 2.0) / 2.0))[:, None]
     report = excite.check(robot, [joint_motion(robot, time, robot.rest + there_and_back * [0.0, 0.2])])
     (verdict,) = report.to_json()["motions"]
-    assert report.safe and [said in one and "world" in one for one in verdict["as_far_as"]] == [True] * bool(said)
+    assert report.safe and [said in one and "world" in one for one in verdict["as_far_as"]] == [True] * bool(
+        said
+    )

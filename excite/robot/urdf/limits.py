@@ -11,8 +11,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 from excite.errors import RobotError
 from excite.finding import first_names
-from excite.formats.documents import read_yaml
+from excite.formats.documents import check_content, read_yaml
 from excite.results import Assumed
+from excite.robot.description import PositionTable
 from excite.robot.quantities import MAX_ANGLE
 from excite.robot.urdf.numbers import read_numbers
 
@@ -214,7 +215,7 @@ def read_joint_limits(file: Path, names: Iterable[str]) -> dict[str, JointLimits
         RobotError: it is no such file, or a limit is no number, or is the wrong way round.
     """
     content = read_yaml(file, error=RobotError, degrees=True, remedy=f"give MoveIt's {_FILE}")
-    joints = content.get("joint_limits")
+    joints = content.get("joint_limits", {} if "by_position" in content else None)
     if not isinstance(joints, dict):
         raise RobotError("has no mapping joint_limits", source=file, remedy=f"give MoveIt's {_FILE}")
     found = {}
@@ -222,6 +223,36 @@ def read_joint_limits(file: Path, names: Iterable[str]) -> dict[str, JointLimits
         block = joints.get(name, joints.get(name.removesuffix("_joint")))
         if isinstance(block, dict):
             found[name] = _of_block(block, file, name)
+    return found
+
+
+def read_position_tables(file: Path, names: Iterable[str]) -> list[PositionTable]:
+    """Limits that depend on positions in such a file: ``by_position``, a list as that of a ``robot.yaml``.
+
+    Args:
+        file: the file.
+        names: of the robot's joints, which may be called without the ``_joint`` of theirs.
+
+    Raises:
+        RobotError: a table is none, or is of a joint that the robot does not have.
+    """
+    remedy = (
+        "write it as limits.by_position of a robot.yaml: joint, quantity, at, and limit or lower and upper"
+    )
+    blocks = read_yaml(file, error=RobotError, degrees=True, remedy=remedy).get("by_position", [])
+    if not isinstance(blocks, list) or not all(isinstance(block, dict) for block in blocks):
+        raise RobotError("is no list of tables", source=file, field="by_position", remedy=remedy)
+    known, found = {short: name for name in names for short in (name, name.removesuffix("_joint"))}, []
+    for block in blocks:
+        table = check_content(
+            PositionTable, {"source": file.name, **block}, file, remedy=remedy, error=RobotError
+        )
+        lost = {table.joint, table.over or table.joint} - set(known)
+        if lost:
+            what, has = f"no joint {min(lost)!r} in the model", ", ".join(names)
+            raise RobotError(what, source=file, field="by_position", remedy=f"the model has {has}")
+        over = None if table.over is None else known[table.over]
+        found.append(table.model_copy(update={"joint": known[table.joint], "over": over}))
     return found
 
 
@@ -246,6 +277,15 @@ def _of_block(block: Mapping[str, Any], file: Path, name: str) -> JointLimits:
         )
         raise RobotError(what, source=file, field=f"joint_limits.{name}", remedy=remedy)
     return JointLimits(both, *(value(f"max_{key}", key) for key in _LARGEST))
+
+
+def with_tables(tightened: Mapping[str, list[str]], tables: Iterable[PositionTable]) -> dict[str, list[str]]:
+    """What was tightened by what, and the joints of tables by the quantity that depends on a position there."""
+    found = {what: list(joints) for what, joints in tightened.items()}
+    for table in tables:
+        joints = found.setdefault(f"{table.quantity} by position", [])
+        joints += [table.joint] if table.joint not in joints else []
+    return found
 
 
 def assumed_limits(tightened: Mapping[str, Mapping[str, list[str]]]) -> tuple[Assumed, ...]:
