@@ -47,6 +47,8 @@ def said(robot: Robot) -> str:
         ('soft_lower_limit="-3.0" soft_upper_limit="0.5"', (-2.0, 0.5)),
         ('soft_lower_limit="-3.0" soft_upper_limit="3.0"', (-2.0, 2.0)),
         ('soft_lower_limit="0" soft_upper_limit="0"', (-2.0, 2.0)),
+        ('soft_upper_limit="0.5"', (-2.0, 0.5)),
+        ('soft_lower_limit="-0.5"', (-0.5, 2.0)),
         ("", (-2.0, 2.0)),
     ],
 )
@@ -70,6 +72,34 @@ def test_limits_of_commands_of_ros2_control(tmp_path: Path) -> None:
     # 20 N·m of <limit> are less than 90.
     assert robot.limits.torque[1] == 20.0
     assert "limits of <ros2_control>: position of elbow; velocity of elbow" in said(robot)
+
+
+@pytest.mark.parametrize(("end", "value", "left"), [("min", -0.5, (-0.5, 2.0)), ("max", 0.5, (-2.0, 0.5))])
+@pytest.mark.parametrize("form", ["command", "file"])
+def test_one_end_alone_is_a_limit(
+    form: str, end: str, value: float, left: tuple[float, float], tmp_path: Path
+) -> None:
+    text, file = ARM, tmp_path / "limits.yaml"
+    if form == "command":
+        other = {"min": '<param name="max">3.0</param>', "max": '<param name="min">-0.5</param>'}[end]
+        stated = CONTROL.replace(other, "").replace(">3.0<", f">{value}<")
+        text = ARM.replace("</robot>", stated)
+    file.write_text(f"joint_limits: {{elbow: {{{end}_position: {value}}}}}")
+    robot = arm(tmp_path / "arm.urdf", text, Source(limits=file) if form == "file" else None)
+    assert elbow(robot) == pytest.approx(left)
+
+
+@pytest.mark.parametrize(
+    ("stated", "left"), [("max_position: 0.5", (0.5 - 2 * np.pi, 0.5)), ("min_position: -4.0", (-4.0, np.pi))]
+)
+def test_one_end_of_a_joint_that_turns_without_end(
+    stated: str, left: tuple[float, float], tmp_path: Path
+) -> None:
+    file = tmp_path / "limits.yaml"
+    file.write_text(f"joint_limits: {{elbow: {{{stated}}}}}")
+    text = ARM.replace('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">')
+    text = text.replace(ELBOW_LIMIT, '<limit velocity="3.0" effort="20"/>')
+    assert elbow(arm(tmp_path / "arm.urdf", text, Source(limits=file))) == pytest.approx(left)
 
 
 def test_a_joint_that_robot_yaml_states_keeps_what_it_states(tmp_path: Path) -> None:
