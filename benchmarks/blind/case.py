@@ -18,11 +18,10 @@ from excite.arrays import Array
 from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
-from excite.simulation.effects.friction import AsymmetryLaw, WarmingLaw
+from excite.simulation.effects.laws import AsymmetryLaw, WarmingLaw
 from excite.simulation.execution import execute_motion
-from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.virtual_robot import Recording, VirtualRobot
 
 _NOISE_Q = 2e-5
 

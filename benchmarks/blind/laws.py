@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.simulation.effects.friction import Step
+from excite.simulation.effects.laws import Step
 from excite.simulation.virtual_robot import Plant
 
 

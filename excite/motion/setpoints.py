@@ -78,7 +78,8 @@ def sampled_curve(
     if curve == "hold":
         time, q = _held(time, q)
     elif curve == "blend":
-        time, q, v = _blended(time, q, blend, path)
+        time, moved = _blended(time, q, blend, path)
+        q, v = moved.q, moved.v
     h = np.diff(time)
     if time[-1] - time[0] > LONGEST_GOAL_S:
         raise MotionError(
@@ -110,8 +111,8 @@ def _held(time: Array, q: Array) -> tuple[Array, Array]:
     return np.r_[time[0], ends], np.vstack([q[:1], np.stack([q[:-1], q[1:]], axis=1).reshape(-1, q.shape[1])])
 
 
-def _blended(time: Array, q: Array, blend: float | None, path: Path) -> tuple[Array, Array, Array]:
-    """Where lines of constant speed begin and end between setpoints, from rest to rest: instants, positions, speeds.
+def _blended(time: Array, q: Array, blend: float | None, path: Path) -> tuple[Array, Moved]:
+    """Where lines of constant speed begin and end between setpoints, from rest to rest.
 
     Between lines the acceleration is constant, as of controllers that pass setpoints with a blend (linear segments with
     parabolic blends: Craig, Introduction to Robotics, section 7.3). The first and last parabola lie within the motion.
@@ -133,7 +134,7 @@ def _blended(time: Array, q: Array, blend: float | None, path: Path) -> tuple[Ar
     still = np.zeros((1, q.shape[1]))
     v = np.vstack([still, np.repeat(speed, 2, axis=0), still])
     moved = 0.5 * (v[:-1] + v[1:]) * np.diff(instants)[:, None]
-    return instants, np.vstack([q[:1], q[0] + np.cumsum(moved, axis=0)]), v
+    return instants, Moved(np.vstack([q[:1], q[0] + np.cumsum(moved, axis=0)]), v, np.zeros_like(v))
 
 
 def _polynomials(

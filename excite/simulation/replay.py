@@ -14,8 +14,7 @@ from excite.motion.motion import Motion, interpolate_motion
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot
 from excite.simulation.execution import Machine, Stop, execute_motion
-from excite.simulation.recording import Recording
-from excite.simulation.virtual_robot import Plant, VirtualRobot, nominal_robot
+from excite.simulation.virtual_robot import Plant, Recording, VirtualRobot, nominal_robot
 
 # A robot whose base is tilted further than this against the motion when that ends is on its way down.
 FALL_END_TILT_RAD = 0.1

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, UnsafeMotionError
-from excite.export.clearance import with_approach
-from excite.export.export import export_motion
+from excite.export.export import export_motion, with_approach
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
