@@ -75,18 +75,18 @@ def lost_in(model_format: ModelFormat, subject: Subject) -> tuple[Lost, ...]:
     return (*found, *subject.beyond)
 
 
-# Proof that what is read of the files hears every parameter: each is changed, and its torques have to follow.
+# Proof that what is read of the files hears every parameter: all are changed at once, and torques have to follow.
 #
-# Torques are linear in the parameters, so a change is known beforehand: of ten parameters by the regressor,
-# of a joint's friction and rotor inertia by its velocity and acceleration. What a servo is told (gains,
-# limits, a delay) shows in no torque of the bodies: it is read back by itself. All bodies get a small body
-# more, and that body another mass, first moment or inertia in turn, so that what is written is always a body;
-# its size is such that each part of it moves the torques well above their rounding.
+# Torques are linear in the parameters, so what a change does is known beforehand: of ten parameters by the regressor,
+# of a joint's friction and rotor inertia by its velocity and acceleration. What a servo is told (gains, limits, a
+# delay) shows in no torque of the bodies: it is read back by itself. All bodies get a small body more, and that body is
+# changed, so that what is written is always a body; its size is such that each part of it moves the torques well above
+# their rounding.
 
 # Torque of the added bodies, as share of the largest: large enough to be seen above rounding of single precision, and
 # small enough that nothing of the model is lost in it.
 _SHARE = 0.2
-# Share of a parameter's own torque by which its change may be missed.
+# Share of a change by which it may be missed.
 _MISSED = 0.01
 # A parameter whose whole torque is below this many times the format's rounding is not seen, in any format.
 _ABOVE_ROUNDING = 200.0
@@ -94,7 +94,7 @@ _ABOVE_ROUNDING = 200.0
 
 @dataclass(frozen=True)
 class Proof(Stated):
-    """What became of the torques, read from the files, when each parameter was changed.
+    """What became of the torques, read from the files, when the parameters were changed.
 
     Attributes:
         torque_error: of the files, against what was found, relative to the largest torque.
@@ -110,7 +110,7 @@ class Proof(Stated):
 
 
 def prove_taken(model_format: ModelFormat, subject: Subject) -> Proof:
-    """Render, read again and change every parameter in turn.
+    """Render and read again, as it is and with every parameter changed.
 
     Args:
         model_format: the format.
@@ -120,139 +120,151 @@ def prove_taken(model_format: ModelFormat, subject: Subject) -> Proof:
         InputError: the format takes no such robot.
         NoSolutionError: the torques are not those that were found, or do not follow a change (a bug here).
     """
-    trial = _Trial(model_format, subject)
-    error = trial.error()
+    states = random_states(subject.robot, subject.parameters)
+
+    def load(changed: Subject) -> LoadedModel:
+        return model_format.load(changed, model_format.render(changed), states)
+
+    own = load(subject)
+    error = _torque_error(subject, own, states)
     if not error <= model_format.tolerance and model_format.exact(subject):
         raise NoSolutionError(
             f"{model_format.name} was not written: read again, its torques are {error:.1e} off",
             remedy="report this with the robot",
         )
-    found = trial.bodies()
-    for term in JOINT_TERMS:
-        found |= trial.joints(term)
-    for term in model_format.servo(subject):
-        found |= trial.servos(term)
-    deaf = [name for name, what in found.items() if what == _DEAF]
+    largest = max(float(np.abs(own.torques).max()), 1e-9)
+    change = _changes(subject, states, largest)
+    servos = {term: _told(model_format, subject, term) for term in model_format.servo(subject)}
+    before = load(change.before)
+    after = load(change.after.varied(servo_values={**subject.servo_values, **servos}))
+    missed = change.missed(model_format, after.torques - before.torques)
+    deaf = [name for name, share in missed.items() if share > _MISSED]
+    known = {term: [*zip(subject.robot.joint_names, subject.servo(term), strict=True)] for term in servos}
+    for term, told in servos.items():
+        off = np.maximum(
+            _servo_error(model_format, term, own.terms[term], subject.servo(term), 0.0),
+            _servo_error(model_format, term, after.terms[term], told, told - subject.servo(term)),
+        )
+        deaf += [
+            f"{term}.{name}" for (name, v), far in zip(known[term], off, strict=True) if v == v and far > 0
+        ]
     if deaf:
         shown = ", ".join(deaf[:6]) + (f" and {len(deaf) - 6} more" if len(deaf) > 6 else "")
         raise NoSolutionError(
             f"{model_format.name} was not written: its torques do not follow {shown}",
             remedy="report this with the robot",
         )
-    felt, unseen, not_held = (
-        tuple(name for name, what in found.items() if what == one) for one in (_FELT, _UNSEEN, _NOT_HELD)
+    floor = _ABOVE_ROUNDING * model_format.tolerance * largest
+    seen = zip(change.names, change.sizes, strict=True)
+    unseen = tuple(name for name, size in seen if size <= floor and name not in change.drives)
+    not_held = tuple(name for name in change.names if not change.is_held(name, model_format))
+    told_joints = sum(v == v for values in known.values() for _, v in values)
+    return Proof(error, len(change.names) - len(unseen) - len(not_held) + told_joints, unseen, not_held)
+
+
+def _torque_error(subject: Subject, own: LoadedModel, states: States) -> float:
+    """Relative error of the torques as read, against the found parameters; what was not found is the file's."""
+    drives = {}
+    for term, value in own.joint_terms.items():
+        found = subject.term(term)
+        drives[term] = np.where(np.isfinite(found), found, value)
+    wanted = with_friction(subject.robot, states.torque, states, drives)
+    return float(np.abs(own.torques - wanted).max() / max(float(np.abs(wanted).max()), 1e-9))
+
+
+@dataclass(frozen=True, eq=False)
+class _Changes:
+    """Changes of all parameters of bodies and joints, and the torques that they are.
+
+    Attributes:
+        before: the robot with a small body more in each of its own.
+        after: the same, changed.
+        drives: names of the joints' terms among ``names``.
+        names: of the parameters, bodies' first.
+        torques: ``(n·nv, n_parameters)`` torque of each change.
+        sizes: ``(n_parameters,)`` largest torque of each one's whole.
+    """
+
+    before: Subject
+    after: Subject
+    drives: frozenset[str]
+    names: tuple[str, ...]
+    torques: Array
+    sizes: Array
+
+    def missed(self, model_format: ModelFormat, found: Array) -> dict[str, float]:
+        """By parameter, worst first, the share of its change that torques ``(n, nv)`` have not followed."""
+        held = np.array([self.is_held(name, model_format) for name in self.names])
+        left = found.ravel() - self.torques[:, held].sum(axis=1)
+        room = 0.1 * _ABOVE_ROUNDING * model_format.tolerance * float(np.abs(self.torques).max(axis=0).sum())
+        if np.abs(left).max() <= room:
+            return {}
+        shares = np.abs(np.linalg.lstsq(self.torques, left, rcond=1e-9)[0])
+        return {self.names[k]: float(shares[k]) for k in np.argsort(-shares)}
+
+    def is_held(self, name: str, model_format: ModelFormat) -> bool:
+        """Whether a format has a parameter."""
+        return name not in self.drives or name.partition(".")[0] in model_format.held
+
+
+def _changes(subject: Subject, states: States, largest: float) -> _Changes:
+    """Changes whose torques are a share of the ``largest``; joints' terms that were not found start at the nominal."""
+    robot, rng = subject.robot, np.random.default_rng(11)
+    n, ten = len(robot.segments), subject.parameters.reshape(-1, 10)
+    columns = joint_torque_regressor(robot.model, states.q, states.v, states.a)
+    heavy = ten[:, 0] > 0.0
+    # Of a body that has none of its own: 0.1 m.
+    length = np.full(n, 0.1)
+    spread = np.abs(ten[:, [4, 6, 9]]).max(axis=1)
+    length[heavy] = np.clip(np.sqrt(spread[heavy] / ten[heavy, 0]), 1e-3, 1.0)
+    body = np.zeros((n, 10))
+    body[:, 0] = 1.0
+    body[:, [4, 6, 9]] = 2.0 * (length**2)[:, None]
+    # Half of what would leave its pseudo-inertia, diag(l², l², l², 1), singular; a fifth of that of all ten together.
+    whole = 0.5 * np.column_stack([np.ones(n), *[length] * 3, *[length**2] * 6])
+    parts = columns.reshape(*columns.shape[:2], n, 10)
+    effect = np.abs(np.einsum("srnk,nk->srn", parts, body)).max(axis=(0, 1))
+    size = _SHARE * largest / np.maximum(effect, 1e-3 * max(float(effect.max()), 1e-12))
+    whole *= size[:, None]
+    step = whole * rng.uniform(0.15, 0.25, whole.shape) * rng.choice([-1.0, 1.0], whole.shape)
+    names = [f"{segment.link}.{name}" for segment in robot.segments for name in PARAMETERS]
+    torques = [(columns * step.ravel()).reshape(-1, 10 * n)]
+    sizes, ends = [np.abs(columns * whole.ravel()).max(axis=(0, 1))], (dict[str, float](), dict[str, float]())
+    for term in JOINT_TERMS:
+        more = _SHARE * largest * rng.uniform(0.5, 1.0, robot.n_joints)
+        for end, values in zip(ends, (subject.written(term), subject.written(term) + more), strict=True):
+            end |= {f"{term}.{joint}": float(v) for joint, v in zip(robot.joint_names, values, strict=True)}
+        nothing = np.zeros_like(states.torque)
+        each = [with_friction(robot, nothing, states, {term: row}).ravel() for row in np.diag(more)]
+        torques.append(np.column_stack(each))
+        sizes.append(np.abs(torques[-1]).max(axis=0))
+    # What is written as a whole is read once; changes are of what torques depend on.
+    start, alone = subject.parameters + (body * size[:, None]).ravel(), subject.varied(shapes=False)
+    return _Changes(
+        alone.but(start, ends[0]),
+        alone.but(start + step.ravel(), ends[1]),
+        frozenset(ends[1]),
+        (*names, *ends[1]),
+        np.hstack(torques),
+        np.concatenate(sizes),
     )
-    return Proof(error, len(felt), unseen, not_held)
 
 
-# What torques do where a parameter changes.
-_FELT, _UNSEEN, _DEAF, _NOT_HELD = "felt", "unseen", "deaf", "not held"
+def _told(model_format: ModelFormat, subject: Subject, term: str) -> Array:
+    """What joints' servos are told instead; all joints have one delay, and a change of it is several steps."""
+    own = subject.servo(term)
+    if term == "delay":
+        return own + 10.0 * max(model_format.delay_step_s, 1e-3)
+    return own * np.random.default_rng(11).uniform(1.2, 1.5, len(own))
 
 
-class _Trial:
-    """A subject in a format, its states, and the torques that are read of it."""
-
-    def __init__(self, model_format: ModelFormat, subject: Subject) -> None:
-        self.format, self.robot = model_format, subject.robot
-        self.states: States = random_states(self.robot, subject.parameters)
-        states = self.states
-        self.regressor = joint_torque_regressor(self.robot.model, states.q, states.v, states.a)
-        own = self._load(subject)
-        self.base, self.drives = own.torques, own.joint_terms
-        # What is written as a whole was read once; changes are of what torques depend on.
-        self.subject = subject.varied(shapes=False)
-        self.largest = max(float(np.abs(self.base).max()), 1e-9)
-        self.floor = _ABOVE_ROUNDING * model_format.tolerance * self.largest
-
-    def _load(self, subject: Subject) -> LoadedModel:
-        return self.format.load(subject, self.format.render(subject), self.states)
-
-    def error(self) -> float:
-        """Relative error of the torques as read, against the found parameters; what was not found is the file's."""
-        drives = {}
-        for term, own in self.drives.items():
-            found = self.subject.term(term)
-            drives[term] = np.where(np.isfinite(found), found, own)
-        wanted = with_friction(self.robot, self.states.torque, self.states, drives)
-        return float(np.abs(self.base - wanted).max() / max(float(np.abs(wanted).max()), 1e-9))
-
-    def bodies(self) -> dict[str, str]:
-        """What a change of each inertial parameter does."""
-        added, steps = self._added()
-        parameters = self.subject.parameters
-        plain = self._load(self.subject.but(parameters + added.ravel(), {})).torques
-        found: dict[str, str] = {}
-        columns = self.regressor.reshape(*self.regressor.shape[:2], -1, 10)
-        for k, name in enumerate(PARAMETERS):
-            more = added.copy()
-            more[:, k] += steps[:, k]
-            changed = self._load(self.subject.but(parameters + more.ravel(), {})).torques
-            parts = columns[..., k] * steps[:, k]
-            missed = float(np.abs(changed - plain - parts.sum(axis=2)).max())
-            for segment, own in zip(self.robot.segments, np.abs(parts).max(axis=(0, 1)), strict=True):
-                followed = _FELT if missed <= _MISSED * own + self.floor / 10.0 else _DEAF
-                found[f"{segment.link}.{name}"] = _UNSEEN if own <= self.floor else followed
-        return found
-
-    def _added(self) -> tuple[Array, Array]:
-        """A body for each segment, ``(n, 10)``, and how far each of its parameters is changed, ``(n, 10)``."""
-        n = len(self.robot.segments)
-        ten = self.subject.parameters.reshape(n, 10)
-        heavy = ten[:, 0] > 0.0
-        # Of a body that has none of its own: 0.1 m.
-        length = np.full(n, 0.1)
-        spread = np.abs(ten[:, [4, 6, 9]]).max(axis=1)
-        length[heavy] = np.clip(np.sqrt(spread[heavy] / ten[heavy, 0]), 1e-3, 1.0)
-        body = np.zeros((n, 10))
-        body[:, 0] = 1.0
-        body[:, [4, 6, 9]] = 2.0 * (length**2)[:, None]
-        # Half of what would leave its pseudo-inertia, diag(l², l², l², 1), singular.
-        step = 0.5 * np.column_stack([np.ones(n), *[length] * 3, *[length**2] * 6])
-        columns = self.regressor.reshape(*self.regressor.shape[:2], n, 10)
-        effect = np.abs(np.einsum("srnk,nk->srn", columns, body)).max(axis=(0, 1))
-        size = _SHARE * self.largest / np.maximum(effect, 1e-3 * max(float(effect.max()), 1e-12))
-        return body * size[:, None], step * size[:, None]
-
-    def joints(self, term: str) -> dict[str, str]:
-        """What a change of a term of each joint does; one that the format does not hold has to change nothing."""
-        own = self.subject.written(term)
-        step = _SHARE * self.largest * np.random.default_rng(11).uniform(0.5, 1.0, self.robot.n_joints)
-        names = [f"{term}.{joint}" for joint in self.robot.joint_names]
-        before, after = (
-            self._load(
-                self.subject.but(self.subject.parameters, dict(zip(names, values, strict=True)))
-            ).torques
-            for values in (own, own + step)
-        )
-        zero = np.zeros_like(self.states.torque)
-        wanted = with_friction(self.robot, zero, self.states, {term: step})
-        far = np.abs(after - before - wanted)[:, self.robot.n_base_v :].max(axis=0)
-        followed = far <= _MISSED * np.abs(wanted[:, self.robot.n_base_v :]).max(axis=0)
-        held = term in self.format.held
-        right = _FELT if held else _NOT_HELD
-        return {name: right if good == held else _DEAF for name, good in zip(names, followed, strict=True)}
-
-    def servos(self, term: str) -> dict[str, str]:
-        """Whether a known term of each joint's servo is read as written, and follows a change."""
-        own = self.subject.servo(term)
-        more = np.random.default_rng(11).uniform(1.2, 1.5, self.robot.n_joints)
-        late = term == "delay"
-        # All joints have one delay, and a change of it is several steps.
-        changed = own + 10.0 * max(self.format.delay_step_s, 1e-3) if late else own * more
-        off = np.zeros(self.robot.n_joints)
-        for values in (own, changed):
-            told = {**self.subject.servo_values, term: values}
-            seen = self._load(self.subject.varied(servo_values=told)).terms[term]
-            room = 0.5 * self.format.delay_step_s if late else 0.0
-            off = np.maximum(
-                off,
-                np.abs(seen - values)
-                - room
-                - _MISSED * np.abs(values - own)
-                - 4.0 * float(np.finfo(np.float32).eps) * np.abs(values),
-            )
-        known = zip(self.robot.joint_names, np.isfinite(own), off, strict=True)
-        return {f"{term}.{joint}": _FELT if far <= 0.0 else _DEAF for joint, there, far in known if there}
+def _servo_error(
+    model_format: ModelFormat, term: str, seen: Array, told: Array, change: Array | float
+) -> Array:
+    """How far a term that is read is off what servos were told, beyond what may be missed of a change."""
+    room = 0.5 * model_format.delay_step_s if term == "delay" else 0.0
+    rounding = 4.0 * float(np.finfo(np.float32).eps) * np.abs(told)
+    return np.asarray(np.abs(seen - told) - room - _MISSED * np.abs(change) - rounding)
 
 
 CHANGES, LOST, DOCUMENT = "changes.csv", "lost.csv", "model.json"
