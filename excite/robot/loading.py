@@ -243,7 +243,8 @@ def limited_description(robot: Robot, file: Path) -> str:
         RobotError: it is no such file, names no joint of the robot, or leaves one no range.
     """
     description, limits = read_description(robot.source), robot.limits
-    found, tables = (read(file, robot.driven_names) for read in (read_joint_limits, read_position_tables))
+    found = read_joint_limits(file, robot.driven_names)
+    tables = read_position_tables(file, robot.driven_names)
     if not found and not tables:
         remedy = "the robot has " + ", ".join(robot.driven_names)
         raise RobotError("names no joint of the robot", source=file, field="joint_limits", remedy=remedy)
