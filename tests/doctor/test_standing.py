@@ -101,6 +101,15 @@ def test_a_weight_in_no_unit_is_said_and_left(g1: Robot, log: Log) -> None:
     np.testing.assert_allclose(chart.log.trials[0].wrenches[sensor], heavy.trials[0].wrenches[sensor])
 
 
+@pytest.mark.parametrize("noise", [0.005, 0.02])
+def test_noise_of_positions_is_no_unit_of_wrenches_nor_a_turned_sign(g1: Robot, log: Log, noise: float) -> None:
+    """Accelerations that noise makes are larger than the weight, which is told by the mean."""
+    rng = np.random.default_rng(1)
+    trials = tuple(replace(t, q=t.q + noise * rng.standard_normal(t.q.shape)) for t in log.trials)
+    found = spoiling(examine(g1, replace(log, trials=trials)))
+    assert not {kind for kind in found if kind.startswith("wrench")}
+
+
 def test_a_known_unit_leaves_no_doubt(examined: Callable[[str, int], Chart]) -> None:
     assert examined("force unit", 0).doubts == frozenset()
 
