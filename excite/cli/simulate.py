@@ -59,13 +59,15 @@ def command(
         progress_bars() as progress,
     ):
         moves, planned = excite.load_motions(motions, loaded), planned_roles(motions)
+        # Some of a plan's motions are run without the others; those that judge, alone, have to be learnt from.
+        roles = {move.name: planned[move.name] for move in moves if move.name in planned}
+        judged = all(roles.get(move.name) == "validation" for move in moves)
         experiment = excite.simulate(
             loaded,
             moves,
             inject=tuple(inject or ()),
             nominal=nominal,
-            # Some of a plan's motions are run without the others.
-            roles={move.name: planned[move.name] for move in moves if move.name in planned} or None,
+            roles=None if judged else roles,
             seed=seed,
             jobs=crew,
             progress=progress,

@@ -14,12 +14,13 @@ import pinocchio as pin
 import yaml
 
 from excite.arrays import Array
+from excite.display import span
 from excite.errors import MotionError, RobotError
 from excite.formats.documents import MAX_XML_BYTES, read_xml
 from excite.formats.file import read_bytes
 from excite.results import Assumed
 from excite.robot.catalogue import example_robot_data, find_robot
-from excite.robot.description import FREE_BASES, FootBlock, RobotDescription, read_description
+from excite.robot.description import FREE_BASES, FootBlock, PositionTable, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
 from excite.robot.mechanisms.closures import (
@@ -38,10 +39,21 @@ from excite.robot.quantities import MAX_RATIO, PerJoint
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import ground_is_assumed
 from excite.robot.urdf.inertia import check_weights
-from excite.robot.urdf.limits import CONTROL, SOFT, assumed_limits, keep_stated_limits, read_joint_limits
+from excite.robot.urdf.limits import (
+    CONTROL,
+    SOFT,
+    assumed_limits,
+    keep_stated_limits,
+    read_joint_limits,
+    read_position_tables,
+    with_tables,
+)
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import MAX_NESTING, Stated, read_urdf
+
+CHOSEN = "chosen here"
+"""How the source of a value begins that who wrote a description chose."""
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -120,7 +132,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     rest = _rest_configuration(model, description, upright, feet)
     return Robot(
         name=description.name,
-        description=_with_limits_said(_with_ground_said(description), model_path, urdf),
+        description=_with_limits_said(_with_choices_said(_with_ground_said(description)), model_path, urdf),
         source=path,
         urdf=urdf,
         hash=fingerprint,
@@ -145,6 +157,20 @@ def _with_ground_said(description: RobotDescription) -> RobotDescription:
         consequence="motions stay above it: state collision.table_height, or null where nothing is there",
     )
     return description.model_copy(update={"assumed": (*description.assumed, ground)})
+
+
+def _with_choices_said(description: RobotDescription) -> RobotDescription:
+    """The description with limits among what is assumed whose source says that who wrote it chose them."""
+    found, block = [*description.assumed], description.limits
+    units = {"velocity": "rad/s or m/s", "acceleration": "rad/s² or m/s²", "jerk": "rad/s³ or m/s³"}
+    for name, unit in {**units, "torque": "N·m or N"}.items():
+        stated: PerJoint | None = getattr(block, name)
+        if stated is not None and stated.source.startswith(CHOSEN):
+            values = [*stated.joints.values(), *([] if stated.default is None else [stated.default])]
+            value = f"{span(f'{min(values):g}', f'{max(values):g}')} {unit}, {stated.source}"
+            consequence = f"motions keep to it: state limits.{name} if the robot bears less, or more"
+            found.append(Assumed(f"{name} limits", value, consequence))
+    return description.model_copy(update={"assumed": tuple(found)})
 
 
 def _with_limits_said(description: RobotDescription, model_path: Path, urdf: str) -> RobotDescription:
@@ -211,14 +237,15 @@ def portable_description(robot: Robot) -> str:
 
 
 def limited_description(robot: Robot, file: Path) -> str:
-    """The same, with the joint limits of a file of MoveIt's kind where they are tighter than the robot's.
+    """The same, with the joint limits of a file of MoveIt's kind: where they are tighter, and those by position.
 
     Raises:
         RobotError: it is no such file, names no joint of the robot, or leaves one no range.
     """
     description, limits = read_description(robot.source), robot.limits
     found = read_joint_limits(file, robot.driven_names)
-    if not found:
+    tables = read_position_tables(file, robot.driven_names)
+    if not found and not tables:
         remedy = "the robot has " + ", ".join(robot.driven_names)
         raise RobotError("names no joint of the robot", source=file, field="joint_limits", remedy=remedy)
     changed: dict[str, dict[str, Any]] = {}
@@ -241,18 +268,29 @@ def limited_description(robot: Robot, file: Path) -> str:
             raise RobotError(what, source=file, field=f"joint_limits.{name}", remedy="correct one of them")
         if kept != (low, high):
             changed.setdefault("position", {})[name] = kept
-    return _portable(robot, _with_limits(description, changed, file))
+    return _portable(robot, _with_limits(description, changed, tables, file))
 
 
 def _with_limits(
-    description: RobotDescription, changed: Mapping[str, Mapping[str, Any]], file: Path
+    description: RobotDescription,
+    changed: Mapping[str, Mapping[str, Any]],
+    tables: Sequence[PositionTable],
+    file: Path,
 ) -> RobotDescription:
     """The description with limits of some joints changed, and where they stand among what is assumed."""
     content = description.model_dump(mode="json", by_alias=True, exclude_unset=True)
     for what, joints in changed.items():
         block = content["limits"].get(what) or {"source": file.name}
         content["limits"][what] = {**block, "joints": {**block.get("joints", {}), **joints}}
-    said = assumed_limits({file.name: {what: list(joints) for what, joints in changed.items()}})
+    if tables:
+        stated = content["limits"].get("by_position", [])
+        content["limits"]["by_position"] = [
+            *stated,
+            *(one.model_dump(exclude_defaults=True) for one in tables),
+        ]
+    said = assumed_limits(
+        {file.name: with_tables({what: [*joints] for what, joints in changed.items()}, tables)}
+    )
     content["assumed"] = [*content.get("assumed", []), *(one.to_json() for one in said)]
     return RobotDescription.model_validate(content)
 

@@ -156,7 +156,7 @@ class ToyEstimator(Estimator[WlsSettings]):
     "injected effect": Toy(
         "simulation/effects/toy.py",
         """
-from excite.simulation.effects.forces import SpringLaw
+from excite.simulation.effects.laws import SpringLaw
 
 ToyLaw = SpringLaw
 """,

@@ -28,7 +28,7 @@ from excite.results import Name, Stated, Unbounded, stated
 from excite.robot.load import load_robot
 from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot
-from excite.simulation.drives import nominal_drives
+from excite.simulation.true_parameters import nominal_drives
 
 _FILES = ("identification.json", "campaign.json", "diagnosis.json")
 _AGAIN = "write it again with excite identify … --out DIR"

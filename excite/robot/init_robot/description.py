@@ -96,6 +96,12 @@ def draft_description(
         return draft_description(path, folder, rng, said, {**weak, **more_weak})
     content = _description_content(model, rest, Path(folder or path.parent), rng, said.armature)
     content["assumed"] = [*(one.to_json() for one in said.assumed), *content["assumed"]]
+    free = {guess.name for guess in model.free}
+    tables = [one for one in said.by_position if {one.joint, one.over or one.joint} <= free]
+    if tables:
+        content["limits"]["by_position"] = [
+            one.model_dump(mode="json", exclude_defaults=True) for one in tables
+        ]
     return content
 
 
@@ -282,17 +288,18 @@ class Values:
             "joints": accelerations,
             "source": "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²",
         }
-        block["jerk"] = {
-            "joints": {g.name: min(20.0 * accelerations[g.name], g.jerk or math.inf) for g in self.free},
-            "source": "so that full acceleration takes 0.05 s to build up",
-        }
+        jerks = {g.name: min(20.0 * accelerations[g.name], g.jerk or math.inf) for g in self.free}
+        block["jerk"] = {"joints": jerks, "source": "so that full acceleration takes 0.05 s to build up"}
         low, high = min(accelerations.values()), max(accelerations.values())
         rule = Assumed(
             what="acceleration limits",
             value=f"{span(f'{low:g}', f'{high:g}')} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
             consequence="motions may be slower than the robot allows, or faster than its maker does",
         )
-        low, high = 20.0 * low, 20.0 * high
+        chosen = [jerks[g.name] for g in self.free if jerks[g.name] != g.jerk]
+        if not chosen:
+            return block, [*self.said, *more, rule]
+        low, high = min(chosen), max(chosen)
         jerk = Assumed(
             what="jerk limits",
             value=f"{span(f'{low:g}', f'{high:g}')} rad/s³ or m/s³, full acceleration within 0.05 s",

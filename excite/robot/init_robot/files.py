@@ -18,6 +18,7 @@ from excite.formats.child import in_child
 from excite.formats.documents import read_xml
 from excite.formats.file import first_bytes
 from excite.results import Assumed
+from excite.robot.description import PositionTable
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still
 from excite.robot.init_robot.model_metadata import Said, states_mass, weigh_links
@@ -28,7 +29,9 @@ from excite.robot.urdf.limits import (
     joint_limits_beside,
     keep_stated_limits,
     read_joint_limits,
+    read_position_tables,
     tighten,
+    with_tables,
 )
 from excite.robot.urdf.reading import MAX_NESTING, find_mesh
 from excite.robot.urdf.sdf import convert_sdf
@@ -89,7 +92,7 @@ def write_scaffold(
         conversion = convert_mjcf(file)
         limited = _limited(_Made(conversion.urdf, None), file, source)
         conversion = replace(conversion, urdf=limited.text or conversion.urdf)
-        text = _describe_copy(conversion, urdf, file, seed, ignored, limited.assumed)
+        text = _describe_copy(conversion, urdf, file, seed, ignored, limited)
         with all_or_nothing():
             conversion.write(urdf)
             write_text(target, text)
@@ -107,7 +110,7 @@ def write_scaffold(
     _check_absent(urdf, overwrite)
     place = TemporaryFolder()
     copy = write_text(place.path / urdf.name, found.text)
-    said = replace(said, floating=found.floating, assumed=found.assumed)
+    said = replace(said, floating=found.floating, assumed=found.assumed, by_position=found.by_position)
     text = _renamed_errors(copy, place.path, file, seed, said)
     with all_or_nothing():
         write_text(urdf, found.text)
@@ -123,11 +126,13 @@ class _Made:
         text: None where the file is the URDF.
         floating: True where it says that its base is free; None where it does not say.
         assumed: what was assumed to make it.
+        by_position: limits that depend on positions.
     """
 
     text: str | None
     floating: bool | None
     assumed: tuple[Assumed, ...] = ()
+    by_position: tuple[PositionTable, ...] = ()
 
 
 def _expand_model(file: Path, source: Source) -> _Made:
@@ -155,10 +160,10 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     root = ElementTree.fromstring(text)
     keep_stated_limits(root, file)
     names = [joint.get("name", "") for joint in root.findall("joint")]
-    tightened: dict[str, dict[str, list[str]]] = {}
+    tightened, by_position = dict[str, dict[str, list[str]]](), list[PositionTable]()
     for one in files:
-        limits = read_joint_limits(one, names)
-        if not limits and source.limits is not None:
+        limits, tables = read_joint_limits(one, names), read_position_tables(one, names)
+        if not limits and not tables and source.limits is not None:
             raise RobotError(
                 "names no joint of the robot",
                 source=one,
@@ -166,11 +171,13 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
                 remedy="the model has " + ", ".join(names),
             )
         named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
-        tightened[named] = tighten(root, limits, file, one.name)
+        tightened[named] = with_tables(tighten(root, limits, file, one.name), tables)
+        by_position += tables
     if not any(tightened.values()):
         return made
     text = ElementTree.tostring(root, encoding="unicode")
-    return replace(made, text=text, assumed=(*made.assumed, *assumed_limits(tightened)))
+    said = (*made.assumed, *assumed_limits(tightened))
+    return replace(made, text=text, assumed=said, by_position=tuple(by_position))
 
 
 def _wheeled_assumption(root: ElementTree.Element) -> tuple[Assumed, ...]:
@@ -190,7 +197,7 @@ def _describe_copy(
     file: Path,
     seed: int,
     ignored: tuple[tuple[str, str], ...],
-    assumed: tuple[Assumed, ...],
+    limited: _Made,
 ) -> str:
     """Describe the URDF from a copy that goes away again, so that nothing is written where that fails."""
     said = Said(
@@ -199,8 +206,9 @@ def _describe_copy(
         (*conversion.excluded, *ignored),
         conversion.loops,
         conversion.couplings,
-        assumed=assumed,
+        assumed=limited.assumed,
         armature=conversion.armature,
+        by_position=limited.by_position,
     )
     place = TemporaryFolder()
     return _renamed_errors(conversion.write(place.path / urdf.name), place.path, file, seed, said)

@@ -1,8 +1,11 @@
-"""Sequences for humanoids and quadrupeds, and motions of people."""
+"""Formats of makers' own: programs and streams for arms, sequences for humanoids and quadrupeds, motions of people."""
 
 from __future__ import annotations
 
 import json
+import math
+import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +15,14 @@ from scipy.spatial.transform import Rotation
 from excite.arrays import Array
 from excite.atomic import atomic_folder, atomic_path, write_text
 from excite.errors import InputError
-from excite.export.exporter import Exporter, Setting, motion_remarks, motion_statement
+from excite.export.exporter import (
+    Exporter,
+    Setting,
+    as_comments,
+    comment_lines,
+    motion_remarks,
+    motion_statement,
+)
 from excite.formats.markers import write_storage
 from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.human.models import PELVIS, TO_ISB, coordinate_names
@@ -20,7 +30,233 @@ from excite.motion.motion import Motion
 from excite.motion.readers.programs import HEADER, STATEMENT
 from excite.robot.robot import Robot
 from excite.safety.ground_forces import wrench_at_world_origin, zero_moment_point
-from excite.simulation.drives import nominal_drives
+from excite.safety.verdict import Violation
+from excite.simulation.true_parameters import nominal_drives
+
+# Programs in URScript for arms of Universal Robots.
+
+# What fits a window of the teach pendant.
+_LONGEST_POPUP = 200
+
+
+class UrScriptExporter(Exporter):
+    """A program that asks the operator, moves to the start, servos through every sample, and stops.
+
+    ``movej`` takes the arm from wherever it stands to the first sample, slowly; that way is the controller's own and no
+    check has seen it, hence the question before it. Then one ``servoj`` a sample, each for one period: the controller
+    smooths the setpoints over ``lookahead`` and pulls the arm along with ``gain``, so the arm follows the motion a
+    little late. The last posture is held for ``settle``, then ``stopj`` ends it. At a speed slider below 100 % each
+    ``servoj`` takes longer than its period: another, slower motion.
+
+    Ranges of lookahead and gain are those of Universal Robots' script manual (servoj). An e-Series or UR-Series
+    controller runs at 500 Hz, a CB3 one at 125 Hz.
+    """
+
+    name = "ur-script"
+    suffix = ".script"
+    summary = "URScript program for an arm of Universal Robots: movej to the start, servoj, stopj"
+    rates_hz = (500.0, 125.0)
+    chain = 6
+    exact = False
+    settings = (
+        Setting("lookahead", 0.1, "smoothing of the setpoints", 0.03, 0.2, "s"),
+        Setting("gain", 300.0, "proportional gain of the servo", 100.0, 2000.0),
+        # A quarter of what movej does where nothing is said, 1.05 rad/s and 1.4 rad/s²: a hand reaches the stop.
+        Setting("approach_speed", 0.25, "speed of the way to the start", 0.01, 1.05, "rad/s"),
+        Setting("approach_acceleration", 0.35, "acceleration of the way to the start", 0.01, 1.4, "rad/s²"),
+        Setting("settle", 0.5, "how long the last posture is held", 0.0, 10.0, "s"),
+        Setting("stop", 2.0, "deceleration of the last stop", 0.1, 10.0, "rad/s²"),
+        Setting(
+            "confirm", "yes", "whether the operator is asked before the arm moves", choices=("yes", "no")
+        ),
+    )
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """See :class:`Exporter`; numbers are written with all their digits."""
+        write_text(path, comment_lines(motion) + self._program(motion))
+
+    def _program(self, motion: Motion) -> str:
+        rate = (motion.n_samples - 1) / motion.duration
+        servo = f"0, 0, {1.0 / rate:.6g}, {self.number('lookahead'):g}, {self.number('gain'):g})"
+        # URScript has no exponents; 1e-12 rad at 500 Hz are 1e-6 rad/s² of acceleration.
+        rows = [f"[{', '.join(f'{x + 0.0:.12f}' for x in row)}]" for row in motion.joint_positions().tolist()]
+        speed, acceleration = self.number("approach_speed"), self.number("approach_acceleration")
+        lines = [f"def {function_name(motion.name)}():"]
+        if self.word("confirm") == "yes":
+            lines.append(f'  popup("{_first_remark(motion)}", "excite", False, False, True)')
+        lines.append(f"  movej({rows[0]}, a={acceleration:g}, v={speed:g})")
+        lines += [f"  servoj({row}, {servo}" for row in rows]
+        lines += [
+            "  held = 0",
+            f"  while held < {math.ceil(self.number('settle') * rate)}:",
+            f"    servoj({rows[-1]}, {servo}",
+            "    held = held + 1",
+            "  end",
+            f"  stopj({self.number('stop'):g})",
+            "end",
+        ]
+        return "\n".join([*lines, ""])
+
+
+def function_name(name: str) -> str:
+    """A motion's name as URScript allows it: letters of ASCII, digits and underscores."""
+    word = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return word if word[:1].isalpha() else f"motion_{word}"
+
+
+def _first_remark(motion: Motion) -> str:
+    """The first remark, which is the warning of a motion that is not safe, and the question."""
+    first = motion_remarks(motion)[0].replace('"', "'").replace("\\", "/")
+    return f"{first[:_LONGEST_POPUP]}. Is the way to its start free?"
+
+
+# What Franka's control interface lets joints do.
+#
+# The numbers are those of the maker's page "Control Interface Specification and Robot Limits" and of
+# libfranka's ``rate_limiting.h`` (0.9.2 for the Franka Emika Robot, which is also called Panda; 0.13 and
+# later for the Franka Research 3). A command that is beyond one of them in one millisecond ends the motion.
+
+RATE_HZ = 1000.0
+PERIOD_S = 1.0 / RATE_HZ
+# libfranka compares with limits that are smaller by this.
+_EPSILON = 1e-3
+
+
+@dataclass(frozen=True)
+class FrankaLimits:
+    """Limits of the seven joints of one model.
+
+    Attributes:
+        velocity: [rad/s].
+        acceleration: [rad/s²].
+        jerk: [rad/s³].
+        braking: by joint ``(offset, slope, lower end, upper end)``: near an end of its range at distance d a joint may
+            be no faster towards it than √(slope·d) − offset [rad/s]; empty for a model that has constant limits.
+    """
+
+    velocity: tuple[float, ...]
+    acceleration: tuple[float, ...]
+    jerk: tuple[float, ...]
+    braking: tuple[tuple[float, float, float, float], ...] = ()
+
+    def velocities(self, q: Array) -> tuple[Array, Array]:
+        """Lowest and highest velocity at positions ``(n, 7)``, the same shape each."""
+        top = np.tile(self.velocity, (len(q), 1))
+        if not self.braking:
+            return -top, top
+        offset, slope, lower, upper = np.array(self.braking).T
+        up = np.maximum(0.0, np.sqrt(np.maximum(0.0, slope * (upper - q))) - offset)
+        down = np.maximum(0.0, np.sqrt(np.maximum(0.0, slope * (q - lower))) - offset)
+        return -np.minimum(top, down), np.minimum(top, up)
+
+
+LIMITS = {
+    "panda": FrankaLimits(
+        (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
+        (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
+        (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
+    ),
+    "fr3": FrankaLimits(
+        (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
+        (10.0,) * 7,
+        (5000.0,) * 7,
+        (
+            (0.30, 12.0, -2.7501, 2.7501),
+            (0.20, 5.17, -1.7918, 1.7918),
+            (0.20, 7.0, -2.9065, 2.9065),
+            (0.30, 8.0, -3.0481, -0.1458),
+            (0.35, 34.0, -2.8101, 2.8101),
+            (0.35, 11.0, 0.54092, 4.5205),
+            (0.35, 34.0, -3.0196, 3.0196),
+        ),
+    ),
+}
+
+
+def franka_violations(limits: FrankaLimits, q: Array, joints: tuple[str, ...]) -> tuple[Violation, ...]:
+    """Where a stream of positions is beyond the limits, the first time of each kind and joint.
+
+    Velocity, acceleration and jerk are differences from millisecond to millisecond, as the robot takes them, from and
+    to a robot that stands still.
+
+    Args:
+        limits: of the model.
+        q: ``(n, 7)`` positions, one a millisecond [rad].
+        joints: their names.
+    """
+    # Three milliseconds of standing still before the first and after the last sample: jerk is of third order.
+    still = np.pad(q, ((3, 3), (0, 0)), mode="edge")
+    v = np.diff(still, axis=0) / PERIOD_S
+    a = np.diff(v, axis=0) / PERIOD_S
+    jerk = np.diff(a, axis=0) / PERIOD_S
+    low, high = limits.velocities(still[1:])
+    found: list[Violation] = []
+    for kind, values, limit in (
+        ("franka_velocity", v, np.where(v >= 0.0, high, -low)),
+        ("franka_acceleration", a, np.array(limits.acceleration)),
+        ("franka_jerk", jerk, np.array(limits.jerk)),
+    ):
+        beyond = np.abs(values) > limit - _EPSILON
+        for joint in np.flatnonzero(beyond.any(axis=0)):
+            row = int(np.argmax(beyond[:, joint]))
+            time = max(0.0, (row + len(still) - len(values) - 3) * PERIOD_S)
+            most = float(np.broadcast_to(limit, values.shape)[row, joint])
+            found.append(Violation(kind, time, joints[joint], float(abs(values[row, joint])), most))
+    return tuple(found)
+
+
+# Rows of positions, velocities and accelerations at 1 kHz for arms of Franka.
+
+
+class FrankaExporter(Exporter):
+    """Numbers between spaces: q of the seven joints, then their dq, then their ddq [rad, s], a row a millisecond.
+
+    Lines that start with ``#`` say whose motion it is and name the columns. What libfranka's callback for joint
+    positions or velocities returns is a row's first or second seven. Beyond the robot's own limits those of Franka's
+    interface are checked on what is written: velocity (of a Franka Research 3 also near the ends of the ranges),
+    acceleration and jerk between milliseconds, from and to standing still.
+    """
+
+    name = "franka"
+    suffix = ".txt"
+    summary = "rows of q, dq, ddq at 1 kHz for libfranka, within its own limits"
+    rates_hz = (RATE_HZ,)
+    chain = 7
+    settings = (
+        Setting("model", "", "whose limits hold; by the joints' names where left out", choices=("", *LIMITS)),
+    )
+
+    def refuse(self, motion: Motion) -> None:
+        """Raise InputError for robots other than chains of seven, and where nobody says which model it is."""
+        super().refuse(motion)
+        if not self._model():
+            raise InputError(
+                f"joint {self.robot.joint_names[0]!r} does not say which arm of Franka it is",
+                source=motion.name,
+                field="model",
+                remedy=f"give --set model={' or '.join(LIMITS)}",
+            )
+
+    def violations(self, motion: Motion) -> tuple[Violation, ...]:
+        """See :class:`Exporter`."""
+        return franka_violations(LIMITS[self._model()], motion.joint_positions(), motion.joint_names)
+
+    def write(self, motion: Motion, path: Path) -> None:
+        """See :class:`Exporter`; numbers are written with all their digits."""
+        names = [f"{prefix}.{joint}" for prefix in "qva" for joint in motion.joint_names]
+        rows = np.hstack([motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()])
+        said = motion_statement(motion) | {"rate_hz": RATE_HZ, "columns": names}
+        lines = [f"{' '.join(map(repr, row))}\n" for row in rows.tolist()]
+        write_text(path, as_comments([*motion_remarks(motion), json.dumps(said)]) + "".join(lines))
+
+    def _model(self) -> str:
+        """Name of the model in ``LIMITS``, by the setting or the joints' names; empty where neither says."""
+        first = self.robot.joint_names[0]
+        named = "fr3" if first.startswith("fr3") else "panda" if first.startswith(("panda", "fer_")) else ""
+        return self.word("model") or named
+
+
+# Sequences for humanoids and quadrupeds, and motions of people.
 
 # Pattern files of OpenHRP and Choreonoid: .pos, .waist, .hip and .zmp.
 
