@@ -26,6 +26,7 @@ from excite.robot.init_robot.first_guesses import (
 from excite.robot.init_robot.limbs import Figure
 from excite.robot.init_robot.model_metadata import Said
 from excite.robot.loading import build_robot
+from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes, robot_reach
 from excite.robot.shapes.shape import Shape
@@ -175,9 +176,7 @@ class StandIn:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"])
             what = f"cannot be described: {place} {first['msg']}"
-            raise RobotError(
-                what, source=self.path, remedy="correct the model, or rename its file"
-            ) from error
+            raise robot_error(self.path, None, what, "correct the model, or rename its file") from error
         return build_robot(description, self.path)
 
 
@@ -290,10 +289,10 @@ def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
             "states no masses, and has no geometry at hand to guess them from",
             "add <inertial> to its links, or give --package-path FOLDER, where its meshes are",
         )
-        return RobotError(what, source=path, remedy=remedy)
+        return robot_error(path, None, what, remedy)
     named = ", ".join(list(held)[:3])
     remedy = f"state limits that let {named} move" if held else "describe at least one"
-    return RobotError("has no joint that moves", source=path, remedy=remedy)
+    return robot_error(path, None, "has no joint that moves", remedy)
 
 
 def _with_followers(held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> set[str]:

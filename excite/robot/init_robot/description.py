@@ -475,13 +475,11 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
     q = robot.rest
     pin.forwardKinematics(robot.model, data, q)
     for leg, tip in legs.items():
-        joint = leg
-        while joint:
+        for joint in list(robot.model.supports[leg])[1:]:
             reach = np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation)
             loads[joint - 1] = max(
                 loads[joint - 1], 0.5 * weight * max(float(reach), 0.1) / max(len(legs) // 2, 1)
             )
-            joint = int(robot.model.parents[joint])
     return loads
 
 
@@ -503,13 +501,11 @@ def guess_gains(
     stiffness, damping = [], []
     loaded = {}
     for leg, tip in legs.items():
-        joint = leg
-        while joint:
+        for joint in list(robot.model.supports[leg])[1:]:
             reach = float(np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation))
             # A leg on a point is damped as it swings: damped as the robot sways, it drags at its point (with a
             # quarter of that damping feet of the HyQ slip by 3 mm in place of 12).
             loaded[joint - 1] = 0.0 if tip.any() else mass / len(legs) * max(reach, 0.1) ** 2
-            joint = int(robot.model.parents[joint])
     for index, own in enumerate(inertia):
         moved = max(float(own), loaded.get(index, 0.0))
         stiff = max(own * (2.0 * math.pi * _FREQUENCY) ** 2, loads[index] / _SAG)
