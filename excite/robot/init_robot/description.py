@@ -33,7 +33,7 @@ from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
 from excite.robot.legs import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, ground_height, links_below
-from excite.robot.urdf.tree import MAX_NAME
+from excite.robot.urdf.tree import MAX_NAME, link_at
 
 AS_IT_IS = "as the model has it"
 """How the reason begins with which a first description takes a fault of a link's inertia that no person accepted."""
@@ -204,7 +204,7 @@ def _wanted_posture(robot: Robot, posture: Mapping[str, float] | None) -> Array:
 
 
 def _base_link(root: Any, joints: dict[str, Any]) -> str:
-    children = {str(joint.find("child").get("link")) for joint in joints.values()}
+    children = {link_at(joint, "child") for joint in joints.values()}
     return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in children)
 
 

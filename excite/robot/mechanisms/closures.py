@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -33,6 +34,18 @@ from excite.robot.urdf.numbers import format_row
 # Singular values of the passive joints' part of K below this share of the largest are rounding: equations that say
 # the same, as a plane's do. A mechanism that is so near a singular position amplifies any error a million times.
 SINGULAR = 1e-6
+
+Member = TypeVar("Member")
+
+
+def join_overlapping(sets: Iterable[frozenset[Member]]) -> list[frozenset[Member]]:
+    """Unions of sets that have members in common."""
+    found: list[frozenset[Member]] = []
+    for one in sets:
+        touched = [group for group in found if group & one]
+        found = [group for group in found if not group & one]
+        found.append(one.union(*touched))
+    return found
 
 
 class Closure(ABC):

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.robot.mechanisms.closures import SINGULAR
+from excite.robot.mechanisms.closures import SINGULAR, join_overlapping
 from excite.robot.mjcf.urdf import Mimic, pose_of
 from excite.robot.refusal import robot_error
 
@@ -199,13 +199,8 @@ def tendon_joints(model: mujoco.MjModel, tendon: int) -> list[tuple[int, float]]
 
 def _group_equalities(tied: dict[int, set[int]]) -> list[list[int]]:
     """Equalities that share joints."""
-    groups: list[tuple[list[int], set[int]]] = []
-    for number, joints in tied.items():
-        touched = [group for group in groups if group[1] & joints]
-        groups = [group for group in groups if not group[1] & joints]
-        numbers = [k for group in touched for k in group[0]] + [number]
-        groups.append((numbers, joints.union(*(group[1] for group in touched))))
-    return [sorted(numbers) for numbers, _ in groups]
+    groups = join_overlapping(frozenset(joints) for joints in tied.values())
+    return [sorted(number for number, joints in tied.items() if joints <= group) for group in groups]
 
 
 def _equality_jacobian(model: mujoco.MjModel) -> dict[int, Array]:

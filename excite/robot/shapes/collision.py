@@ -24,7 +24,7 @@ from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_of, origin_of
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import Shape, coal_geometry, shape_points
+from excite.robot.shapes.shape import CORNERS, Shape, coal_geometry, shape_points
 
 TABLE = "table"
 _TABLE_SIZE = (4.0, 4.0, 1.0)
@@ -85,12 +85,16 @@ def watched_model(robot: Robot) -> tuple[pin.GeometryModel, Array]:
 def _model(robot: Robot, without: Collection[frozenset[str]] = ()) -> pin.GeometryModel:
     """Geometry with every pair that matters, but for some pairs of links."""
     shapes = collision_shapes(robot)
+    return _geometry_model(shapes, shape_pairs(robot, shapes, _ignored_pairs(robot, shapes).union(without)))
+
+
+def _geometry_model(shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> pin.GeometryModel:
     model = pin.GeometryModel()
     for shape in shapes:
         geometry = coal_geometry(shape)
         model.addGeometryObject(pin.GeometryObject(shape.name, shape.joint, shape.placement, geometry))
-    for first, second in shape_pairs(robot, shapes, _ignored_pairs(robot, shapes).union(without)):
-        model.addCollisionPair(pin.CollisionPair(first, second))
+    for pair in pairs:
+        model.addCollisionPair(pin.CollisionPair(*pair))
     return model
 
 
@@ -435,8 +439,7 @@ def bottom(shape: Shape, joint: pin.SE3) -> Array:
     if shape.kind == "sphere":
         return np.asarray(pose.translation + shape.size[0] * down)[None]
     if shape.kind == "box":
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return np.asarray(0.5 * signs * np.array(shape.size) @ pose.rotation.T + pose.translation)
+        return np.asarray(0.5 * CORNERS * np.array(shape.size) @ pose.rotation.T + pose.translation)
     radius, length = shape.size
     ends = [pose.act(np.array([0.0, 0.0, side * 0.5 * length])) for side in (-1.0, 1.0)]
     if shape.kind == "capsule":
@@ -536,13 +539,8 @@ class PairSearch:
     def __init__(self, robot: Robot):
         shapes = collision_shapes(robot)
         self.robot = robot
-        self.geometry = pin.GeometryModel()
-        for shape in shapes:
-            solid = pin.GeometryObject(shape.name, shape.joint, shape.placement, coal_geometry(shape))
-            self.geometry.addGeometryObject(solid)
         index_pairs = shape_pairs(robot, shapes)
-        for first, second in index_pairs:
-            self.geometry.addCollisionPair(pin.CollisionPair(first, second))
+        self.geometry = _geometry_model(shapes, index_pairs)
         names = [(shapes[first].link, shapes[second].link) for first, second in index_pairs]
         self.pairs = list(dict.fromkeys(names))
         column = {pair: index for index, pair in enumerate(self.pairs)}
