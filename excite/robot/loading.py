@@ -36,6 +36,7 @@ from excite.robot.mechanisms.closures import (
 )
 from excite.robot.mechanisms.mechanism import Mechanism, build_mechanism
 from excite.robot.quantities import MAX_RATIO, PerJoint
+from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import ground_is_assumed
 from excite.robot.urdf.inertia import check_weights
@@ -71,10 +72,11 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """
     path = find_robot(name_or_path)
     if path.suffix not in {".yaml", ".yml"}:
-        raise RobotError(
+        raise robot_error(
+            path,
+            None,
             "is a model, and a robot also needs limits, sensors and a posture",
-            source=path,
-            remedy=f"run `excite init-robot {path}` and fill in what it asks for",
+            f"run `excite init-robot {path}` and fill in what it asks for",
         )
     robot = build_robot(read_description(path), path)
     _rest_within_limits(robot)
@@ -112,20 +114,20 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     if description.sensors.imu is not None:
         joint, _ = link_placement(model, description.sensors.imu.link, path, "sensors.imu.link")
         if description.base in FREE_BASES and joint != 1:
-            raise RobotError(
+            raise robot_error(
+                path,
+                "sensors.imu.link",
                 f"link {description.sensors.imu.link!r} moves against the base",
-                source=path,
-                field="sensors.imu.link",
-                remedy="name the base's link, or one fixed to it",
+                "name the base's link, or one fixed to it",
             )
     if description.uncertainty is not None and description.uncertainty.payload is not None:
         link = description.uncertainty.payload.link
         if link_placement(model, link, path, "uncertainty.payload.link")[0] == 0:
-            raise RobotError(
+            raise robot_error(
+                path,
+                "uncertainty.payload.link",
                 f"link {link!r} does not move",
-                source=path,
-                field="uncertainty.payload.link",
-                remedy="name the link that carries the load",
+                "name the link that carries the load",
             )
     # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
     standing = description.base in ("fixed", "floating")
@@ -247,7 +249,7 @@ def limited_description(robot: Robot, file: Path) -> str:
     tables = read_position_tables(file, robot.driven_names)
     if not found and not tables:
         remedy = "the robot has " + ", ".join(robot.driven_names)
-        raise RobotError("names no joint of the robot", source=file, field="joint_limits", remedy=remedy)
+        raise robot_error(file, "joint_limits", "names no joint of the robot", remedy)
     changed: dict[str, dict[str, Any]] = {}
     for name, one in found.items():
         index, margin = robot.joint_index(name), description.limits.position.margin
@@ -265,7 +267,7 @@ def limited_description(robot: Robot, file: Path) -> str:
         kept = max(float(low), one.range[0]), min(float(high), one.range[1])
         if kept[0] + 2.0 * margin >= kept[1]:
             what = f"{one.range[0]:g} … {one.range[1]:g} leaves nothing of {low:.4g} … {high:.4g}"
-            raise RobotError(what, source=file, field=f"joint_limits.{name}", remedy="correct one of them")
+            raise robot_error(file, f"joint_limits.{name}", what, "correct one of them")
         if kept != (low, high):
             changed.setdefault("position", {})[name] = kept
     return _portable(robot, _with_limits(description, changed, tables, file))
@@ -315,11 +317,11 @@ def _rest_within_limits(robot: Robot) -> None:
     if outside.any():
         index = int(np.argmax(outside))
         name, low, high = robot.joint_names[index], limits.position_lower[index], limits.position_upper[index]
-        raise RobotError(
+        raise robot_error(
+            robot.source,
+            f"posture.joints.{name}",
             f"is {q[index]:.4g}, outside {low:.4g} … {high:.4g}",
-            source=robot.source,
-            field=f"posture.joints.{name}",
-            remedy="choose an angle inside the limits less their margin",
+            "choose an angle inside the limits less their margin",
         )
 
 
@@ -343,7 +345,7 @@ def _stated_changes(description: RobotDescription) -> Stated:
 def _build_model(root: ElementTree.Element, description: RobotDescription, model_path: Path) -> pin.Model:
     model = urdf_model(root, model_path, floating=description.base in FREE_BASES)
     if model.njoints == 1:
-        raise RobotError("has no joint that moves", source=model_path, remedy="describe at least one")
+        raise robot_error(model_path, None, "has no joint that moves", "describe at least one")
     model.gravity.linear = np.array(description.gravity)
     return model
 
@@ -542,20 +544,17 @@ def mimic_couplings(root: ElementTree.Element, path: Path) -> tuple[CouplingBloc
             continue
         where, master = f"joint {name!r}/mimic", mimic.get("joint", "")
         if master not in names or master == name:
-            raise RobotError(
+            raise robot_error(
+                path,
+                where,
                 f"follows joint {master!r}, " + ("itself" if master == name else "which is not there"),
-                source=path,
-                field=where,
-                remedy="name the joint that it follows, or hold it still under locked_joints in robot.yaml",
+                "name the joint that it follows, or hold it still under locked_joints in robot.yaml",
             )
         (factor,) = read_numbers(mimic, "multiplier", 1, path, where, default="1")
         (offset,) = read_numbers(mimic, "offset", 1, path, where, default="0")
         if not 1.0 / MAX_RATIO**2 < abs(factor) < MAX_RATIO**2:
-            raise RobotError(
-                f"follows by a factor of {factor:g}",
-                source=path,
-                field=where,
-                remedy=f"make {name!r} a fixed joint",
+            raise robot_error(
+                path, where, f"follows by a factor of {factor:g}", f"make {name!r} a fixed joint"
             )
         found.append(
             CouplingBlock(
@@ -597,20 +596,20 @@ def read_mechanism(
         for name in block.passive:
             _joint_column(model, name, f"{_block_field(block)}.passive", path)
     if not passive:
-        raise RobotError(
+        raise robot_error(
+            path,
+            "loops" if loops else "couplings",
             "leave every joint a motor of its own",
-            source=path,
-            field="loops" if loops else "couplings",
-            remedy="name under passive the joints that follow from the others",
+            "name under passive the joints that follow from the others",
         )
     try:
         return build_mechanism(model, closures, passive, rest, carrying)
     except MotionError as error:
-        raise RobotError(
+        raise robot_error(
+            path,
+            error.field,
             f"{error.what.replace(' at sample 0', '')}",
-            source=path,
-            field=error.field,
-            remedy="check ends, posture and passive joints: as many of these as the loops determine",
+            "check ends, posture and passive joints: as many of these as the loops determine",
         ) from error
 
 
@@ -625,11 +624,11 @@ def _read_loop(model: pin.Model, block: LoopBlock, path: Path) -> Closure:
         ends.append((joint, link * pin.SE3(pin.rpy.rpyToMatrix(*end.rpy), np.array(end.xyz))))
     joints, placements = (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1])
     if joints[0] == joints[1]:
-        raise RobotError(
+        raise robot_error(
+            path,
+            _block_field(block),
             f"{block.ends[0].link!r} and {block.ends[1].link!r} do not move against each other",
-            source=path,
-            field=_block_field(block),
-            remedy="remove it",
+            "remove it",
         )
     if block.kind != "rod":
         return Loop(block.name, joints, placements, rigid=block.kind == "weld")
@@ -638,9 +637,7 @@ def _read_loop(model: pin.Model, block: LoopBlock, path: Path) -> Closure:
     points = [data.oMi[joint].act(place.translation) for joint, place in ends]
     length = float(np.linalg.norm(points[1] - points[0])) if block.length is None else block.length
     if length < 1e-6:
-        raise RobotError(
-            "has no length", source=path, field=_block_field(block), remedy="make it a loop of kind point"
-        )
+        raise robot_error(path, _block_field(block), "has no length", "make it a loop of kind point")
     return Rod(block.name, joints, placements, length)
 
 
@@ -655,9 +652,6 @@ def _read_coupling(model: pin.Model, block: CouplingBlock, path: Path) -> Coupli
 def _joint_column(model: pin.Model, name: str, field: str, path: Path) -> tuple[int, int]:
     """A joint's index into q and v."""
     if not model.existJointName(name) or model.joints[model.getJointId(name)].nq != 1:
-        moving = ", ".join(list(model.names)[1:])
-        raise RobotError(
-            f"no joint {name!r} that moves", source=path, field=field, remedy=f"the model has {moving}"
-        )
+        raise unknown_name(path, field, "moving joint", name, list(model.names)[1:])
     joint = model.getJointId(name)
     return int(model.idx_qs[joint]), int(model.idx_vs[joint])

@@ -33,7 +33,7 @@ from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
 from excite.robot.legs import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, ground_height, links_below
-from excite.robot.urdf.tree import MAX_NAME
+from excite.robot.urdf.tree import MAX_NAME, link_at
 
 AS_IT_IS = "as the model has it"
 """How the reason begins with which a first description takes a fault of a link's inertia that no person accepted."""
@@ -210,7 +210,7 @@ def _wanted_posture(robot: Robot, posture: Mapping[str, float] | None) -> Array:
 
 
 def _base_link(root: Any, joints: dict[str, Any]) -> str:
-    children = {str(joint.find("child").get("link")) for joint in joints.values()}
+    children = {link_at(joint, "child") for joint in joints.values()}
     return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in children)
 
 
@@ -482,13 +482,11 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
     q = robot.rest
     pin.forwardKinematics(robot.model, data, q)
     for leg, tip in legs.items():
-        joint = leg
-        while joint:
+        for joint in list(robot.model.supports[leg])[1:]:
             reach = np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation)
             loads[joint - 1] = max(
                 loads[joint - 1], 0.5 * weight * max(float(reach), 0.1) / max(len(legs) // 2, 1)
             )
-            joint = int(robot.model.parents[joint])
     return loads
 
 
@@ -510,13 +508,11 @@ def guess_gains(
     stiffness, damping = [], []
     loaded = {}
     for leg, tip in legs.items():
-        joint = leg
-        while joint:
+        for joint in list(robot.model.supports[leg])[1:]:
             reach = float(np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation))
             # A leg on a point is damped as it swings: damped as the robot sways, it drags at its point (with a
             # quarter of that damping feet of the HyQ slip by 3 mm in place of 12).
             loaded[joint - 1] = 0.0 if tip.any() else mass / len(legs) * max(reach, 0.1) ** 2
-            joint = int(robot.model.parents[joint])
     for index, own in enumerate(inertia):
         moved = max(float(own), loaded.get(index, 0.0))
         stiff = max(own * (2.0 * math.pi * _FREQUENCY) ** 2, loads[index] / _SAG)

@@ -15,6 +15,7 @@ from excite.formats.documents import check_content, read_yaml
 from excite.results import Assumed
 from excite.robot.description import PositionTable
 from excite.robot.quantities import MAX_ANGLE
+from excite.robot.refusal import robot_error
 from excite.robot.urdf.numbers import read_numbers
 
 SOFT, CONTROL = "<safety_controller>", "<ros2_control>"
@@ -151,7 +152,7 @@ def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: P
         if lower >= upper:
             what = f"{low:g} … {high:g} has nothing in common with {stated[0]:g} … {stated[1]:g} of {said}"
             remedy = f"correct one of them, or remove that of {said}"
-            raise RobotError(what, source=path, field=where, remedy=remedy)
+            raise robot_error(path, where, what, remedy)
     limit.set("lower", repr(lower))
     limit.set("upper", repr(upper))
     return True
@@ -233,7 +234,7 @@ def read_joint_limits(file: Path, names: Iterable[str]) -> dict[str, JointLimits
     content = read_yaml(file, error=RobotError, degrees=True, remedy=f"give MoveIt's {_FILE}")
     joints = content.get("joint_limits", {} if "by_position" in content else None)
     if not isinstance(joints, dict):
-        raise RobotError("has no mapping joint_limits", source=file, remedy=f"give MoveIt's {_FILE}")
+        raise robot_error(file, None, "has no mapping joint_limits", f"give MoveIt's {_FILE}")
     found = {}
     for name in names:
         block = joints.get(name, joints.get(name.removesuffix("_joint")))
@@ -279,9 +280,7 @@ def _of_block(block: Mapping[str, Any], file: Path, name: str) -> JointLimits:
         number = block[key]
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             field = f"joint_limits.{name}.{key}"
-            raise RobotError(
-                f"is {str(number)[:40]!r}, no number", source=file, field=field, remedy="give one"
-            )
+            raise robot_error(file, field, f"is {str(number)[:40]!r}, no number", "give one")
         return float(number)
 
     lower, upper = value("min_position", "position"), value("max_position", "position")
@@ -291,7 +290,7 @@ def _of_block(block: Mapping[str, Any], file: Path, name: str) -> JointLimits:
             f"min_position {both[0]:g} is not below max_position {both[1]:g}",
             "exchange or correct them",
         )
-        raise RobotError(what, source=file, field=f"joint_limits.{name}", remedy=remedy)
+        raise robot_error(file, f"joint_limits.{name}", what, remedy)
     return JointLimits(both, *(value(f"max_{key}", key) for key in _LARGEST))
 
 
