@@ -1,45 +1,57 @@
-"""``excite blind``: cases with withheld answers, and the score of their diagnoses."""
+"""The commands ``effects`` and ``blind``: what a diagnosis can name, and how often it names it rightly."""
 
 from __future__ import annotations
 
 import importlib.util
-import os
-import shutil
-import subprocess
-import sys
-import time
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from excite.cli.session.command_help import HelpfulCommand
-from excite.cli.session.options import (
-    ClusterOption,
-    JobsOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
+import excite
+from excite.cli.options import (
+    command,
     requested_workers,
+    working_in,
 )
-from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.cli.output import command_line, emit_result, progress_bars, write_and_emit
 from excite.display import count
-from excite.errors import ExciteError, InputError
-from excite.folder_lock import claim_folder
-from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs, at_once
-from excite.progress import Progress
+from excite.errors import InputError
 from excite.results import write_json
-from excite.temporary_folder import TemporaryFolder
 
-NAME = "blind"
 
-app = typer.Typer(
-    name=NAME,
-    help="Make simulated logs whose hidden effects are written elsewhere, answer them, and score answers.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+@command("effects")
+def list_effects(
+    *,
+    as_json: bool,
+    out: Path | None,
+) -> None:
+    """List the effects that a diagnosis can name: law, what looks like it, what tells them apart."""
+    summaries = excite.effect_summaries()
+    document = {"schema": "excite.effects/1", "effects": [summary.to_json() for summary in summaries]}
+    if write_and_emit(document, "effects.json", as_json=as_json, out=out):
+        return
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.text import Text
+
+    console = Console()
+    titles = {"fixed": "Arms", "floating": "Standing robots and people"}
+    for base, title in titles.items():
+        console.print(Text(title, style="bold"))
+        for summary in summaries:
+            if summary.base == base:
+                form = "" if summary.form == summary.name else f" ({summary.form.replace('_', ' ')})"
+                console.print(Text(summary.name + form, style="cyan"))
+                for text in (
+                    summary.law,
+                    f"looks like: {summary.looks_like}",
+                    f"told apart by: {summary.told_apart_by}" if summary.told_apart_by else "",
+                    f"in MuJoCo: {summary.mujoco}" if summary.mujoco else "",
+                ):
+                    if text:
+                        console.print(Padding(Text(text), (0, 0, 0, 4), expand=False))
+    print(f"then: {command_line('diagnose', 'LOG', '--out', 'diagnosis')}")
 
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of cases that `make` wrote.")]
@@ -55,15 +67,10 @@ def _check_checkout() -> None:
         )
 
 
-@app.command("make", cls=HelpfulCommand)
-def make(
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
+@command("blind make")
+def make_blind_cases(
     cases: Annotated[int, typer.Option("--cases", min=1, help="Number of cases.")] = 20,
-    robot: Annotated[
+    robots: Annotated[
         list[str] | None, typer.Option("--robot", help="Bundled robot to draw from (may be repeated).")
     ] = None,
     base: Annotated[
@@ -84,22 +91,24 @@ def make(
             "true share of each in the answers; both by turns.",
         ),
     ] = "ordinary",
+    *,
+    out: Path | None,
+    as_json: bool,
+    seed: int,
+    jobs: int | None,
+    cluster: str | None,
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
     _check_checkout()
     from benchmarks.blind.make import make_cases  # lazy: pinocchio
 
-    with (
-        claim_folder(out or Path("blind")) as folder,
-        requested_workers(jobs, cluster) as crew,
-        progress_bars() as progress,
-    ):
+    with working_in(out or Path("blind"), jobs, cluster) as (folder, crew, progress):
         answers = make_cases(
             folder,
             seed=seed,
             cases=cases,
             base=base,
-            robots=tuple(robot or ()),
+            robots=tuple(robots or ()),
             torque=torque,
             kind=kind,
             jobs=crew,
@@ -112,14 +121,9 @@ def make(
     )
 
 
-@app.command("enter", cls=HelpfulCommand)
-def enter(
+@command("blind enter")
+def enter_answers(
     folder: FolderArgument,
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
     method: Annotated[
         Literal["diagnose", "alone", "mujoco-sysid"],
         typer.Option(
@@ -128,31 +132,29 @@ def enter(
             "parameters of mujoco.sysid at once, largest change.",
         ),
     ] = "diagnose",
+    *,
+    out: Path | None,
+    as_json: bool,
+    seed: int,
+    jobs: int | None,
+    cluster: str | None,
 ) -> None:
     """Let a program answer every case, one file a case; it sees nothing but the log."""
+    _check_checkout()
+    from benchmarks.blind.programs import answer_cases  # lazy: pinocchio
+
     cases = _case_folders(folder)
-    with (
-        claim_folder(out or Path(f"{folder.name}-{method}")) as entry,
-        requested_workers(jobs, cluster) as crew,
-        progress_bars() as progress,
-    ):
-        for case, (document, _) in zip(
-            cases, _answer_cases(cases, method, seed, crew, progress), strict=True
-        ):
+    with working_in(out or Path(f"{folder.name}-{method}"), jobs, cluster) as (entry, crew, progress):
+        for case, (document, _) in zip(cases, answer_cases(cases, method, seed, crew, progress), strict=True):
             write_json(document, entry / f"{case.name}.json")
     document = {"schema": "excite.blind_entry/1", "cases": len(cases), "method": method, "folder": str(entry)}
     then = command_line("blind", "score", folder, "--entry", entry)
     emit_result(f"{len(cases)} answers in {entry}", document, as_json=as_json, then=then)
 
 
-@app.command("score", cls=HelpfulCommand)
-def score(
+@command("blind score")
+def score_answers(
     folder: FolderArgument,
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
     entries: Annotated[
         list[Path] | None,
         typer.Option(
@@ -162,12 +164,19 @@ def score(
             "`excite diagnose` answers.",
         ),
     ] = None,
+    *,
+    out: Path | None,
+    as_json: bool,
+    seed: int,
+    jobs: int | None,
+    cluster: str | None,
 ) -> None:
     """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
     _check_checkout()
     from benchmarks.blind.answers import from_diagnosis, read_entry  # lazy: pinocchio
     from benchmarks.blind.board import score_board  # lazy: pinocchio
     from benchmarks.blind.make import answers_file, load_answers  # lazy: pinocchio
+    from benchmarks.blind.programs import answer_cases  # lazy: pinocchio
     from benchmarks.blind.score import score_entry  # lazy: pinocchio
 
     cases = _case_folders(folder)
@@ -183,7 +192,7 @@ def score(
         scores = {str(entry): score_entry(answers, read_entry(entry, answers)) for entry in entries}
     else:
         with requested_workers(jobs, cluster) as crew, progress_bars() as progress:
-            found = _answer_cases(cases, "diagnose", seed, crew, progress)
+            found = answer_cases(cases, "diagnose", seed, crew, progress)
         said = {case.name: from_diagnosis(*item) for case, item in zip(cases, found, strict=True)}
         scores = {"excite diagnose": score_entry(answers, said)}
     documents = {name: result.to_json() for name, result in scores.items()}
@@ -201,68 +210,3 @@ def _case_folders(folder: Path) -> list[Path]:
     if not cases:
         raise InputError(f"{folder} holds no cases", remedy="make some with `excite blind make`")
     return cases
-
-
-def _answer_cases(
-    cases: list[Path], method: str, seed: int, crew: Jobs, progress: Progress
-) -> list[tuple[dict[str, Any], float]]:
-    """What a program says of every case, and its seconds of processor time."""
-    tasks = [case.absolute() for case in cases]
-    work, shared = (_run_diagnosis, seed) if method == "diagnose" else (_run_entry, method)
-    return list(in_order(work, tasks, jobs=at_once(crew), shared=shared, stage=method, progress=progress))
-
-
-def _run_entry(method: str, case: Path) -> tuple[dict[str, Any], float]:
-    """The answer of one of the plain programs."""
-    _check_checkout()
-    from benchmarks.blind.entry.registry import PROGRAMS  # lazy: pinocchio
-
-    started = time.process_time()
-    document = PROGRAMS[method](case)
-    taken = round(time.process_time() - started, 2)
-    return {**document, "seconds": taken}, taken
-
-
-# The child ends with the process that waits for it, however that ends.
-_DIAGNOSE = """
-import os, sys
-from excite.kill_with_parent import die_with_parent
-die_with_parent(int(sys.argv.pop(1)))
-from excite.cli.main import main
-main()
-"""
-
-
-def _children_s() -> float:
-    """Processor time of the children that have ended [s]."""
-    times = os.times()
-    return times.children_user + times.children_system
-
-
-def _run_diagnosis(seed: int, case: Path) -> tuple[dict[str, Any], float]:
-    """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
-    from excite.documents.diagnosis import Diagnosis  # lazy: pydantic
-    from excite.formats.documents import check_content, parse_json  # lazy: pydantic
-
-    folder = TemporaryFolder()
-    copy = Path(shutil.copytree(case, folder.path / "private" / "log"))
-    started = _children_s()
-    options = ("diagnose", str(copy), "--json", "--seed", str(seed))
-    child = subprocess.run(
-        [sys.executable, "-c", _DIAGNOSE, str(os.getpid()), *options],
-        capture_output=True,
-        text=True,
-        cwd=copy.parent,
-        check=False,
-    )
-    taken = _children_s() - started
-    if child.returncode != 0:
-        last = (child.stderr.strip().splitlines() or ["no message"])[-1]
-        raise ExciteError(f"the diagnosis of {case.name} failed: {last}")
-    try:
-        document = parse_json(child.stdout)
-    except ValueError as error:
-        raise ExciteError(
-            f"the diagnosis of {case.name} is no JSON ({' '.join(str(error).split())})"
-        ) from error
-    return check_content(Diagnosis, document, case, remedy="diagnose it alone").content(), taken

@@ -1,7 +1,8 @@
-"""``excite human``: a person's model and log folder from markers and force plates."""
+"""The commands ``export``, ``human``, ``report`` and ``view``: results for controllers, and for people to look at."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,28 +10,138 @@ import typer
 
 import excite
 from excite.atomic import atomic_folder
-from excite.cli.session.options import (
-    AsymmetricOption,
-    JobsOption,
-    JsonOption,
-    MassRangeOption,
-    SeedOption,
+from excite.cli.options import (
+    command,
     named_numbers,
+    one_of,
     segment_settings,
 )
-from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.cli.output import command_line, emit_result, progress_bars
 from excite.errors import InputError
+from excite.export.registry import EXPORTERS
 from excite.identification.estimators.registry import find_estimator
 from excite.results import write_json
 
 if TYPE_CHECKING:
     from excite.identification.estimators.settings import EstimatorSettings
 
-NAME = "human"
+
+@command("export")
+def export_motions(
+    motions: list[Path],
+    format_name: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help=f"One of {', '.join(EXPORTERS)} (docs/formats.md says what reads each).",
+            autocompletion=one_of(EXPORTERS),
+        ),
+    ],
+    rate_hz: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            min=1e-3,
+            help="Samples per second; the controller's, or the motion's own, where left out.",
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            help="Robot (bundled, a robot.yaml or a model), where the motions do not name a bundled one.",
+        ),
+    ] = None,
+    unsafe_anyway: Annotated[
+        str | None,
+        typer.Option(
+            "--unsafe-anyway",
+            metavar="REASON",
+            help="Write motions that fail the check all the same; reason and violations stand in what is written.",
+        ),
+    ] = None,
+    approach: Annotated[
+        bool,
+        typer.Option(
+            "--approach",
+            help="Lead from the robot's rest posture to the start and back, checked with the motion.",
+        ),
+    ] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="A setting of the format, such as a gain; repeatable."
+        ),
+    ] = None,
+    *,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Write motions in the format of a controller, if the independent check finds all of them safe."""
+    from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
+    from excite.export.resolve_robot import robot_beside  # lazy: pydantic
+    from excite.motion.collection import motion_paths  # lazy: pinocchio
+
+    try:
+        written = export_with_verdicts(
+            motions,
+            format_name,
+            out=out or Path(),
+            rate_hz=rate_hz,
+            robot=robot,
+            unsafe_anyway=unsafe_anyway,
+            approach=approach,
+            settings=_parse_settings(settings or []),
+        )
+    except excite.UnsafeMotionError as error:
+        # One line each; the last one, which says what to do, is the error's own.
+        for verdict in error.verdicts[1:]:
+            print(f"excite: {verdict.summary()}", file=sys.stderr)
+        raise
+    for item in written:
+        if item.cleared.reason is not None:
+            print(f"excite: written all the same: {item.cleared.verdict.summary()}", file=sys.stderr)
+    entries = [item.to_json(out) for item in written]
+    document = {
+        "schema": SCHEMA,
+        "format": format_name,
+        "files": [entry["file"] for entry in entries],
+        "motions": entries,
+    }
+    if out is not None:
+        write_json(document, out / "export.json")
+    emit_result(
+        "\n".join(f"wrote {item.path}" for item in written),
+        document,
+        as_json=as_json,
+        then="run them, record, and "
+        + command_line(
+            "convert",
+            "RECORDING",
+            "--robot",
+            robot or robot_beside(motion_paths(motions)[0], written[0].cleared.motion.robot),
+            "--out",
+            "log",
+        ),
+    )
+
+
+def _parse_settings(texts: list[str]) -> dict[str, str]:
+    """Settings from texts ``NAME=VALUE``, each once."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or name.strip() in found:
+            raise typer.BadParameter(f"{text!r} is no NAME=VALUE, or stands twice", param_hint="'--set'")
+        found[name.strip()] = value
+    return found
+
+
 _DOCUMENT = "human.json"
 
 
-def command(
+@command("human")
+def measure_person(
     trials: Annotated[
         list[Path],
         typer.Argument(
@@ -90,11 +201,10 @@ def command(
             help="Nominal mass of a segment that is no table's, of a prosthesis or a stump (may be repeated).",
         ),
     ] = None,
-    asymmetric: AsymmetricOption = None,
-    mass_range: MassRangeOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
+    asymmetric: list[str] | None = None,
+    mass_range: list[str] | None = None,
+    *,
+    as_json: bool,
 ) -> None:
     """Make a person's model (15 segments, 34 joints) and a log folder; then `excite identify DIR/robot.yaml DIR`."""
     if identify is None and (asymmetric or mass_range):
@@ -191,3 +301,60 @@ def _evaluate_person(
 
         save_person_figures(found, None if worn is None else worn.wearing, person.body.table, folder)
     return document, "".join(said)
+
+
+@command("report")
+def write_report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that another command wrote.")],
+    *,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Write report.html from what a folder holds."""
+    path = excite.report(folder, out=out)
+    document = {"schema": "excite.report/1", "file": str(path.relative_to(out) if out else path)}
+    emit_result(f"wrote {path}", document, as_json=as_json, then="open it in a browser")
+
+
+@command("view")
+def view_motions(
+    thing: Annotated[
+        Path,
+        typer.Argument(
+            metavar="THING", help="A motion file, or the folder of motions, a plan, a log or a diagnosis."
+        ),
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot", metavar="ROBOT", help="The robot, where the files do not say or it lies elsewhere."
+        ),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            "--record",
+            metavar="FILE.html",
+            help="Write it as a page that needs no network, and serve nothing; in --out where that is given.",
+        ),
+    ] = None,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port to serve at.")] = 8080,
+    *,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Watch it move, with the signals of a joint and its residuals beside it."""
+    from excite.report.view import read_thing, record_page, serve  # lazy: pinocchio
+
+    shown = read_thing(thing, robot)
+    if record is not None:
+        path = record_page(shown, record if out is None else out / record)
+        document = {"schema": "excite.view/1", "file": str(record), "motions": len(shown.clips)}
+        emit_result(f"wrote {path}", document, as_json=as_json, then="open it in a browser")
+        return
+
+    def ready(address: str) -> None:
+        document = {"schema": "excite.view/1", "address": address, "motions": len(shown.clips)}
+        emit_result(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document, as_json=as_json)
+
+    serve(shown, port, ready)

@@ -1,0 +1,287 @@
+"""The commands ``capture``, ``simulate``, ``init-log``, ``convert`` and ``doctor``: from motions to sound logs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import excite
+from excite.cli.options import (
+    command,
+    one_of,
+    working_in,
+)
+from excite.cli.output import (
+    EXIT_NEGATIVE,
+    campaign_of,
+    command_line,
+    emit_result,
+    log_folder,
+    stated_origin,
+)
+from excite.display import count
+from excite.logs.vocabulary import EFFECTS
+from excite.results import write_json
+from excite.robot.catalogue import is_robot, robot_of_log
+
+if TYPE_CHECKING:
+    from excite.conversion.result import Conversion
+    from excite.doctor.examine import Chart
+    from excite.logs.log import Log
+    from excite.robot.robot import Robot
+
+
+@command("capture")
+def write_sheet(
+    robot: str,
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Folder of a plan (plan.json and motions/).")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="The sheet (.md or .html); PLAN/capture.md if left out."),
+    ] = None,
+    *,
+    as_json: bool,
+) -> None:
+    """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
+    from excite.export.resolve_robot import robot_beside  # lazy: pydantic
+
+    # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
+    whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)
+    # The sheet is read in another folder, and on another day.
+    named = str(Path(whose).resolve()) if Path(whose).exists() else whose
+    sheet = excite.capture(excite.load_robot(whose), plan, out, named=named)
+    document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
+    minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
+    emit_result(
+        f"wrote {sheet.path}: {count(len(sheet.capture.logged), 'recording')}, {minutes:.0f} minutes with warm-up",
+        document,
+        as_json=as_json,
+        then=command_line(
+            "convert", "RECORDING", "--robot", whose, "--out", log_folder(plan), "--capture", sheet.path
+        ),
+    )
+
+
+@command("simulate")
+def simulate_motions(
+    robot: str,
+    motions: list[Path],
+    inject: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--inject",
+            metavar="EFFECT[:LOCATION[:VALUE]]",
+            help=f"An effect that the nominal model lacks (may be repeated): {', '.join(EFFECTS)}.",
+            autocompletion=one_of(EFFECTS),
+        ),
+    ] = None,
+    nominal: Annotated[
+        bool, typer.Option("--nominal", help="Give the virtual robot the nominal inertial parameters.")
+    ] = False,
+    *,
+    out: Path | None,
+    as_json: bool,
+    seed: int,
+    jobs: int | None,
+    cluster: str | None,
+) -> None:
+    """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
+    from excite.campaign.experiment import planned_roles  # lazy: pydantic
+    from excite.logs.files import check_replaceable  # lazy: pinocchio
+
+    check_replaceable(out or Path("log"))
+    loaded = excite.load_robot(robot)
+    with working_in(out or Path("log"), jobs, cluster) as (folder, crew, progress):
+        moves, planned = excite.load_motions(motions, loaded), planned_roles(motions)
+        experiment = excite.simulate(
+            loaded,
+            moves,
+            inject=tuple(inject or ()),
+            nominal=nominal,
+            # Some of a plan's motions are run without the others.
+            roles={move.name: planned[move.name] for move in moves if move.name in planned} or None,
+            seed=seed,
+            jobs=crew,
+            progress=progress,
+        )
+        experiment.save(folder)
+    identify = command_line("identify", robot, folder, "--out", "result")
+    # What stands on feet that measure nothing is identified, and not diagnosed.
+    told = not loaded.floating or loaded.description.sensors.wrench
+    then = command_line("diagnose", folder, "--out", "diagnosis") if inject and told else identify
+    emit_result(
+        f"{experiment.summary()}\nwritten to {folder}",
+        experiment.to_json(),
+        as_json=as_json,
+        then=then,
+    )
+    if experiment.fell:
+        raise typer.Exit(EXIT_NEGATIVE)
+
+
+@command("init-log")
+def write_log_header(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder with trials whose columns are time, q.JOINT …")
+    ],
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite a log.yaml that is there already.")
+    ] = False,
+    *,
+    as_json: bool,
+) -> None:
+    """Write a commented log.yaml beside trial files: what they tell, and what a person must fill in."""
+    written = excite.write_header(folder, overwrite=force)
+    document = {"schema": "excite.init-log/1", "file": str(written.path), "fill_in": list(written.fill_in)}
+    lines = [f"wrote {written.path}", *(f"  fill in: {mark}" for mark in written.fill_in)]
+    emit_result("\n".join(lines), document, as_json=as_json, then=command_line("doctor", folder))
+
+
+@command("convert")
+def convert_recordings(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE…", help="Recordings: text tables, Parquet, npz, HDF5, JSON, .mat, bags, MCAP …"
+        ),
+    ],
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot", metavar="ROBOT", help="Bundled robot, or path to a robot.yaml, URDF, xacro or MJCF."
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="LOG", help="Log folder that is written.")],
+    mapping: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="map.yaml that says what the recording does not tell."),
+    ] = None,
+    capture: Annotated[
+        Path | None,
+        typer.Option(
+            "--capture", metavar="SHEET", help="Sheet of `excite capture` that the log is checked against."
+        ),
+    ] = None,
+    *,
+    as_json: bool,
+) -> None:
+    """Make a log folder of any recording: columns, units and trials are found, and what was guessed is said."""
+    found = excite.convert(sources, robot, out, mapping, capture)
+    if not as_json:
+        _show_guesses(found)
+    then = _next_of_conversion(found, robot)
+    emit_result(found.summary(), found.to_json(), as_json=as_json, then=then)
+
+
+def _next_of_conversion(found: Conversion, robot: str) -> str:
+    """What can be done with the log; where nothing can, motions to record what it lacks in, or nothing."""
+    if found.chart is not None and not found.chart.usable:
+        fatal = {f.kind for f in found.chart.findings if f.severity == "fatal" and not f.repaired}
+        return command_line("plan", robot, "--out", "plan") if fatal == {"no_torques"} else ""
+    campaign = campaign_of(found.folder)
+    if campaign is not None:
+        return command_line("campaign", robot, "--resume", "--out", campaign)
+    if not found.log.header.measures_forces:
+        return command_line("diagnose", found.folder, "--out", "diagnosis")
+    return command_line("identify", robot, found.folder, "--out", "result")
+
+
+def _show_guesses(found: Conversion) -> None:
+    """The table of what was guessed, with reasons."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("what", "from", "because")
+    for row in found.guesses:
+        table.add_row(*row)
+    for name, role, because in found.trials:
+        table.add_row(f"trial {name}", role, because)
+    Console(file=sys.stdout, width=None if sys.stdout.isatty() else 160, markup=False).print(table)
+
+
+@command("doctor")
+def examine_log(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG|ROBOT",
+            help="Log folder (excite.log/1); or a robot: bundled name, robot.yaml, URDF, xacro or MJCF.",
+        ),
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="The robot; by default the one that the log names."),
+    ] = None,
+    repair: Annotated[
+        Path | None,
+        typer.Option(
+            "--repair", metavar="DIR", help="Write the log with what could be repaired to this folder."
+        ),
+    ] = None,
+    *,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Say what is wrong with a log, worst first: rows, clock, units, signs, order, zeros, dead channels.
+
+    Of a robot say what is wrong with its description: masses, centres, inertias, limits, meshes.
+    """
+    if is_robot(log):
+        if repair is not None or robot is not None:
+            option = "--repair" if robot is None else "--robot"
+            raise typer.BadParameter("is for a log; this is a robot", param_hint=f"'{option}'")
+        _examine_robot(log, out, as_json=as_json)
+        return
+    from excite.doctor.doctor import doctor  # lazy: pinocchio
+    from excite.logs.files import load_log  # lazy: pinocchio
+    from excite.logs.robot import nominal_robot  # lazy: pinocchio
+
+    model = None if robot is None else excite.robot_for_log(robot, log)
+    loaded = load_log(log, model)
+    nominal = model or nominal_robot(loaded)
+    chart = doctor(loaded, nominal, repair=repair)
+    document = chart.to_json(repaired=repair)
+    if out is not None:
+        document |= stated_origin(robot or "", log, out)
+        _save_findings(nominal, loaded, chart, document, out)
+    if chart.usable:
+        own = robot_of_log(chart.robot, chart.log.header.robot, log)
+        then = command_line("identify", robot or own, repair or log, "--out", "result")
+        if not chart.log.header.measures_forces:
+            then = command_line("diagnose", repair or log, "--out", "diagnosis")
+        emit_result(chart.summary(repaired=repair), document, as_json=as_json, then=then)
+    chart.check_usable()
+
+
+def _examine_robot(robot: Path, out: Path | None, *, as_json: bool) -> None:
+    from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
+
+    chart = examine_description(robot)
+    document = chart.to_json()
+    if out is not None:
+        write_json(document | stated_origin(str(robot), None, out), out / "doctor.json")
+    then = command_line("plan", robot) if chart.healthy else ""
+    emit_result(chart.summary(), document, as_json=as_json, then=then)
+
+
+def _save_findings(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
+    """Write what was found, and the torques that a page of it shows."""
+    from excite.doctor.model_comparison import beside_model  # lazy: pinocchio
+    from excite.report.comparisons import (  # lazy: pydantic
+        DOCTOR_DATA,
+        ForceComparison,  # lazy: numpy
+        ReportData,
+        save_report_data,
+    )
+
+    seen = beside_model(robot, log, chart.log) if chart.usable else None
+    shown = None
+    if seen is not None:
+        shown = ForceComparison(
+            seen.trial, seen.joints, seen.units, seen.time, seen.model, seen.logged, seen.repaired
+        )
+    save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
+    write_json(document, out / "doctor.json")
