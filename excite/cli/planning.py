@@ -1,4 +1,4 @@
-"""The commands ``plan``, ``rank``, ``campaign`` and ``demo``: experiments, one by one and in a loop."""
+"""The commands on robots and on experiments with them, from ``robots`` and ``plan`` to ``campaign`` and ``demo``."""
 
 from __future__ import annotations
 
@@ -13,10 +13,21 @@ from excite.campaign.searches import SEARCHES
 from excite.cli.options import (
     command,
     one_of,
+    requested_workers,
+    stated_source,
     working_in,
 )
 from excite.cli.outcome import exit_code_of_interruption, keeping_best, refusals_shown, say_interrupted
-from excite.cli.output import EXIT_NEGATIVE, command_line, emit_result, progress_bars
+from excite.cli.output import (
+    EXIT_NEGATIVE,
+    command_line,
+    emit_result,
+    print_document,
+    progress_bars,
+    relative_to,
+    stated_origin,
+    write_and_emit,
+)
 from excite.errors import NoSolutionError
 from excite.identification.estimators.registry import DEFAULT_METHOD
 from excite.motion.generators.registry import GENERATORS
@@ -25,6 +36,151 @@ from excite.results import write_json
 
 if TYPE_CHECKING:
     from excite.campaign.optimised_series import SeriesSettings
+
+
+@command("robots")
+def list_robots(
+    *,
+    as_json: bool,
+    out: Path | None,
+) -> None:
+    """List the bundled robots: degrees of freedom, mass, sensors, base type."""
+    summaries = excite.robot_summaries()
+    document = {"schema": "excite.robots/1", "robots": [summary.to_json() for summary in summaries]}
+    if write_and_emit(document, "robots.json", as_json=as_json, out=out):
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("robot", "title", "base", "DoF", "mass [kg]", "sensors", box=None, pad_edge=False)
+    for summary in summaries:
+        table.add_row(
+            summary.name,
+            summary.title,
+            summary.base,
+            str(summary.n_joints),
+            f"{summary.mass:.1f}",
+            ", ".join(summary.sensors),
+        )
+    Console(soft_wrap=True).print(table)
+    print(f"then: {command_line('plan', 'ROBOT', '--out', 'plan')}")
+
+
+@command("init-robot")
+def write_description(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="URDF or xacro of the robot, or its MuJoCo model (MJCF).")
+    ],
+    srdf: Annotated[
+        Path | None, typer.Option("--srdf", help="Pairs of links that may touch, from MoveIt's file.")
+    ] = None,
+    package_path: list[Path] | None = None,
+    xacro_arg: list[str] | None = None,
+    limits: Path | None = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite a robot.yaml that is there already.")
+    ] = False,
+    *,
+    out: Path | None,
+    as_json: bool,
+    seed: int,
+) -> None:
+    """Write a complete robot.yaml: what the model says, and what had to be assumed, with its consequence.
+
+    Of a MuJoCo model or xacro file the URDF is written too.
+    """
+    from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
+
+    source = replace(stated_source(package_path, xacro_arg, limits), srdf=srdf)
+    written = excite.write_scaffold(file, out or file.parent, seed=seed, overwrite=force, source=source)
+    chart = examine_description(written.description)
+    document = {
+        "schema": "excite.init-robot/1",
+        "file": "robot.yaml" if out else str(written.description),
+        "fill_in": [],
+        "assumed": [one.to_json() for one in written.assumed],
+        "urdf": str(written.urdf) if not out else written.urdf.name,
+        "notes": list(written.notes),
+        "findings": [finding.to_json() for finding in chart.findings],
+    }
+    lines = [f"wrote {written.description}"]
+    if written.urdf != file:
+        lines.append(f"wrote {written.urdf}")
+    lines += [f"  note: {note}" for note in written.notes]
+    lines += [f"  assumed: {one}" for one in written.assumed]
+    if chart.findings:
+        lines += ["the model itself:", *(f"  {line}" for line in chart.summary().splitlines())]
+    emit_result("\n".join(lines), document, as_json=as_json, then=command_line("plan", written.description))
+
+
+@command("check")
+def check_motions(
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="ROBOT MOTION…",
+            help="Robot (a bundled one or a path to its robot.yaml); then motions: files of any format that export "
+            "writes, tables with a time and a column a joint, or folders of them.",
+        ),
+    ],
+    whose: Annotated[
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="The robot; all arguments are motions then."),
+    ] = None,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust",
+            help="Call a motion safe only if it is so for every robot within the uncertainty that robot.yaml states "
+            "(mass ± 10 %, centre of mass ± 1 cm, inertia ± 20 % of each body if it states none).",
+        ),
+    ] = False,
+    *,
+    out: Path | None,
+    as_json: bool,
+    jobs: int | None,
+    cluster: str | None,
+) -> None:
+    """Check motions independently: verdict, margins, first violation with time and place."""
+    robot, motions = (files[0], files[1:]) if whose is None else (whose, files)
+    if not motions:
+        raise typer.BadParameter("name at least one", param_hint="'MOTION…'")
+    from excite.motion.collection import motion_paths  # lazy: pinocchio
+    from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
+
+    loaded = excite.load_robot(robot)
+    with requested_workers(jobs, cluster) as crew, progress_bars() as progress:
+        result = excite.check(
+            loaded, excite.load_motions(motions, loaded), robust=robust, jobs=crew, progress=progress
+        )
+    chart = examine_model(loaded)
+    result = replace(result, findings=tuple(chart.spoiling))
+    if out is not None:
+        paths = zip(result.verdicts, motion_paths(motions), strict=True)
+        verdicts = tuple(replace(one, file=relative_to(out, path)) for one, path in paths)
+        result = replace(result, verdicts=verdicts, **stated_origin(robot, None, out))
+        write_json(result.to_json(), out / "check.json")
+    then = command_line("rank", robot, *motions) if result.safe else ""
+    said = "\n".join(filter(None, (chart.worst_in_words(), result.summary())))
+    emit_result(said, result.to_json(), as_json=as_json, then=then)
+    if not result.safe:
+        raise typer.Exit(EXIT_NEGATIVE)
+
+
+@command("schema")
+def print_schema(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="log, robot, bounds, map, motion; results, all of them, or one: blind, blind_answer, campaign, check, "
+            "diagnosis, doctor, export, human, identification, journal, model, plan, rank, refusals, "
+            "signals, simulation, truth.",
+        ),
+    ],
+) -> None:
+    """Print the JSON schema of a file that is written by hand or by excite."""
+    print_document(excite.file_schema(name))
 
 
 @command("plan")
