@@ -17,20 +17,12 @@ from benchmarks.blind.board import score_board
 from benchmarks.blind.entry.registry import PROGRAMS
 from benchmarks.blind.make import answers_file, load_answers, make_cases
 from benchmarks.blind.score import score_entry
-from excite.cli.session.options import (
-    ClusterOption,
-    JobsOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    requested_workers,
-)
-from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.cli.options import requested_workers, with_shared_options, working_in
+from excite.cli.output import command_line, emit_result, progress_bars
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.display import count
 from excite.documents.document import model_of
 from excite.errors import ExciteError, InputError
-from excite.folder_lock import claim_folder
 from excite.formats.documents import check_content, parse_json
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, at_once
@@ -49,12 +41,8 @@ FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of c
 
 
 @app.command("make")
+@with_shared_options
 def make(
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
     cases: Annotated[int, typer.Option("--cases", min=1, help="Number of cases.")] = 20,
     robot: Annotated[
         list[str] | None, typer.Option("--robot", help="Bundled robot to draw from (may be repeated).")
@@ -77,13 +65,15 @@ def make(
             "true share of each in the answers; both by turns.",
         ),
     ] = "ordinary",
+    *,
+    out: Path | None,
+    as_json: bool,
+    seed: int,
+    jobs: int | None,
+    cluster: str | None,
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
-    with (
-        claim_folder(out or Path("blind")) as folder,
-        requested_workers(jobs, cluster) as crew,
-        progress_bars() as progress,
-    ):
+    with working_in(out or Path("blind"), jobs, cluster) as (folder, crew, progress):
         answers = make_cases(
             folder,
             seed=seed,
@@ -103,13 +93,9 @@ def make(
 
 
 @app.command("enter")
+@with_shared_options
 def enter(
     folder: FolderArgument,
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
     method: Annotated[
         Literal["diagnose", "alone", "mujoco-sysid"],
         typer.Option(
@@ -118,14 +104,16 @@ def enter(
             "parameters of mujoco.sysid at once, largest change.",
         ),
     ] = "diagnose",
+    *,
+    out: Path | None,
+    as_json: bool,
+    seed: int,
+    jobs: int | None,
+    cluster: str | None,
 ) -> None:
     """Let a program answer every case, one file a case; it sees nothing but the log."""
     cases = _case_folders(folder)
-    with (
-        claim_folder(out or Path(f"{folder.name}-{method}")) as entry,
-        requested_workers(jobs, cluster) as crew,
-        progress_bars() as progress,
-    ):
+    with working_in(out or Path(f"{folder.name}-{method}"), jobs, cluster) as (entry, crew, progress):
         for case, (document, _) in zip(
             cases, _answer_cases(cases, method, seed, crew, progress), strict=True
         ):
@@ -136,13 +124,9 @@ def enter(
 
 
 @app.command("score")
+@with_shared_options
 def score(
     folder: FolderArgument,
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
     entries: Annotated[
         list[Path] | None,
         typer.Option(
@@ -152,6 +136,12 @@ def score(
             "`excite diagnose` answers.",
         ),
     ] = None,
+    *,
+    out: Path | None,
+    as_json: bool,
+    seed: int,
+    jobs: int | None,
+    cluster: str | None,
 ) -> None:
     """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
     cases = _case_folders(folder)

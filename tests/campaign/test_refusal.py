@@ -8,7 +8,7 @@ import pytest
 
 from excite.campaign.candidates import Refusals
 from excite.campaign.plan import Plan, plan
-from excite.cli.session.outcome import of_error
+from excite.cli.outcome import of_error
 from excite.errors import NothingSafeError
 from excite.robot.robot import Robot
 from excite.safety.refusals import Refused, Remedy

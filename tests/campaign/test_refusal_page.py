@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import excite
-from excite.cli.session.outcome import of_error, refusals_shown
+from excite.cli.outcome import of_error, refusals_shown
 from excite.documents.document import read_document
 from excite.documents.plan import RefusalsDocument
 from excite.errors import NothingSafeError

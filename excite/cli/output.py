@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from excite.cli.session.interruption import document_printed
+from excite.cli.outcome import document_printed
 from excite.progress import Progress as ProgressCallback
 from excite.progress import silent
 from excite.results import to_json, with_origin, write_json
