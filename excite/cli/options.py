@@ -19,8 +19,7 @@ from excite.cli.output import command_line, progress_bars
 from excite.errors import InputError
 from excite.folder_lock import claim_folder
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
-from excite.parallel.cluster import executor
-from excite.parallel.jobs import AtMost, Jobs, check_jobs
+from excite.parallel.jobs import AtMost, Jobs, check_jobs, executor
 from excite.progress import Progress
 from excite.robot.catalogue import bundled_robots
 from excite.robot.init_robot.source import Source, models_read_by
