@@ -17,8 +17,8 @@ from benchmarks.blind.board import score_board
 from benchmarks.blind.entry.registry import PROGRAMS
 from benchmarks.blind.make import answers_file, load_answers, make_cases
 from benchmarks.blind.score import score_entry
-from excite.cli.options import requested_workers, with_shared_options, working_in
-from excite.cli.output import command_line, emit_result, progress_bars
+from excite.cli.options import Call, with_shared_options
+from excite.cli.output import command_line, progress_bars
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.display import count
 from excite.documents.document import model_of
@@ -41,7 +41,7 @@ FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of c
 
 
 @app.command("make")
-@with_shared_options
+@with_shared_options(cluster=True)
 def make(
     cases: Annotated[int, typer.Option("--cases", min=1, help="Number of cases.")] = 20,
     robot: Annotated[
@@ -66,17 +66,13 @@ def make(
         ),
     ] = "ordinary",
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
-    jobs: int | None,
-    cluster: str | None,
+    call: Call,
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
-    with working_in(out or Path("blind"), jobs, cluster) as (folder, crew, progress):
+    with call.working_in("blind") as (folder, crew, progress):
         answers = make_cases(
             folder,
-            seed=seed,
+            seed=call.seed,
             cases=cases,
             base=base,
             robots=tuple(robot or ()),
@@ -87,13 +83,11 @@ def make(
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
     then = _command_line("score", folder)
-    emit_result(
-        f"{count(cases, 'case')} in {folder}, answers in {answers}", document, as_json=as_json, then=then
-    )
+    call.emit_result(f"{count(cases, 'case')} in {folder}, answers in {answers}", document, then=then)
 
 
 @app.command("enter")
-@with_shared_options
+@with_shared_options(cluster=True)
 def enter(
     folder: FolderArgument,
     method: Annotated[
@@ -105,26 +99,22 @@ def enter(
         ),
     ] = "diagnose",
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
-    jobs: int | None,
-    cluster: str | None,
+    call: Call,
 ) -> None:
     """Let a program answer every case, one file a case; it sees nothing but the log."""
     cases = _case_folders(folder)
-    with working_in(out or Path(f"{folder.name}-{method}"), jobs, cluster) as (entry, crew, progress):
+    with call.working_in(f"{folder.name}-{method}") as (entry, crew, progress):
         for case, (document, _) in zip(
-            cases, _answer_cases(cases, method, seed, crew, progress), strict=True
+            cases, _answer_cases(cases, method, call.seed, crew, progress), strict=True
         ):
             write_json(document, entry / f"{case.name}.json")
     document = {"schema": "excite.blind_entry/1", "cases": len(cases), "method": method, "folder": str(entry)}
     then = _command_line("score", folder, "--entry", entry)
-    emit_result(f"{len(cases)} answers in {entry}", document, as_json=as_json, then=then)
+    call.emit_result(f"{len(cases)} answers in {entry}", document, then=then)
 
 
 @app.command("score")
-@with_shared_options
+@with_shared_options(cluster=True)
 def score(
     folder: FolderArgument,
     entries: Annotated[
@@ -137,11 +127,7 @@ def score(
         ),
     ] = None,
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
-    jobs: int | None,
-    cluster: str | None,
+    call: Call,
 ) -> None:
     """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
     cases = _case_folders(folder)
@@ -156,18 +142,17 @@ def score(
     if entries:
         scores = {str(entry): score_entry(answers, read_entry(entry, answers)) for entry in entries}
     else:
-        with requested_workers(jobs, cluster) as crew, progress_bars() as progress:
-            found = _answer_cases(cases, "diagnose", seed, crew, progress)
+        with call.requested_workers() as crew, progress_bars() as progress:
+            found = _answer_cases(cases, "diagnose", call.seed, crew, progress)
         said = {case.name: from_diagnosis(*item) for case, item in zip(cases, found, strict=True)}
         scores = {"excite diagnose": score_entry(answers, said)}
     documents = {name: result.to_json() for name, result in scores.items()}
     (document, *others) = documents.values()
     if others:
         document = {"schema": "excite.blind_board/1", "entries": documents}
-    if out is not None:
-        write_json(document, out / "blind_score.json")
+    call.write_document(document, "blind_score.json")
     text = next(iter(scores.values())).summary() if not others else score_board(scores)
-    emit_result(text, document, as_json=as_json)
+    call.emit_result(text, document)
 
 
 def _command_line(*words: object) -> str:

@@ -13,11 +13,12 @@ import excite
 from excite.atomic import all_or_nothing
 from excite.cli.options import (
     ApplyOption,
+    Call,
     command,
     segment_settings,
 )
 from excite.cli.outcome import of_error
-from excite.cli.output import command_line, emit_result, progress_bars, stated_origin, write_and_emit
+from excite.cli.output import command_line, progress_bars, stated_origin
 from excite.errors import InputError, RobotError
 from excite.identification.estimators.registry import DEFAULT_METHOD
 from excite.results import write_json
@@ -87,8 +88,7 @@ def identify_robot(
         ),
     ] = False,
     *,
-    out: Path | None,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Identify the inertial parameters: values, relative standard deviations, fit, validation.
 
@@ -98,9 +98,9 @@ def identify_robot(
     if bounds_template is not None:
         path = excite.write_bounds_template(loaded, bounds_template)
         then = command_line("identify", robot, *logs, "--method", "physical", "--bounds", path)
-        emit_result(f"wrote {path}", {"bounds_template": str(path)}, as_json=as_json, then=then)
+        call.emit_result(f"wrote {path}", {"bounds_template": str(path)}, then=then)
         return
-    _check_template(loaded, template, out)
+    _check_template(loaded, template, call.out)
     stated = None if bounds is None else excite.load_bounds(bounds, loaded)
     read = [excite.load_log(log, loaded) for log in logs]
     log = excite.join_logs(read)
@@ -117,7 +117,7 @@ def identify_robot(
     except excite.NoSolutionError as error:
         if not isinstance(error.best, excite.Identification):
             raise
-        _show_best(error, error.best, out, as_json=as_json)
+        _show_best(error, error.best, call)
         raise
     document, summary = result.to_json(), result.summary()
     if lag is not None:
@@ -131,21 +131,23 @@ def identify_robot(
     if trace is not None:
         document["signals"] = [{"step": step.name, "effect": step.effect} for step in trace.steps]
         summary += f"\n\n{trace.summary()}"
-    if out is not None:
+    if call.out is not None:
         with all_or_nothing():
-            _write_extras(pooled, trace, out)
-            excite.save_findings(loaded, result, log, out, settings)
-            models = excite.write_models(loaded, result, out, drives=drives, force=force, template=template)
+            _write_extras(pooled, trace, call.out)
+            excite.save_findings(loaded, result, log, call.out, settings)
+            models = excite.write_models(
+                loaded, result, call.out, drives=drives, force=force, template=template
+            )
             document["models"] = models.to_json()
             summary = f"{summary}\n\n{models.summary()}"
-            document |= stated_origin(robot, logs[0], out)
-            write_json(document, out / "identification.json")
+            document |= stated_origin(robot, logs[0], call.out)
+            call.write_document(document, "identification.json")
     then = (
         command_line("diagnose", logs[0], "--out", "diagnosis")
-        if out is None
-        else command_line("report", out)
+        if call.out is None
+        else command_line("report", call.out)
     )
-    emit_result(summary, document, as_json=as_json, then=then)
+    call.emit_result(summary, document, then=then)
 
 
 def _pool_sessions(robot: excite.Robot, logs: list[excite.Log], settings: excite.ProblemSettings) -> Sessions:
@@ -174,14 +176,11 @@ def _check_template(robot: excite.Robot, template: Path | None, out: Path | None
     read_template(robot, template, {})
 
 
-def _show_best(
-    error: excite.NoSolutionError, best: excite.Identification, out: Path | None, *, as_json: bool
-) -> None:
+def _show_best(error: excite.NoSolutionError, best: excite.Identification, call: Call) -> None:
     """Show and write the best that is known, and say what it is; no model is made of it."""
     document = {**best.to_json(), "error": of_error(error).to_json()}
-    if out is not None:
-        write_json(document, out / "identification.json")
-    emit_result(best.summary(), document, as_json=as_json)
+    call.write_document(document, "identification.json")
+    call.emit_result(best.summary(), document)
     error.shown = True
 
 
@@ -216,8 +215,7 @@ def identify_load(
         ),
     ] = None,
     *,
-    out: Path | None,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Identify a load on the last link: mass, first moments, inertia, with intervals, and the drives' gains.
 
@@ -246,14 +244,12 @@ def identify_load(
         payload = payload_for(found, model, controller, flange)
         document["controller"] = payload.to_json()
         summary += f"\n{payload.summary()}"
-        if out is not None:
-            payload.write(out)
-    if out is not None:
-        write_json(document, out / "load.json")
-    emit_result(
+        if call.out is not None:
+            payload.write(call.out)
+    call.write_document(document, "load.json")
+    call.emit_result(
         summary,
         document,
-        as_json=as_json,
         then=command_line("diagnose", loaded, "--out", "diagnosis"),
     )
 
@@ -275,15 +271,15 @@ def diagnose_log(
     ] = None,
     apply: ApplyOption = None,
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
+    call: Call,
 ) -> None:
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
     nominal = None if robot is None else excite.robot_for_log(robot, log)
     model = None if apply is None else _check_nominal(nominal, log)
     with progress_bars() as progress:
-        result = excite.diagnose(log, nominal, seed=seed, out=out or apply, budget=budget, progress=progress)
+        result = excite.diagnose(
+            log, nominal, seed=call.seed, out=call.out or apply, budget=budget, progress=progress
+        )
     summary, document = result.summary(), result.to_json()
     if apply is not None and model is not None:
         from excite.campaign.applied import apply_effects  # lazy: pinocchio
@@ -291,17 +287,17 @@ def diagnose_log(
         try:
             applied = apply_effects(result, model, apply)
         except RobotError:
-            if out is not None:
+            if call.out is not None:
                 # What was found is not lost with the robot that it does not make.
-                _save_diagnosis(result, document | stated_origin(robot or "", log, out), out)
+                _save_diagnosis(result, document | stated_origin(robot or "", log, call.out), call.out)
             raise
         summary += f"\n{applied.summary()}"
-        beside = Path(os.path.relpath(applied.robot, out or Path.cwd()))
+        beside = Path(os.path.relpath(applied.robot, call.out or Path.cwd()))
         document = replace(result, applied=replace(applied, robot=beside)).to_json()
-    if out is not None:
-        document |= stated_origin(robot or "", log, out)
-        summary += f"\nreport: {_save_diagnosis(result, document, out)}"
-    emit_result(summary, document, as_json=as_json, then=_next_of_diagnosis(robot, log, apply, document))
+    if call.out is not None:
+        document |= stated_origin(robot or "", log, call.out)
+        summary += f"\nreport: {_save_diagnosis(result, document, call.out)}"
+    call.emit_result(summary, document, then=_next_of_diagnosis(robot, log, apply, document))
 
 
 def _next_of_diagnosis(robot: str | None, log: Path, apply: Path | None, document: dict[str, Any]) -> str:
@@ -344,13 +340,12 @@ def _save_diagnosis(result: Diagnosis, document: dict[str, Any], out: Path) -> P
 @command("effects")
 def list_effects(
     *,
-    as_json: bool,
-    out: Path | None,
+    call: Call,
 ) -> None:
     """List the effects that a diagnosis can name: law, what looks like it, what tells them apart."""
     summaries = excite.effect_summaries()
     document = {"schema": "excite.effects/1", "effects": [summary.to_json() for summary in summaries]}
-    if write_and_emit(document, "effects.json", as_json=as_json, out=out):
+    if call.is_printed(document, "effects.json"):
         return
     from rich.console import Console
     from rich.padding import Padding

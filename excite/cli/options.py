@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_origin
@@ -15,12 +16,13 @@ import typer
 from typer.core import TyperCommand
 
 import excite
-from excite.cli.output import command_line, progress_bars
+from excite.cli.output import command_line, emit_result, print_document, progress_bars
 from excite.errors import InputError
 from excite.folder_lock import claim_folder
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
 from excite.parallel.jobs import AtMost, Jobs, check_jobs, executor
 from excite.progress import Progress
+from excite.results import write_json
 from excite.robot.catalogue import bundled_robots
 from excite.robot.init_robot.source import Source, models_read_by
 
@@ -239,40 +241,123 @@ ModelOutOption = Annotated[
     ),
 ]
 
+
+class Work(NamedTuple):
+    """What the work of a command is done with.
+
+    Attributes:
+        folder: of its results, which no other run writes to meanwhile.
+        jobs: who works.
+        progress: told as work proceeds.
+    """
+
+    folder: Path
+    jobs: Jobs
+    progress: Progress
+
+
+@dataclass(frozen=True)
+class Call:
+    """What a command was asked beside its own options.
+
+    Attributes:
+        out: folder that results are written to; None where none was named.
+        as_json: whether one JSON document is printed, and nothing else.
+        seed: of all random numbers.
+        jobs: number of processes; None where nobody said.
+        cluster: scheduler whose workers are used instead.
+    """
+
+    out: Path | None = None
+    as_json: bool = False
+    seed: int = 0
+    jobs: int | None = None
+    cluster: str | None = None
+
+    @contextmanager
+    def requested_workers(self) -> Iterator[Jobs]:
+        """Who works; up to one process a core where the work is long, if neither option is given."""
+        if self.cluster is None:
+            yield self.jobs or AtMost(os.cpu_count() or 1)
+            return
+        if self.jobs is not None:
+            raise typer.BadParameter("give this or --jobs, not both", param_hint="'--cluster'")
+        with executor(self.cluster) as found:
+            yield found
+
+    @contextmanager
+    def working_in(self, default: str) -> Iterator[Work]:
+        """The folder for results, workers, and bars of progress on a terminal."""
+        with (
+            claim_folder(self.out or Path(default)) as claimed,
+            self.requested_workers() as crew,
+            progress_bars() as progress,
+        ):
+            yield Work(claimed, crew, progress)
+
+    def write_document(self, document: dict[str, Any], name: str) -> None:
+        """Write a document where a folder was named."""
+        if self.out is not None:
+            write_json(document, self.out / name)
+
+    def emit_result(self, summary: str, document: dict[str, Any], *, then: str = "") -> None:
+        """Print the summary and the command to go on with, or the document."""
+        emit_result(summary, document, as_json=self.as_json, then=then)
+
+    def is_printed(self, document: dict[str, Any], name: str) -> bool:
+        """Write a document where a folder was named, and print it where that was asked; whether it was."""
+        self.write_document(document, name)
+        if self.as_json:
+            print_document(document)
+        return self.as_json
+
+
 COMMANDS: dict[str, Callable[..., None]] = {}
 """By name, what does the work of each command; the modules of the commands fill it."""
 
 
-def command(name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Of a function: it does the work of the command of that name, with the shared options."""
+def command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Of a function: it does the work of the command of that name, with options as :func:`with_shared_options`."""
 
     def register(work: Callable[..., None]) -> Callable[..., None]:
-        COMMANDS[name] = with_shared_options(work)
+        COMMANDS[name] = with_shared_options(**shared)(work)
         return work
 
     return register
 
 
-def with_shared_options(work: Callable[..., None]) -> Callable[..., None]:
-    """A function with every option declared, those that it does not take among them; models are read as they say."""
-    # Evaluated: what annotations say by name is known where the function stands, not here.
-    own = inspect.signature(work, eval_str=True).parameters
-    added = {} if _ROBOTS.isdisjoint(own) else dict.fromkeys(name for name in _MODEL if name not in own)
-    found = [_declared(parameter) for parameter in own.values() if parameter.name not in _EVERY]
-    place = next((k for k, one in enumerate(found) if one.name == "cluster"), len(found))
-    found[place:place] = [_declared(name) for name in _EVERY]
-    found += [_declared(name) for name in added]
+def with_shared_options(
+    *, out: bool = True, cluster: bool = False
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Of a function: it has every option declared that it is given as its :class:`Call`; models are read as they say.
 
-    @wraps(work)
-    def run(**given: Any) -> None:
-        with (
-            models_read_by(stated_source(**{name: given[name] for name in added})) if added else nullcontext()
-        ):
-            work(**{name: value for name, value in given.items() if name in own})
+    Args:
+        out: whether there is a folder for results, where the function declares none of its own.
+        cluster: whether others may do the work.
+    """
 
-    run.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
-    run.__annotations__ = {one.name: one.annotation for one in found}
-    return run
+    def declare_options(work: Callable[..., None]) -> Callable[..., None]:
+        # Evaluated: what annotations say by name is known where the function stands, not here.
+        own = inspect.signature(work, eval_str=True).parameters
+        called = "call" in own
+        asked = ["out"] if out and called and "out" not in own else []
+        asked += [*_EVERY, *(["cluster"] if cluster else [])]
+        added = [] if _ROBOTS.isdisjoint(own) else [name for name in _MODEL if name not in own]
+        found = [_declared(one) for one in own.values() if one.name != "call"]
+        found += [_declared(name) for name in (*asked, *added)]
+
+        @wraps(work)
+        def run(**given: Any) -> None:
+            model = {name: given.pop(name) for name in added}
+            call = Call(**{name: given.pop(name) for name in asked})
+            with models_read_by(stated_source(**model)) if added else nullcontext():
+                work(**given, **({"call": call} if called else {}))
+
+        run.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
+        run.__annotations__ = {one.name: one.annotation for one in found}
+        return run
+
+    return declare_options
 
 
 def _declared(one: inspect.Parameter | str) -> inspect.Parameter:
@@ -390,46 +475,6 @@ def _kept_arguments(arguments: Sequence[str]) -> Iterator[str]:
             skip = True
         elif argument not in _FLAGS and argument.split("=", 1)[0] not in _TAKEN:
             yield argument
-
-
-# Who does a command's work: ``--jobs`` or ``--cluster``.
-
-
-class Work(NamedTuple):
-    """What the work of a command is done with.
-
-    Attributes:
-        folder: of its results, which no other run writes to meanwhile.
-        jobs: who works.
-        progress: told as work proceeds.
-    """
-
-    folder: Path
-    jobs: Jobs
-    progress: Progress
-
-
-@contextmanager
-def working_in(folder: Path, jobs: int | None, cluster: str | None) -> Iterator[Work]:
-    """A folder for results, workers as the options ask for them, and bars of progress on a terminal."""
-    with (
-        claim_folder(folder) as claimed,
-        requested_workers(jobs, cluster) as crew,
-        progress_bars() as progress,
-    ):
-        yield Work(claimed, crew, progress)
-
-
-@contextmanager
-def requested_workers(jobs: int | None, cluster: str | None) -> Iterator[Jobs]:
-    """What the options of a command ask for; up to one process a core where the work is long, if neither is given."""
-    if cluster is None:
-        yield jobs or AtMost(os.cpu_count() or 1)
-        return
-    if jobs is not None:
-        raise typer.BadParameter("give this or --jobs, not both", param_hint="'--cluster'")
-    with executor(cluster) as found:
-        yield found
 
 
 # What stands at the end of every command's help: lines that can be typed as they are, each with what it does.

@@ -10,14 +10,14 @@ import typer
 
 import excite
 from excite.cli.options import (
+    Call,
     ModelOutOption,
     command,
     one_of,
 )
-from excite.cli.output import command_line, emit_result
+from excite.cli.output import command_line
 from excite.display import count
 from excite.export.registry import EXPORTERS, MODEL_FORMATS
-from excite.results import write_json
 
 if TYPE_CHECKING:
     from excite.export.models.model_format import Lost
@@ -67,15 +67,14 @@ def write_model(
         ),
     ] = None,
     *,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Write the identified robot for a simulator, with proof that each parameter arrives, and what is lost."""
     written = excite.write_simulator_model(result, format_name, out, robot=robot, template=template)
     main = written.folder / written.files[0]
-    emit_result(
-        "" if as_json else _describe_written(written),
+    call.emit_result(
+        "" if call.as_json else _describe_written(written),
         written.to_json(),
-        as_json=as_json,
         then=f"open {main} in your simulator; {written.folder / 'changes.csv'} has all that changed",
     )
 
@@ -194,8 +193,7 @@ def export_motions(
         ),
     ] = None,
     *,
-    out: Path | None,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
     from excite.export.export import export_with_verdicts, robot_beside  # lazy: pinocchio
@@ -205,7 +203,7 @@ def export_motions(
         report = export_with_verdicts(
             motions,
             format_name,
-            out=out or Path(),
+            out=call.out or Path(),
             rate_hz=rate_hz,
             robot=robot,
             unsafe_anyway=unsafe_anyway,
@@ -221,12 +219,10 @@ def export_motions(
         if item.cleared.reason is not None:
             print(f"excite: written all the same: {item.cleared.verdict.summary()}", file=sys.stderr)
     document = report.to_json()
-    if out is not None:
-        write_json(document, out / "export.json")
-    emit_result(
+    call.write_document(document, "export.json")
+    call.emit_result(
         "\n".join(f"wrote {item.path}" for item in report.motions),
         document,
-        as_json=as_json,
         then="run them, record, and "
         + command_line(
             "convert",
@@ -254,13 +250,12 @@ def _parse_settings(texts: list[str]) -> dict[str, str]:
 def write_report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that another command wrote.")],
     *,
-    out: Path | None,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Write report.html from what a folder holds."""
-    path = excite.report(folder, out=out)
-    document = {"schema": "excite.report/1", "file": str(path.relative_to(out) if out else path)}
-    emit_result(f"wrote {path}", document, as_json=as_json, then="open it in a browser")
+    path = excite.report(folder, out=call.out)
+    document = {"schema": "excite.report/1", "file": str(path.relative_to(call.out) if call.out else path)}
+    call.emit_result(f"wrote {path}", document, then="open it in a browser")
 
 
 @command("view")
@@ -287,21 +282,20 @@ def view_motions(
     ] = None,
     port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port to serve at.")] = 8080,
     *,
-    out: Path | None,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Watch it move, with the signals of a joint and its residuals beside it."""
     from excite.report.view import read_thing, record_page, serve  # lazy: pinocchio
 
     shown = read_thing(thing, robot)
     if record is not None:
-        path = record_page(shown, record if out is None else out / record)
+        path = record_page(shown, record if call.out is None else call.out / record)
         document = {"schema": "excite.view/1", "file": str(record), "motions": len(shown.clips)}
-        emit_result(f"wrote {path}", document, as_json=as_json, then="open it in a browser")
+        call.emit_result(f"wrote {path}", document, then="open it in a browser")
         return
 
     def ready(address: str) -> None:
         document = {"schema": "excite.view/1", "address": address, "motions": len(shown.clips)}
-        emit_result(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document, as_json=as_json)
+        call.emit_result(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document)
 
     serve(shown, port, ready)

@@ -11,28 +11,24 @@ import typer
 import excite
 from excite.campaign.searches import SEARCHES
 from excite.cli.options import (
+    Call,
     command,
     one_of,
-    requested_workers,
     stated_source,
-    working_in,
 )
 from excite.cli.outcome import exit_code_of_interruption, keeping_best, refusals_shown, say_interrupted
 from excite.cli.output import (
     EXIT_NEGATIVE,
     command_line,
-    emit_result,
     print_document,
     progress_bars,
     relative_to,
     stated_origin,
-    write_and_emit,
 )
 from excite.errors import NoSolutionError
 from excite.identification.estimators.registry import DEFAULT_METHOD
 from excite.motion.generators.registry import GENERATORS
 from excite.provenance import made_by
-from excite.results import write_json
 
 if TYPE_CHECKING:
     from excite.campaign.optimised_series import SeriesSettings
@@ -41,13 +37,12 @@ if TYPE_CHECKING:
 @command("robots")
 def list_robots(
     *,
-    as_json: bool,
-    out: Path | None,
+    call: Call,
 ) -> None:
     """List the bundled robots: degrees of freedom, mass, sensors, base type."""
     summaries = excite.robot_summaries()
     document = {"schema": "excite.robots/1", "robots": [summary.to_json() for summary in summaries]}
-    if write_and_emit(document, "robots.json", as_json=as_json, out=out):
+    if call.is_printed(document, "robots.json"):
         return
     from rich.console import Console
     from rich.table import Table
@@ -81,9 +76,7 @@ def write_description(
         bool, typer.Option("--force", help="Overwrite a robot.yaml that is there already.")
     ] = False,
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
+    call: Call,
 ) -> None:
     """Write a complete robot.yaml: what the model says, and what had to be assumed, with its consequence.
 
@@ -92,14 +85,16 @@ def write_description(
     from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
 
     source = replace(stated_source(package_path, xacro_arg, limits), srdf=srdf)
-    written = excite.write_scaffold(file, out or file.parent, seed=seed, overwrite=force, source=source)
+    written = excite.write_scaffold(
+        file, call.out or file.parent, seed=call.seed, overwrite=force, source=source
+    )
     chart = examine_description(written.description)
     document = {
         "schema": "excite.init-robot/1",
-        "file": "robot.yaml" if out else str(written.description),
+        "file": "robot.yaml" if call.out else str(written.description),
         "fill_in": [],
         "assumed": [one.to_json() for one in written.assumed],
-        "urdf": str(written.urdf) if not out else written.urdf.name,
+        "urdf": str(written.urdf) if not call.out else written.urdf.name,
         "notes": list(written.notes),
         "findings": [finding.to_json() for finding in chart.findings],
     }
@@ -110,10 +105,10 @@ def write_description(
     lines += [f"  assumed: {one}" for one in written.assumed]
     if chart.findings:
         lines += ["the model itself:", *(f"  {line}" for line in chart.summary().splitlines())]
-    emit_result("\n".join(lines), document, as_json=as_json, then=command_line("plan", written.description))
+    call.emit_result("\n".join(lines), document, then=command_line("plan", written.description))
 
 
-@command("check")
+@command("check", cluster=True)
 def check_motions(
     files: Annotated[
         list[str],
@@ -136,10 +131,7 @@ def check_motions(
         ),
     ] = False,
     *,
-    out: Path | None,
-    as_json: bool,
-    jobs: int | None,
-    cluster: str | None,
+    call: Call,
 ) -> None:
     """Check motions independently: verdict, margins, first violation with time and place."""
     robot, motions = (files[0], files[1:]) if whose is None else (whose, files)
@@ -149,20 +141,20 @@ def check_motions(
     from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     loaded = excite.load_robot(robot)
-    with requested_workers(jobs, cluster) as crew, progress_bars() as progress:
+    with call.requested_workers() as crew, progress_bars() as progress:
         result = excite.check(
             loaded, excite.load_motions(motions, loaded), robust=robust, jobs=crew, progress=progress
         )
     chart = examine_model(loaded)
     result = replace(result, findings=tuple(chart.spoiling))
-    if out is not None:
+    if call.out is not None:
         paths = zip(result.verdicts, motion_paths(motions), strict=True)
-        verdicts = tuple(replace(one, file=relative_to(out, path)) for one, path in paths)
-        result = replace(result, verdicts=verdicts, **stated_origin(robot, None, out))
-        write_json(result.to_json(), out / "check.json")
+        verdicts = tuple(replace(one, file=relative_to(call.out, path)) for one, path in paths)
+        result = replace(result, verdicts=verdicts, **stated_origin(robot, None, call.out))
+        call.write_document(result.to_json(), "check.json")
     then = command_line("rank", robot, *motions) if result.safe else ""
     said = "\n".join(filter(None, (chart.worst_in_words(), result.summary())))
-    emit_result(said, result.to_json(), as_json=as_json, then=then)
+    call.emit_result(said, result.to_json(), then=then)
     if not result.safe:
         raise typer.Exit(EXIT_NEGATIVE)
 
@@ -183,7 +175,7 @@ def print_schema(
     print_document(excite.file_schema(name))
 
 
-@command("plan")
+@command("plan", cluster=True)
 def plan_motions(
     robot: str,
     candidates: Annotated[
@@ -264,17 +256,13 @@ def plan_motions(
         ),
     ] = False,
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
-    jobs: int | None,
-    cluster: str | None,
+    call: Call,
 ) -> None:
     """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
     from excite.robot.inspection.chart import examine_model  # lazy: pinocchio
 
     with (
-        working_in(out or Path("plan"), jobs, cluster) as (folder, crew, progress),
+        call.working_in("plan") as (folder, crew, progress),
         keeping_best(),
     ):
         loaded = excite.load_robot(robot)
@@ -292,17 +280,16 @@ def plan_motions(
                 minutes=minutes,
                 parameters=tuple(filter(None, parameters.split(","))),
                 robust=robust,
-                seed=seed,
+                seed=call.seed,
                 jobs=crew,
                 progress=progress,
             )
         plan.save(folder)
         if not plan.interrupted:
             excite.report(folder)
-    emit_result(
+    call.emit_result(
         "\n".join(filter(None, (chart.worst_in_words(), plan.summary(), f"written to {folder}"))),
         plan.to_json() | {"findings": [finding.to_json() for finding in chart.spoiling]},
-        as_json=as_json,
         then=command_line("report", folder) if plan.interrupted else command_line("capture", robot, folder),
     )
     if plan.interrupted:
@@ -325,19 +312,16 @@ def rank_motions(
     robot: str,
     motions: list[Path],
     *,
-    out: Path | None,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Rank motions by condition numbers: full (base columns) and per segment."""
     loaded = excite.load_robot(robot)
     with progress_bars() as progress:
         ranking = excite.rank(loaded, excite.load_motions(motions, loaded), progress=progress)
-    if out is not None:
-        write_json(ranking.to_json(), out / "rank.json")
-    emit_result(
+    call.write_document(ranking.to_json(), "rank.json")
+    call.emit_result(
         ranking.summary(),
         ranking.to_json(),
-        as_json=as_json,
         then=command_line("export", *motions, "--robot", robot, "--format", "csv", "--out", "commands"),
     )
 
@@ -353,7 +337,7 @@ _CAMPAIGN_OPTIONS = {
 }
 
 
-@command("campaign")
+@command("campaign", cluster=True)
 def run_campaign(
     context: typer.Context,
     robot: str,
@@ -383,11 +367,7 @@ def run_campaign(
         bool, typer.Option("--resume", help="Go on with the campaign that --out holds, by its options.")
     ] = False,
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
-    jobs: int | None,
-    cluster: str | None,
+    call: Call,
 ) -> None:
     """Run the whole loop until the targets are met, or say which are not and why."""
     asked: dict[str, Any] = {
@@ -395,21 +375,21 @@ def run_campaign(
         "target_rsd": target_rsd,
         "max_iterations": max_iterations,
         "method": method,
-        "seed": seed,
+        "seed": call.seed,
         "on_robot": on_robot,
         "minutes": minutes,
     }
     if resume:
         from excite.campaign.journal import Journal  # lazy: pinocchio
 
-        begun = Journal(out or Path("campaign")).settings()
+        begun = Journal(call.out or Path("campaign")).settings()
         settings = replace(
             begun, **{name: value for name, value in asked.items() if _is_given(context, name)}
         )
     else:
         settings = excite.CampaignSettings(**asked)
     with (
-        working_in(out or Path("campaign"), jobs, cluster) as (folder, crew, progress),
+        call.working_in("campaign") as (folder, crew, progress),
         keeping_best(),
         made_by(_begun_command(robot, settings), excite.__version__, settings.seed),
     ):
@@ -429,10 +409,9 @@ def run_campaign(
             if result.awaits is not None:
                 excite.report(result.awaits.parent)
             then = _next_of_page(folder)
-    emit_result(
+    call.emit_result(
         f"{result.summary()}\nwritten to {folder}",
         result.to_json(),
-        as_json=as_json,
         then=then,
     )
     if result.interrupted:
@@ -471,21 +450,16 @@ def _next_of_page(folder: Path) -> str:
     return command_line(*found.command) if found is not None and found.command else ""
 
 
-@command("demo")
+@command("demo", cluster=True)
 def run_demo(
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
-    jobs: int | None,
-    cluster: str | None,
+    call: Call,
 ) -> None:
     """Plan, check, run and identify on a virtual Unitree G1 with 5 kg added; ends in a report."""
-    with working_in(out or Path("demo"), jobs, cluster) as (folder, crew, progress):
-        result = excite.demo(folder, seed=seed, jobs=crew, progress=progress)
-    emit_result(
+    with call.working_in("demo") as (folder, crew, progress):
+        result = excite.demo(folder, seed=call.seed, jobs=crew, progress=progress)
+    call.emit_result(
         result.summary(),
         result.to_json(),
-        as_json=as_json,
         then=command_line("plan", "ROBOT", "--out", "mine"),
     )

@@ -12,18 +12,16 @@ import typer
 import excite
 from excite.atomic import atomic_folder, write_text
 from excite.cli.options import (
+    Call,
     command,
     named_numbers,
     one_of,
-    requested_workers,
     segment_settings,
-    working_in,
 )
 from excite.cli.output import (
     EXIT_NEGATIVE,
     campaign_of,
     command_line,
-    emit_result,
     log_folder,
     progress_bars,
     stated_origin,
@@ -52,7 +50,7 @@ def write_sheet(
         typer.Option("--out", metavar="FILE", help="The sheet (.md or .html); PLAN/capture.md if left out."),
     ] = None,
     *,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
     from excite.export.export import robot_beside  # lazy: pinocchio
@@ -64,17 +62,16 @@ def write_sheet(
     sheet = excite.capture(excite.load_robot(whose), plan, out, named=named)
     document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
     minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
-    emit_result(
+    call.emit_result(
         f"wrote {sheet.path}: {count(len(sheet.capture.logged), 'recording')}, {minutes:.0f} minutes with warm-up",
         document,
-        as_json=as_json,
         then=command_line(
             "convert", "RECORDING", "--robot", whose, "--out", log_folder(plan), "--capture", sheet.path
         ),
     )
 
 
-@command("simulate")
+@command("simulate", cluster=True)
 def simulate_motions(
     robot: str,
     motions: list[Path],
@@ -91,19 +88,15 @@ def simulate_motions(
         bool, typer.Option("--nominal", help="Give the virtual robot the nominal inertial parameters.")
     ] = False,
     *,
-    out: Path | None,
-    as_json: bool,
-    seed: int,
-    jobs: int | None,
-    cluster: str | None,
+    call: Call,
 ) -> None:
     """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
     from excite.campaign.experiment import planned_roles  # lazy: pydantic
     from excite.logs.files import check_replaceable  # lazy: pinocchio
 
-    check_replaceable(out or Path("log"))
+    check_replaceable(call.out or Path("log"))
     loaded = excite.load_robot(robot)
-    with working_in(out or Path("log"), jobs, cluster) as (folder, crew, progress):
+    with call.working_in("log") as (folder, crew, progress):
         moves, planned = excite.load_motions(motions, loaded), planned_roles(motions)
         experiment = excite.simulate(
             loaded,
@@ -112,7 +105,7 @@ def simulate_motions(
             nominal=nominal,
             # Some of a plan's motions are run without the others.
             roles={move.name: planned[move.name] for move in moves if move.name in planned} or None,
-            seed=seed,
+            seed=call.seed,
             jobs=crew,
             progress=progress,
         )
@@ -121,17 +114,16 @@ def simulate_motions(
     # What stands on feet that measure nothing is identified, and not diagnosed.
     told = not loaded.floating or loaded.description.sensors.wrench
     then = command_line("diagnose", folder, "--out", "diagnosis") if inject and told else identify
-    emit_result(
+    call.emit_result(
         f"{experiment.summary()}\nwritten to {folder}",
         experiment.to_json(),
-        as_json=as_json,
         then=then,
     )
     if experiment.fell:
         raise typer.Exit(EXIT_NEGATIVE)
 
 
-@command("init-log")
+@command("init-log", out=False)
 def write_log_header(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Folder with trials whose columns are time, q.JOINT …")
@@ -140,13 +132,13 @@ def write_log_header(
         bool, typer.Option("--force", help="Overwrite a log.yaml that is there already.")
     ] = False,
     *,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Write a commented log.yaml beside trial files: what they tell, and what a person must fill in."""
     written = excite.write_header(folder, overwrite=force)
     document = {"schema": "excite.init-log/1", "file": str(written.path), "fill_in": list(written.fill_in)}
     lines = [f"wrote {written.path}", *(f"  fill in: {mark}" for mark in written.fill_in)]
-    emit_result("\n".join(lines), document, as_json=as_json, then=command_line("doctor", folder))
+    call.emit_result("\n".join(lines), document, then=command_line("doctor", folder))
 
 
 @command("convert")
@@ -175,14 +167,14 @@ def convert_recordings(
         ),
     ] = None,
     *,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Make a log folder of any recording: columns, units and trials are found, and what was guessed is said."""
     found = excite.convert(sources, robot, out, mapping, capture)
-    if not as_json:
+    if not call.as_json:
         _show_guesses(found)
     then = _next_of_conversion(found, robot)
-    emit_result(found.summary(), found.to_json(), as_json=as_json, then=then)
+    call.emit_result(found.summary(), found.to_json(), then=then)
 
 
 def _next_of_conversion(found: Conversion, robot: str) -> str:
@@ -232,9 +224,7 @@ def examine_log(
         ),
     ] = None,
     *,
-    out: Path | None,
-    as_json: bool,
-    jobs: int | None,
+    call: Call,
 ) -> None:
     """Say what is wrong with a log, worst first: rows, clock, units, signs, order, zeros, dead channels.
 
@@ -248,9 +238,9 @@ def examine_log(
             what = "a robot" if of_robot else "a data set"
             raise typer.BadParameter(f"is for a log; this is {what}", param_hint=f"'{option}'")
         if of_robot:
-            _examine_robot(log, out, as_json=as_json)
+            _examine_robot(log, call)
         else:
-            _examine_episodes(log, out, jobs, as_json=as_json)
+            _examine_episodes(log, call)
         return
     from excite.doctor.doctor import doctor  # lazy: pinocchio
     from excite.logs.files import load_log  # lazy: pinocchio
@@ -261,15 +251,15 @@ def examine_log(
     nominal = model or nominal_robot(loaded)
     chart = doctor(loaded, nominal, repair=repair)
     document = chart.to_json()
-    if out is not None:
-        document |= stated_origin(robot or "", log, out)
-        _save_findings(nominal, loaded, chart, document, out)
+    if call.out is not None:
+        document |= stated_origin(robot or "", log, call.out)
+        _save_findings(nominal, loaded, chart, document, call.out)
     if chart.usable:
         own = robot_of_log(chart.robot, chart.log.header.robot, log)
         then = command_line("identify", robot or own, repair or log, "--out", "result")
         if not chart.log.header.measures_forces:
             then = command_line("diagnose", repair or log, "--out", "diagnosis")
-        emit_result(chart.summary(), document, as_json=as_json, then=then)
+        call.emit_result(chart.summary(), document, then=then)
     chart.check_usable()
 
 
@@ -281,31 +271,31 @@ def _is_of_episodes(path: Path) -> bool:
     return is_of_episodes(path)
 
 
-def _examine_episodes(folder: Path, out: Path | None, jobs: int | None, *, as_json: bool) -> None:
+def _examine_episodes(folder: Path, call: Call) -> None:
     from excite.conversion.episodes import examine_episodes  # lazy: pinocchio
     from excite.report.plots.drift import save_drift  # lazy: numpy
 
-    with requested_workers(jobs, None) as crew, progress_bars() as progress:
+    with call.requested_workers() as crew, progress_bars() as progress:
         chart = examine_episodes(folder, jobs=crew, progress=progress)
     document, summary = chart.to_json(), chart.summary()
-    if out is not None:
-        write_json(document, out / "doctor.json")
-        write_text(out / "episodes.csv", chart.to_csv())
-        summary += f"\ndrift: {save_drift(document['episodes'], out / 'drift.png')}"
-    emit_result(summary, document, as_json=as_json)
+    if call.out is not None:
+        call.write_document(document, "doctor.json")
+        write_text(call.out / "episodes.csv", chart.to_csv())
+        summary += f"\ndrift: {save_drift(document['episodes'], call.out / 'drift.png')}"
+    call.emit_result(summary, document)
     if not chart.healthy:
         raise typer.Exit(EXIT_NEGATIVE)
 
 
-def _examine_robot(robot: Path, out: Path | None, *, as_json: bool) -> None:
+def _examine_robot(robot: Path, call: Call) -> None:
     from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
 
     chart = examine_description(robot)
     document = chart.to_json()
-    if out is not None:
-        write_json(document | stated_origin(str(robot), None, out), out / "doctor.json")
+    if call.out is not None:
+        call.write_document(document | stated_origin(str(robot), None, call.out), "doctor.json")
     then = command_line("plan", robot) if chart.healthy else ""
-    emit_result(chart.summary(), document, as_json=as_json, then=then)
+    call.emit_result(chart.summary(), document, then=then)
 
 
 def _save_findings(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
@@ -384,7 +374,7 @@ def measure_person(
     asymmetric: list[str] | None = None,
     mass_range: list[str] | None = None,
     *,
-    as_json: bool,
+    call: Call,
 ) -> None:
     """Make a person's model (15 segments, 34 joints) and a log folder; then `excite identify DIR/robot.yaml DIR`."""
     if identify is None and (asymmetric or mass_range):
@@ -417,10 +407,9 @@ def measure_person(
     # Of a log with trials that were done with a weight, the body is not to be identified as if there were none.
     plain = identify is None and not loaded
     then = command_line("identify", out / "robot.yaml", out, "--out", "segments") if plain else ""
-    emit_result(
+    call.emit_result(
         f"{person.summary()}\nwrote {out}{summary}",
         document,
-        as_json=as_json,
         then=then or ("" if identify is None else command_line("report", out)),
     )
 
