@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,10 @@ from excite.logs.files import load_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot, robot_for_log
 from excite.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from excite.diagnosis.answer.answer import Diagnosis
+    from excite.doctor.model_comparison import BesideModel
 
 # What a file of arrays holds of a field: a kind, and a letter an axis; those of one letter are equally long.
 Text = Annotated[str, ("text", "")]
@@ -181,6 +185,38 @@ def save_report_data(data: ReportData, path: Path) -> Path:
     with atomic_path(path) as temporary:
         np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
     return path
+
+
+def save_diagnosis_curves(result: Diagnosis, out: Path) -> None:
+    """Write the curves that a page of a diagnosis shows, where there are any."""
+    curves, rollouts = result.curves, result.simulation
+    path = None if rollouts is None else rollouts.path
+    gap = None
+    if curves is not None:
+        gap = ForceComparison(
+            curves.trial,
+            curves.channels,
+            curves.units,
+            curves.time,
+            curves.measured,
+            curves.before,
+            curves.after,
+        )
+    moved = None
+    if path is not None:
+        moved = PathComparison(path.trial, path.joints, path.time, path.recorded, path.before, path.after)
+    if gap is not None or moved is not None:
+        save_report_data(ReportData(gap=gap, path=moved), out / "report_data.npz")
+
+
+def save_doctor_torques(seen: BesideModel | None, out: Path) -> None:
+    """Write the torques that a page of a log shows, those of the model beside them; None of a log without use."""
+    shown = None
+    if seen is not None:
+        shown = ForceComparison(
+            seen.trial, seen.joints, seen.units, seen.time, seen.model, seen.logged, seen.repaired
+        )
+    save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
 
 
 def load_report_data(path: Path) -> ReportData:

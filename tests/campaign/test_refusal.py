@@ -13,7 +13,7 @@ import pytest
 import excite
 from excite.campaign.candidates import Refusals
 from excite.campaign.plan import Plan, plan
-from excite.cli.session.outcome import of_error, refusals_shown
+from excite.cli.outcome import of_error, refusals_shown
 from excite.documents.document import read_document
 from excite.documents.plan import RefusalsDocument
 from excite.errors import NothingSafeError

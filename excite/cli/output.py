@@ -10,10 +10,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from excite.cli.session.interruption import document_printed
+from excite.cli.outcome import document_printed
 from excite.progress import Progress as ProgressCallback
 from excite.progress import silent
-from excite.results import to_json, with_origin, write_json
+from excite.results import to_json, with_origin
 from excite.robot.init_robot.source import Source, model_source
 
 EXIT_NEGATIVE = 1
@@ -45,15 +45,6 @@ def command_line(*words: object) -> str:
     more += [word for one in source.arguments.items() for word in ("--xacro-arg", ":=".join(one))]
     more += [] if source.limits is None else ["--limits", source.limits]
     return " ".join(["excite", *(shlex.quote(str(word)) for word in (*words, *more))])
-
-
-def write_and_emit(document: dict[str, Any], name: str, *, as_json: bool, out: Path | None) -> bool:
-    """Write the document where there is a folder and print it where ``--json`` was given; whether it was printed."""
-    if out is not None:
-        write_json(document, out / name)
-    if as_json:
-        print_document(document)
-    return as_json
 
 
 @contextmanager
