@@ -47,7 +47,7 @@ class GradientDesign(CandidateSearch):
         Raises:
             NoSolutionError: no random motion is safe.
             UnknownNameError: a target is no joint of the robot.
-            InputError: a robot without rows to design with, or noise that the robot does not state; criterion or period asked for.
+            InputError: a robot without rows for it, or without stated noise; criterion or period asked for.
         """
         if asked.series is not None:
             raise InputError(

@@ -272,10 +272,14 @@ class GroundForces:
         robot, n = rows.robot, sampled.n_samples
         sweep = Sweep(robot, sampled, (n - 1) / sampled.duration)
         kinds = (
-            (edges_of_support(sweep), ZMP_MARGIN + _EDGE_ROOM, _EDGE_UNIT),
-            (faces_of_friction(sweep), _FRICTION_ROOM, _FRICTION_UNIT),
+            (edges_of_support(sweep), ZMP_MARGIN, _EDGE_ROOM, _EDGE_UNIT),
+            (faces_of_friction(sweep), 0.0, _FRICTION_ROOM, _FRICTION_UNIT),
         )
-        found = [_by_sample(facing, n, room, unit) for facing, room, unit in kinds if facing is not None]
+        found = [
+            _by_sample(facing, n, limit + room, unit)
+            for facing, limit, room, unit in kinds
+            if facing is not None
+        ]
         if len(found) < len(kinds):
             raise InputError("stands on no area at times", source=sampled.name, remedy="use another motion")
         weight = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
@@ -288,13 +292,15 @@ class GroundForces:
         # Planes of the wrench about the base, in its axes: n · (R f) + m · (R τ + p × R f).
         self._own = np.concatenate([force @ turn, moment @ turn], axis=-1)
         self._rise = np.zeros(self._own.shape[:2])
-        # What the source itself leaves no room for, a design leaves no less.
+        # Where the source leaves less, a design leaves as much, and the room for what happens between the samples.
         self.watch(sampled.q, sampled.v, sampled.a)
         full = rows.regressor(sampled.q, sampled.v, sampled.a)
-        used, kinds_of = self.values(full, sampled.v, sampled.a, sampled.v).max(axis=0), found[0].shape[1]
-        self.most = np.maximum(
-            np.repeat([used[:kinds_of].max(), used[kinds_of:].max()], [kinds_of, len(used) - kinds_of]), 1.0
-        )
+        used = self.values(full, sampled.v, sampled.a, sampled.v).max(axis=0)
+        parts = np.split(used, [found[0].shape[1]])
+        shares = [
+            max(part.max() - room / unit, 1.0) for part, (_, _, room, unit) in zip(parts, kinds, strict=True)
+        ]
+        self.most = np.repeat(shares, [len(part) for part in parts])
 
     def values(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
         """Shares of the room that are used, 1 at the limits, ``(n, n_planes)``."""

@@ -46,6 +46,7 @@ class DesignSettings:
         near_m: bodies nearer than this beyond their margin are watched [m].
         extra_m: distance beyond the margin, for what happens between the samples [m].
         rounds: of the search, before each of which nearest points are found anew.
+        more_rounds: at most, while no step is safe: what little is known pulls harder than the first weights.
         iterations: in each round.
         growth: of the weight of squared violations from round to round, from 1.
     """
@@ -57,6 +58,7 @@ class DesignSettings:
     near_m: float = 0.06
     extra_m: float = 0.01
     rounds: int = 3
+    more_rounds: int = 2
     iterations: int = 50
     growth: float = 5.0
 
@@ -273,20 +275,20 @@ def design_motion(
         settings: of the search.
     """
     program = DesignProgram(rows, source, prior, criterion, settings)
+    least = _least_margins(rows.robot, source) if rows.robot.floating and not robust else {}
     x = np.zeros(program.size)
-    for k in range(settings.rounds):
+    for k in range(settings.rounds + settings.more_rounds):
         program.watch(x)
         found = minimize(
             program.evaluate, x, args=(settings.growth**k,), jac=True, method="L-BFGS-B",
             bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": settings.iterations, "maxcor": 15},
         )  # fmt: skip
         x = np.asarray(found.x)
-    least = _least_margins(rows.robot, source) if rows.robot.floating and not robust else {}
-    # Each time twice as much is taken off the step.
-    for step in (1.0, *(1.0 - 0.01 * 2**k for k in range(7))):
-        motion = program.motion(step * x)
-        if _is_safe(rows.robot, motion, robust=robust, least=least):
-            return Design(motion, program.information(step * x), step)
+        # Each time twice as much is taken off the step.
+        for step in (1.0, *(1.0 - 0.01 * 2**i for i in range(7))) if k + 1 >= settings.rounds else ():
+            motion = program.motion(step * x)
+            if _is_safe(rows.robot, motion, robust=robust, least=least):
+                return Design(motion, program.information(step * x), step)
     return Design(source, program.information(0.0 * x), 0.0)
 
 
