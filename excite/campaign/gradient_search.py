@@ -9,12 +9,11 @@ import numpy as np
 from excite.arrays import Array
 from excite.campaign.optimised_series import Asked, CandidateSearch
 from excite.errors import InputError, NoSolutionError
-from excite.excitation.design_rows import design_rows
+from excite.excitation.design_rows import DesignRows, design_rows
 from excite.excitation.gradient_design import (
     GRADIENT,
     SEARCH_HZ,
     Design,
-    DesignRows,
     design_motions,
     first_information,
 )

@@ -6,9 +6,10 @@ and the ground bounds it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,29 +52,18 @@ class Pulled(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ArmRows:
-    """The weighted regressor of an arm's base parameters, and the way back from its derivatives to the motion's.
-
-    What the drives have to give, and can, is bounded.
+class DesignRows(ABC):
+    """Weighted rows of a robot's base parameters, and the ways back from their derivatives to the motion's.
 
     Attributes:
-        robot: an arm whose joints all have motors.
+        robot: the robot.
     """
 
     robot: Robot
 
-    def __post_init__(self) -> None:
-        """Raise InputError for a robot without gradients."""
-        if self.robot.floating or self.robot.mechanism is not None:
-            raise InputError(
-                "motions are designed by gradients for arms with a motor in every joint",
-                source=self.robot.name,
-                remedy="use another generator",
-            )
-
     @cached_property
     def base(self) -> BaseParameters:
-        """The base parameters, drives included."""
+        """The base parameters, drives included where sensors see them."""
         return structural_base_parameters(self.robot, DRIVE_TERMS)
 
     @property
@@ -87,6 +77,81 @@ class ArmRows:
         return read_tree(self.robot.model)
 
     @cached_property
+    def _weights(self) -> Array:
+        return 1.0 / row_noise(self.robot)
+
+    @cached_property
+    def _inertial(self) -> NDArray[np.int64]:
+        return measured_columns(self.robot, DRIVE_TERMS).inertial
+
+    @property
+    @abstractmethod
+    def moved(self) -> NDArray[np.intp]:
+        """Joints that designs move."""
+
+    @abstractmethod
+    def burden(self, sampled: Motion) -> Burden:
+        """What bounds motions near one at the search's samples beside their joints' limits."""
+
+    @abstractmethod
+    def regressor(self, q: Array, v: Array, a: Array) -> Array:
+        """Rows in all parameters, ``(n, n_rows, 10·n_segments)``."""
+
+    @abstractmethod
+    def weighted(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
+        """Base columns over the noise, ``(n, n_rows, n_base)``, of a regressor ``full``."""
+
+    @abstractmethod
+    def pulled(self, slope: Array, sign_slope: Array, size: int) -> Pulled:
+        """Gradients through the weighted rows, of which ``slope`` are those of the criterion."""
+
+    def information(self, q: Array, v: Array, a: Array) -> Array:
+        """Information of samples, ``(n_base, n_base)``."""
+        rows = self.weighted(self.regressor(q, v, a), v, a, np.sign(v)).reshape(-1, len(self.independent))
+        return np.asarray(rows.T @ rows)
+
+
+class Burden(Protocol):
+    """What bounds a motion, in rows that are below a limit."""
+
+    @property
+    def most(self) -> Array:
+        """The limits, ``(k,)``."""
+        ...
+
+    def values(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
+        """What is to stay below, ``(n, k)``, of a regressor ``full``."""
+        ...
+
+    def pulled(self, slope: Array, sign_slope: Array) -> Pulled:
+        """Gradients of a sum of the values times ``slope``, ``(n, k)``."""
+        ...
+
+    def watch(self, q: Array, v: Array, a: Array) -> None:
+        """Find anew what is held for a round of the search."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ArmRows(DesignRows):
+    """The weighted regressor of an arm's base parameters, and the way back from its derivatives to the motion's.
+
+    What the drives have to give, and can, is bounded.
+
+    Attributes:
+        robot: an arm whose joints all have motors.
+    """
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a robot without gradients."""
+        if self.robot.floating or self.robot.mechanism is not None:
+            raise InputError(
+                "motions are designed by gradients for arms with a motor in every joint",
+                source=self.robot.name,
+                remedy="use another generator",
+            )
+
+    @cached_property
     def drives(self) -> Array:
         """Viscous and Coulomb friction and rotor inertia that the description states, ``(3, n_joints)`` [SI]."""
         drives, nothing = self.robot.description.drives, np.zeros(self.robot.n_joints)
@@ -97,14 +162,6 @@ class ArmRows:
         """Torques of the drives, ``(n, n_joints)`` [N·m or N], of a joint torque regressor ``full``."""
         viscous, coulomb, armature = self.drives
         return np.asarray(full @ self.tree.phi + viscous * v + coulomb * sign + armature * a)
-
-    @cached_property
-    def _weights(self) -> Array:
-        return 1.0 / row_noise(self.robot)
-
-    @cached_property
-    def _inertial(self) -> NDArray[np.int64]:
-        return measured_columns(self.robot, DRIVE_TERMS).inertial
 
     @property
     def moved(self) -> NDArray[np.intp]:
@@ -140,12 +197,6 @@ class ArmRows:
         viscous, coulomb, _, armature = (whole[:, joints, first + k * n_joints + joints] for k in range(4))
         return Pulled(weights, viscous + coulomb * sign_slope, armature)
 
-    def information(self, q: Array, v: Array, a: Array) -> Array:
-        """Information of samples ``(n, n_joints)`` each, ``(n_base, n_base)``."""
-        full = self.regressor(q, v, a)
-        rows = self.weighted(full, v, a, np.sign(v)).reshape(-1, len(self.independent))
-        return np.asarray(rows.T @ rows)
-
 
 @dataclass(frozen=True, eq=False)
 class DriveTorques:
@@ -177,7 +228,7 @@ class DriveTorques:
 
 
 @dataclass(frozen=True, eq=False)
-class StandingRows:
+class StandingRows(DesignRows):
     """The weighted regressor of a robot's whole wrench, as its feet's sensors sum it.
 
     Designs move the joints that no foot needs; the base and the legs move as in the source. What the ground can give is
@@ -186,8 +237,6 @@ class StandingRows:
     Attributes:
         robot: a robot on wrench sensors.
     """
-
-    robot: Robot
 
     def __post_init__(self) -> None:
         """Raise InputError for a robot without such joints or sensors."""
@@ -205,27 +254,8 @@ class StandingRows:
         return np.flatnonzero(free_upper_body(self.robot))
 
     @cached_property
-    def base(self) -> BaseParameters:
-        """The base parameters."""
-        return structural_base_parameters(self.robot, DRIVE_TERMS)
-
-    @property
-    def independent(self) -> NDArray[np.int64]:
-        """Columns that stand for the base parameters, ``(n_base,)``."""
-        return self.base.independent
-
-    @cached_property
-    def tree(self) -> KinematicTree:
-        """The robot's, for compiled kernels."""
-        return read_tree(self.robot.model)
-
-    @cached_property
     def _columns(self) -> NDArray[np.int64]:
-        return measured_columns(self.robot, DRIVE_TERMS).inertial[self.independent]
-
-    @cached_property
-    def _weights(self) -> Array:
-        return 1.0 / row_noise(self.robot)
+        return self._inertial[self.independent]
 
     def regressor(self, q: Array, v: Array, a: Array) -> Array:
         """Rows of the whole wrench in all parameters, ``(n, 6, 10·n_segments)``."""
@@ -245,11 +275,6 @@ class StandingRows:
         weights[:, :, self._columns] = slope * self._weights[:, None]
         nothing = np.zeros(1)
         return Pulled(weights, nothing, nothing)
-
-    def information(self, q: Array, v: Array, a: Array) -> Array:
-        """Information of samples, ``(n_base, n_base)``."""
-        rows = self.weighted(self.regressor(q, v, a), v, a, v).reshape(-1, len(self.independent))
-        return np.asarray(rows.T @ rows)
 
 
 class GroundForces:
@@ -284,8 +309,8 @@ class GroundForces:
             raise InputError("stands on no area at times", source=sampled.name, remedy="use another motion")
         weight = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
         self._world = np.concatenate(found, axis=1) / weight
-        self._set = RowsOfSet(robot, stated_parameters(robot))
         self._parameters = stated_parameters(robot)
+        self._set = RowsOfSet(robot, self._parameters)
         turn = Rotation.from_quat(sampled.q[:, 3:7]).as_matrix()
         force, moment = self._world[..., :3], self._world[..., 3:]
         force = force + np.cross(moment, sampled.q[:, None, :3])
@@ -335,6 +360,6 @@ def _by_sample(facing: Facing, n: int, room: float, unit: float) -> Array:
     return found
 
 
-def design_rows(robot: Robot) -> ArmRows | StandingRows:
+def design_rows(robot: Robot) -> DesignRows:
     """Rows to design a robot's motions with; raises InputError where it has none."""
     return StandingRows(robot) if robot.floating else ArmRows(robot)

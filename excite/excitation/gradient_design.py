@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 
 from excite.arrays import Array
-from excite.excitation.design_rows import ArmRows, StandingRows
+from excite.excitation.design_rows import DesignRows
 from excite.excitation.optimisation.near_bodies import NearBodies, NearPairs
 from excite.excitation.selection import Criterion
 from excite.motion.motion import Motion, interpolate_motion
@@ -64,8 +64,6 @@ class DesignSettings:
 
 
 _USUAL = DesignSettings()
-
-DesignRows = ArmRows | StandingRows
 
 
 @dataclass(frozen=True, eq=False)
