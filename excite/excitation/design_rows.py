@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ class DesignRows(ABC):
         """Joints that designs move."""
 
     @abstractmethod
-    def burden(self, sampled: Motion) -> Burden:
+    def burden(self, sampled: Motion) -> DriveTorques | GroundForces:
         """What bounds motions near one at the search's samples beside their joints' limits."""
 
     @abstractmethod
@@ -109,27 +109,6 @@ class DesignRows(ABC):
         """Information of samples, ``(n_base, n_base)``."""
         rows = self.weighted(self.regressor(q, v, a), v, a, np.sign(v)).reshape(-1, len(self.independent))
         return np.asarray(rows.T @ rows)
-
-
-class Burden(Protocol):
-    """What bounds a motion, in rows that are below a limit."""
-
-    @property
-    def most(self) -> Array:
-        """The limits, ``(k,)``."""
-        ...
-
-    def values(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
-        """What is to stay below, ``(n, k)``, of a regressor ``full``."""
-        ...
-
-    def pulled(self, slope: Array, sign_slope: Array) -> Pulled:
-        """Gradients of a sum of the values times ``slope``, ``(n, k)``."""
-        ...
-
-    def watch(self, q: Array, v: Array, a: Array) -> None:
-        """Find anew what is held for a round of the search."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +309,7 @@ class GroundForces:
     def values(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
         """Shares of the room that are used, 1 at the limits, ``(n, n_planes)``."""
         wrench = full @ self._tree.phi
-        return np.maximum(1.0 + np.einsum("nkw,nw->nk", self._own, wrench) + self._rise, 0.0)
+        return np.asarray(np.maximum(1.0 + np.einsum("nkw,nw->nk", self._own, wrench) + self._rise, 0.0))
 
     def pulled(self, slope: Array, sign_slope: Array) -> Pulled:
         """Gradients of a sum of shares times ``slope``, ``(n, n_planes)``."""
