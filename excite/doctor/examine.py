@@ -150,11 +150,7 @@ class OtherMachine(Check):
 
 
 def _are_worse(worse: Array, much: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Torques that one machine for all explains less well, where it explains all together less well, too.
-
-    Odds alone do not do: by them the records of one KUKA LWR were of two machines, though one set of bodies for all
-    left 0.92 nat less than two. What matters is therefore what it has to be for any mistake.
-    """
+    """Torques that one machine explains less well, and all together too; odds alone part records of one KUKA LWR."""
     return (worse > LEAST_GAIN) & much & (worse.sum() > LEAST_GAIN)
 
 
