@@ -16,7 +16,7 @@ from excite.identification.identify import identify
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns
 from excite.robot.loading import load_robot
-from excite.simulation.simulate import simulate
+from excite.simulation.simulate import run_experiment
 from excite.simulation.virtual_robot import changed_robot
 
 # Seeds of the virtual robots.
@@ -73,7 +73,7 @@ def identify_designs(name: str, seed: int) -> Iterator[Identified]:
         promised = {label for label, one in rsd.items() if one is not None and one <= made.target_rsd}
         for truth in ROBOTS:
             virtual = changed_robot(robot, np.random.default_rng(truth))
-            log = simulate(virtual, made.motions, seed=truth)
+            log = run_experiment(virtual, made.motions, seed=truth).log
             found = {one.name: one for one in identify(robot, log).base}
             drives = virtual.drives
             inertial = virtual.truth.phi[measured_columns(robot, DRIVE_TERMS).inertial]
