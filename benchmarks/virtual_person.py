@@ -22,7 +22,7 @@ from excite.human.markers.marker_set import landmark_place, read_marker_set
 from excite.human.models import urdf_text
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS, Subject
-from excite.human.skeleton import Placement, frame_turn, place_segments, pose_of
+from excite.human.skeleton import N_SEGMENTS, Placement, Pose, frame_turn, place_segments
 
 # What a virtual person does: arms, trunk, head, legs and squats on two force plates, and the same done again.
 
@@ -456,3 +456,18 @@ def simulate_person(
         again = (write_trc(worn, out / "wearing.trc"), write_mot(worn, out / "wearing.mot"))
     masses = {name: part.mass for name, part in zip(NAMES, who.body.inertias, strict=True)}
     return SimulatedSession((still,), trial, again, masses)
+
+
+def pose_of(base: np.ndarray, angles: np.ndarray) -> Pose:
+    """Postures from the pelvis' pose ``(n, 7)`` (x y z [m], qx qy qz qw) and joint angles ``(n, 34)`` [rad]."""
+    n = len(base)
+    rotation = np.tile(np.eye(3), (n, N_SEGMENTS, 1, 1))
+    rotation[:, 0] = Rotation.from_quat(base[:, 3:]).as_matrix()
+    column = 0
+    for k, segment in enumerate(SEGMENTS):
+        for axis in segment.axes:
+            turn = np.outer(angles[:, column], np.eye(3)[axis.index] * axis.sign)
+            rotation[:, k] = rotation[:, k] @ Rotation.from_rotvec(turn).as_matrix()
+            column += 1
+        rotation[:, k] = rotation[:, k] @ frame_turn(k)
+    return Pose(base[:, :3].copy(), rotation)

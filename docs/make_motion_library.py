@@ -32,7 +32,7 @@ from excite.motion.files import load_motion, save_motion
 from excite.motion.generators.mixture import plan_candidates
 from excite.motion.motion import Motion, jerk_peaks
 from excite.regressor.base_parameters import structural_base_parameters
-from excite.report.sections.motions import choose_motions, draw_snapshots
+from excite.report.plots.postures import choose_motions, draw_snapshots
 from excite.results import write_json
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion

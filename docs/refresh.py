@@ -14,9 +14,8 @@ from pathlib import Path
 
 from excite.atomic import atomic_path, write_text
 from excite.report.folder import read_folder
-from excite.report.sections.identified import plot_masses
-from excite.report.sections.motions import choose_motions, draw_snapshots
-from excite.report.theme import to_png
+from excite.report.plots.postures import choose_motions, draw_snapshots
+from excite.report.sections.identified import draw_masses
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
@@ -48,7 +47,7 @@ def draw_pictures(results: Path) -> None:
         raise SystemExit(f"{results} holds no motions or no masses")
     pictures = {
         "motions.png": draw_snapshots(findings.robot, choose_motions(findings.motions, 3)).to_png(dpi=130),
-        "masses.png": to_png(plot_masses(findings.data.masses), dpi=130),
+        "masses.png": draw_masses(findings.data.masses).to_png(dpi=130),
     }
     for name, content in pictures.items():
         with atomic_path(IMAGES / name) as temporary:

@@ -46,7 +46,7 @@ _PUBLIC = {
     "write_simulator_model": "excite.export.models.simulator_model",
     "identify": "excite.identification.identify",
     "Identification": "excite.identification.result",
-    "write_models": "excite.export.models.write",
+    "write_models": "excite.export.models.simulator_model",
     "doctor": "excite.doctor.doctor",
     "convert": "excite.conversion.convert",
     "capture": "excite.campaign.capture",

@@ -13,12 +13,12 @@ import pytest
 
 import excite
 from excite import display as shown
-from excite.campaign.result import Campaign, Iteration
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, UnnamedShare
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
 from excite.display import Shown, Tabled
+from excite.documents.campaign import Campaign, Iteration
 from excite.errors import ExciteError
 from excite.identification.judgement import judgement as poor
 from excite.logs.log import Trial

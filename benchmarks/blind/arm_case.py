@@ -14,9 +14,13 @@ from excite.arrays import Array
 from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.simulation.drives import nominal_drives
 from excite.simulation.mjcf import World
-from excite.simulation.true_parameters import moved_inertia, nominal_truth, scattered_parameters
+from excite.simulation.true_parameters import (
+    moved_inertia,
+    nominal_drives,
+    nominal_truth,
+    scattered_parameters,
+)
 from excite.simulation.virtual_robot import Plant, VirtualRobot
 
 # Arms of a blind benchmark: a used robot, its sensors, its session of trials.

@@ -21,9 +21,8 @@ from excite.arrays import Array
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.virtual_robot import Recording, VirtualRobot
 
 # One case with a little of everything: simulated with all, without each and with each alone, and logged once.
 

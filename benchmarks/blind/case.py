@@ -13,15 +13,15 @@ from benchmarks.blind.detectability import effect_detectability
 from benchmarks.blind.documents import Answer, HiddenEffect
 from benchmarks.blind.draw import Draft
 from benchmarks.blind.forms import OWN_TERMS, hide_background, hide_effect, left_out, without_term
+from benchmarks.blind.laws import BristleLaw
 from excite.arrays import Array
 from excite.logs.header_blocks import Role, TrialHeader
 from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
-from excite.simulation.effects.friction import AsymmetryLaw, BristleLaw, WarmingLaw
+from excite.simulation.effects.laws import AsymmetryLaw, WarmingLaw
 from excite.simulation.execution import execute_motion
-from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.virtual_robot import Recording, VirtualRobot
 
 _NOISE_Q = 2e-5
 

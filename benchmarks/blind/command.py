@@ -17,20 +17,12 @@ from benchmarks.blind.board import score_board
 from benchmarks.blind.entry.registry import PROGRAMS
 from benchmarks.blind.make import answers_file, load_answers, make_cases
 from benchmarks.blind.score import score_entry
-from excite.cli.session.options import (
-    ClusterOption,
-    JobsOption,
-    JsonOption,
-    OutOption,
-    SeedOption,
-    requested_workers,
-)
-from excite.cli.session.output import command_line, emit_result, progress_bars
+from excite.cli.options import Call, with_shared_options
+from excite.cli.output import command_line, progress_bars
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.display import count
 from excite.documents.document import model_of
 from excite.errors import ExciteError, InputError
-from excite.folder_lock import claim_folder
 from excite.formats.documents import check_content, parse_json
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, at_once
@@ -49,12 +41,8 @@ FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of c
 
 
 @app.command("make")
+@with_shared_options(cluster=True)
 def make(
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
     cases: Annotated[int, typer.Option("--cases", min=1, help="Number of cases.")] = 20,
     robot: Annotated[
         list[str] | None, typer.Option("--robot", help="Bundled robot to draw from (may be repeated).")
@@ -77,16 +65,14 @@ def make(
             "true share of each in the answers; both by turns.",
         ),
     ] = "ordinary",
+    *,
+    call: Call,
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
-    with (
-        claim_folder(out or Path("blind")) as folder,
-        requested_workers(jobs, cluster) as crew,
-        progress_bars() as progress,
-    ):
+    with call.working_in("blind") as (folder, crew, progress):
         answers = make_cases(
             folder,
-            seed=seed,
+            seed=call.seed,
             cases=cases,
             base=base,
             robots=tuple(robot or ()),
@@ -97,19 +83,13 @@ def make(
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
     then = _command_line("score", folder)
-    emit_result(
-        f"{count(cases, 'case')} in {folder}, answers in {answers}", document, as_json=as_json, then=then
-    )
+    call.emit_result(f"{count(cases, 'case')} in {folder}, answers in {answers}", document, then=then)
 
 
 @app.command("enter")
+@with_shared_options(cluster=True)
 def enter(
     folder: FolderArgument,
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
     method: Annotated[
         Literal["diagnose", "alone", "mujoco-sysid"],
         typer.Option(
@@ -118,31 +98,25 @@ def enter(
             "parameters of mujoco.sysid at once, largest change.",
         ),
     ] = "diagnose",
+    *,
+    call: Call,
 ) -> None:
     """Let a program answer every case, one file a case; it sees nothing but the log."""
     cases = _case_folders(folder)
-    with (
-        claim_folder(out or Path(f"{folder.name}-{method}")) as entry,
-        requested_workers(jobs, cluster) as crew,
-        progress_bars() as progress,
-    ):
+    with call.working_in(f"{folder.name}-{method}") as (entry, crew, progress):
         for case, (document, _) in zip(
-            cases, _answer_cases(cases, method, seed, crew, progress), strict=True
+            cases, _answer_cases(cases, method, call.seed, crew, progress), strict=True
         ):
             write_json(document, entry / f"{case.name}.json")
     document = {"schema": "excite.blind_entry/1", "cases": len(cases), "method": method, "folder": str(entry)}
     then = _command_line("score", folder, "--entry", entry)
-    emit_result(f"{len(cases)} answers in {entry}", document, as_json=as_json, then=then)
+    call.emit_result(f"{len(cases)} answers in {entry}", document, then=then)
 
 
 @app.command("score")
+@with_shared_options(cluster=True)
 def score(
     folder: FolderArgument,
-    out: OutOption = None,
-    as_json: JsonOption = False,
-    seed: SeedOption = 0,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
     entries: Annotated[
         list[Path] | None,
         typer.Option(
@@ -152,6 +126,8 @@ def score(
             "`excite diagnose` answers.",
         ),
     ] = None,
+    *,
+    call: Call,
 ) -> None:
     """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
     cases = _case_folders(folder)
@@ -166,18 +142,17 @@ def score(
     if entries:
         scores = {str(entry): score_entry(answers, read_entry(entry, answers)) for entry in entries}
     else:
-        with requested_workers(jobs, cluster) as crew, progress_bars() as progress:
-            found = _answer_cases(cases, "diagnose", seed, crew, progress)
+        with call.requested_workers() as crew, progress_bars() as progress:
+            found = _answer_cases(cases, "diagnose", call.seed, crew, progress)
         said = {case.name: from_diagnosis(*item) for case, item in zip(cases, found, strict=True)}
         scores = {"excite diagnose": score_entry(answers, said)}
     documents = {name: result.to_json() for name, result in scores.items()}
     (document, *others) = documents.values()
     if others:
         document = {"schema": "excite.blind_board/1", "entries": documents}
-    if out is not None:
-        write_json(document, out / "blind_score.json")
+    call.write_document(document, "blind_score.json")
     text = next(iter(scores.values())).summary() if not others else score_board(scores)
-    emit_result(text, document, as_json=as_json)
+    call.emit_result(text, document)
 
 
 def _command_line(*words: object) -> str:

@@ -12,7 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from excite.arrays import Array
 from excite.robot.robot import Robot
-from excite.simulation.recording import Recording
+from excite.simulation.virtual_robot import Recording
 
 BAND_HZ = 10.0
 # An effect whose rest is less than this share of a channel's noise in the band may be missed by anyone.

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.blind.arm_case import Arm
 from benchmarks.blind.documents import HiddenEffect
 from benchmarks.blind.magnitudes import DRIVE_FIELDS, MAKERS, Hidden, Site
-from excite.simulation.drives import Drives
+from excite.simulation.true_parameters import Drives
 from excite.simulation.virtual_robot import VirtualRobot
 
 # Forms by effect; the first is the textbook's. Effects of the model's own terms and of given inertial

@@ -10,24 +10,20 @@ import numpy as np
 
 from benchmarks.blind.arm_case import Arm
 from benchmarks.blind.documents import HiddenEffect
-from excite.simulation.effects.bodies import Shift, Tilt
-from excite.simulation.effects.drives import GearLaw, LagLaw, LooseGear, disconnect
-from excite.simulation.effects.forces import (
-    GripLaw,
-    HoseLaw,
-    PokeLaw,
-    PulseLaw,
+from benchmarks.blind.laws import BristleLaw, GripLaw, HoseLaw, PokeLaw, PulseLaw, StopLaw
+from excite.simulation.effects.laws import (
+    AsymmetryLaw,
+    GearLaw,
+    LagLaw,
+    LoadFrictionLaw,
+    LooseGear,
     RippleLaw,
     SpringLaw,
-    StopLaw,
-)
-from excite.simulation.effects.friction import (
-    AsymmetryLaw,
-    BristleLaw,
-    LoadFrictionLaw,
     StribeckLaw,
     WarmingLaw,
+    disconnect,
 )
+from excite.simulation.effects.readings import Shift, Tilt
 from excite.simulation.effects.registry import INJECTED_EFFECTS
 from excite.simulation.true_parameters import AddedPart, with_part
 from excite.simulation.virtual_robot import Law, VirtualRobot

@@ -32,7 +32,7 @@ from excite.progress import Progress, silent
 from excite.results import write_json
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.recording import Recording
+from excite.simulation.virtual_robot import Recording
 
 # They take a day, and 10 GB.
 _MOST_CASES = 10_000

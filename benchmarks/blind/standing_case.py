@@ -21,8 +21,8 @@ from excite.robot.loading import build_robot, load_robot
 from excite.robot.robot import Foot, Robot
 from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidate
-from excite.simulation.recording import Recording
 from excite.simulation.true_parameters import nominal_truth, scattered_parameters
+from excite.simulation.virtual_robot import Recording
 
 # A standing robot of a blind benchmark before anything is hidden in it: sensors, motions, true inertials.
 

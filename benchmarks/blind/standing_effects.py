@@ -15,9 +15,8 @@ from excite.motion.generators.generator import leg_joints
 from excite.motion.motion import Motion
 from excite.robot.robot import Foot, Robot
 from excite.safety.ground_forces import distribute_wrench, wrench_at_world_origin
-from excite.simulation.recording import Recording
 from excite.simulation.sensing import sensor_wrenches
-from excite.simulation.virtual_robot import Reading
+from excite.simulation.virtual_robot import Reading, Recording
 
 # What really happens when a standing robot runs a motion: exact inverse dynamics, and the ground's share of
 # it.

@@ -1,4 +1,6 @@
-"""Measure plans for minutes at the robot, or (``--settings``) what each setting of the gradient search is worth."""
+"""Measure plans for minutes at the robot; ``--identified``: what two virtual robots' recordings of them tell.
+
+``--settings``: what each setting of the gradient search is worth."""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.minutes.identified import identify_designs
 from benchmarks.minutes.measured import SECONDS, measure
 from benchmarks.minutes.settings import compare_settings
 from excite.robot.loading import load_robot
@@ -33,6 +36,9 @@ def main() -> None:
     parser.add_argument(
         "--settings", action="store_true", help="change the search's settings one after the other"
     )
+    parser.add_argument(
+        "--identified", action="store_true", help="identify from the motions on two virtual robots"
+    )
     parser.add_argument("--out", type=Path, help="file for the rows as JSON")
     given = parser.parse_args()
     rows: list[dict[str, Any]] = []
@@ -41,6 +47,8 @@ def main() -> None:
             found = (
                 compare_settings(load_robot(robot), seed)
                 if given.settings
+                else identify_designs(robot, seed)
+                if given.identified
                 else measure(robot, seed, given.jobs)
             )
             for one in found:

@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.campaign.plan import Plan, plan
 from excite.errors import InputError
-from excite.excitation.gradient_design import ArmRows
+from excite.excitation.design_rows import ArmRows
 from excite.excitation.state_bound import bound_log_det, d_efficiency
 from excite.excitation.targets import NEGLIGIBLE
 from excite.robot.loading import load_robot

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from excite.excitation.gradient_design import ArmRows, DesignSettings, design_motions, first_information
+from excite.excitation.design_rows import ArmRows
+from excite.excitation.gradient_design import DesignSettings, design_motions, first_information
 from excite.excitation.selection import LogDeterminant
 from excite.motion.generators.mixture import plan_proposals
 from excite.motion.motion import Motion

@@ -23,6 +23,7 @@ from excite.robot.init_robot.description import draft_description
 from excite.robot.init_robot.model_metadata import Said
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.urdf.inertia import read_inertial
 
 # A URDF whose links have bodies more than its author knew of.
 
@@ -47,10 +48,11 @@ class Loaded:
     raised: tuple[str, ...]
 
 
-def with_bodies(urdf: str, bodies: Mapping[str, Array]) -> Loaded:
+def with_bodies(urdf: str, bodies: Mapping[str, Array], source: Path) -> Loaded:
     """A URDF whose links have bodies more, ``(10,)`` about the link's frame each.
 
-    Mass and its centre, which gravity tells far better than any moment of inertia, are as found.
+    Mass and its centre, which gravity tells far better than any moment of inertia, are as found; ``source`` is the
+    file that errors name.
     """
     raised: list[str] = []
     root = ElementTree.fromstring(urdf)
@@ -58,11 +60,12 @@ def with_bodies(urdf: str, bodies: Mapping[str, Array]) -> Loaded:
         body = bodies.get(str(link.get("name")))
         if body is None:
             continue
-        inertial = link.find("inertial")
-        total = body if inertial is None else body + _stated_parameters(inertial)
-        if inertial is not None:
+        own = read_inertial(link, source)
+        if own is not None:
+            body = body + np.asarray(pin.Inertia(own.mass, own.centre, own.moments).toDynamicParameters())
+        for inertial in link.findall("inertial"):
             link.remove(inertial)
-        found = pin.Inertia.FromDynamicParameters(total)
+        found = pin.Inertia.FromDynamicParameters(body)
         there = _nearest_existing_body(found)
         raised += [] if there is found else [str(link.get("name"))]
         link.insert(0, _build_inertial(there))
@@ -81,24 +84,6 @@ def _nearest_existing_body(body: pin.Inertia) -> pin.Inertia:
         return body
     second = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return pin.Inertia(body.mass, body.lever, np.trace(second) * np.eye(3) - second)
-
-
-def _stated_parameters(inertial: ElementTree.Element) -> Array:
-    """Ten parameters about the link's frame that an inertial states."""
-    origin, mass, moments = (inertial.find(name) for name in ("origin", "mass", "inertia"))
-    xyz = _read_numbers(origin, "xyz")
-    turn = pin.rpy.rpyToMatrix(*_read_numbers(origin, "rpy"))
-    upper = [float(moments.get(name, "0")) if moments is not None else 0.0 for name in _MOMENTS]
-    matrix = np.zeros((3, 3))
-    matrix[_UPPER] = upper
-    matrix = matrix + np.triu(matrix, 1).T
-    kilograms = float(mass.get("value", "0")) if mass is not None else 0.0
-    return np.asarray(pin.Inertia(kilograms, xyz, turn @ matrix @ turn.T).toDynamicParameters())
-
-
-def _read_numbers(origin: ElementTree.Element | None, name: str) -> Array:
-    text = "0 0 0" if origin is None else origin.get(name, "0 0 0")
-    return np.array([float(part) for part in text.split()])
 
 
 def _build_inertial(body: pin.Inertia) -> ElementTree.Element:
@@ -141,7 +126,7 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
         )
     changes = diagnosis.changes[len(diagnosis.effects)]
     folder.mkdir(parents=True, exist_ok=True)
-    model = with_bodies(robot.urdf, changes.bodies)
+    model = with_bodies(robot.urdf, changes.bodies, robot.source)
     write_text(folder / MODEL, model.urdf)
     content = _describe_robot(robot, changes, folder)
     path = write_text(folder / ROBOT, _render_description(content))

@@ -25,8 +25,8 @@ from excite.regressor.base_parameters import BaseParameters, base_parameters, st
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
-from excite.simulation.drives import nominal_drives
 from excite.simulation.sensing import imu_readings, log_header
+from excite.simulation.true_parameters import nominal_drives
 from excite.threads import one_blas_thread
 
 # How precisely motions will determine the parameters, predicted from the noise of the robot's sensors.

@@ -9,17 +9,17 @@ import numpy as np
 from excite.arrays import Array
 from excite.campaign.optimised_series import Asked, CandidateSearch
 from excite.errors import InputError, NoSolutionError
+from excite.excitation.design_rows import DesignRows, design_rows
 from excite.excitation.gradient_design import (
     GRADIENT,
     SEARCH_HZ,
-    ArmRows,
     Design,
     design_motions,
     first_information,
 )
 from excite.excitation.selection import Criterion, LogDeterminant
 from excite.excitation.targets import ReachedTargets
-from excite.motion.generators.mixture import plan_proposals
+from excite.motion.generators.mixture import plan_proposals, usual_mix
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.worker import Shared
@@ -28,7 +28,9 @@ from excite.safety.filter import filter_candidates
 
 
 class GradientDesign(CandidateSearch):
-    """Splines added to safe random motions, those of the same minutes each for what the ones before lack (arms).
+    """Splines added to safe random motions, those of the same minutes each for what the ones before lack.
+
+    Of an arm all joints are designed, of a robot on force sensors those that no foot needs.
 
     Of parameters that are asked for by name it is how far they are from the target that counts, else the
     log-determinant.
@@ -44,15 +46,17 @@ class GradientDesign(CandidateSearch):
         Raises:
             NoSolutionError: no random motion is safe.
             UnknownNameError: a target is no joint of the robot.
-            InputError: no arm, or noise that the robot does not state; criterion or period asked for.
+            InputError: a robot without rows for it, or without stated noise; criterion or period asked for.
         """
         if asked.series is not None:
             raise InputError(
                 "criterion and period are those of optimised_fourier", field="series", remedy="leave them out"
             )
         robot = asked.robot
-        rows = ArmRows(robot)
+        rows = design_rows(robot)
         mix = {"aimed" if asked.targets else "random_joint": 1.0}
+        if robot.floating:
+            mix = usual_mix(robot, aimed=bool(asked.targets))
         proposals = plan_proposals(
             robot, asked.count, np.random.SeedSequence(seed), mix=mix, targets=asked.targets
         )
@@ -95,10 +99,10 @@ def sets_within(motions: Sequence[Motion], budget_s: float | None) -> list[list[
     return sets
 
 
-def _criterion(rows: ArmRows, asked: Asked) -> Criterion:
+def _criterion(rows: DesignRows, asked: Asked) -> Criterion:
     if not asked.parameters:
         return LogDeterminant()
-    rows_hz = ProblemSettings().filters(floating=False).rate_hz
+    rows_hz = ProblemSettings().filters(floating=rows.robot.floating).rate_hz
     return ReachedTargets.of(
         rows.robot, rows.base, asked.parameters, target_rsd=asked.target_rsd, rows=SEARCH_HZ / rows_hz
     )
@@ -108,6 +112,6 @@ def _keep(_: object, motion: Motion) -> Motion:
     return motion
 
 
-def _design(shared: tuple[ArmRows, Array, Criterion, bool], sources: list[Motion]) -> list[Design]:
+def _design(shared: tuple[DesignRows, Array, Criterion, bool], sources: list[Motion]) -> list[Design]:
     rows, start, criterion, robust = shared
     return design_motions(rows, sources, start, criterion, robust=robust)

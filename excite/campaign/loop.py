@@ -15,15 +15,13 @@ from excite.campaign.journal import CampaignSettings, Journal, PlannedMotions, m
 from excite.campaign.plan import plan
 from excite.campaign.plan_document import conditioning_comparison, merged_plan, robot_file
 from excite.campaign.result import (
-    Campaign,
     Earlier,
-    Iteration,
-    Miss,
     findings_of,
     joints_to_aim_at,
     missed_targets,
 )
 from excite.display import Shown, count
+from excite.documents.campaign import Campaign, Iteration, Miss
 from excite.documents.plan import PlanDocument
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor

@@ -33,7 +33,7 @@ from excite.documents.document import read_document
 from excite.documents.plan import CandidateCounts, CurvePoint, OutOfReach, PlanDocument, SelectedMotion, Stage
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, compute_conditioning, motion_factor
-from excite.excitation.gradient_design import ArmRows
+from excite.excitation.design_rows import ArmRows
 from excite.excitation.precision import row_noise
 from excite.excitation.selection import (
     BEST_THREE,

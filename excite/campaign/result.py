@@ -7,22 +7,19 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array, Moved
 from excite.campaign.experiment import Truth
-from excite.display import Row, Tabled, count
 from excite.doctor.examine import examine
-from excite.documents.campaign import Iteration, Miss, Reason
+from excite.documents.campaign import Miss, Reason
 from excite.documents.document import read_document
 from excite.errors import LogError
-from excite.excitation.conditioning import Conditioning
 from excite.excitation.unexcited_directions import UnexcitedParameter
 from excite.identification.adaptation import with_terms_of
-from excite.identification.judgement.forecast import Forecast
 from excite.identification.judgement.judgement import PATIENCE
 from excite.identification.parameter_statistics import BaseParameter
 from excite.identification.preparation import prepare_trial
@@ -138,133 +135,6 @@ def _joints_moving(robot: Robot, parameter: str) -> tuple[str, ...]:
     return ()
 
 
-SCHEMA = "excite.campaign/1"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Campaign(Tabled):
-    """A campaign, finished or waiting for a recording.
-
-    Attributes:
-        robot: name of the robot.
-        target_rsd: what was asked for [percent].
-        iterations: in order.
-        identification: from all logs so far; None before the first log.
-        conditioning: of all chosen motions together.
-        awaits: folder that a log has to be put into before ``--resume``; None when finished.
-        expected: what the last plan said of the target; None where the sensors' noise is not stated.
-        interrupted: whether the user broke off: the iterations are those that were complete.
-        minutes: of motion that were asked for in each iteration [min]; None where nobody said.
-        aims: parameters that the first plan for minutes expected to reach; of those without minutes, and where it
-            expected none, all essential ones are aimed at and these are empty.
-        out_of_reach: those that it did not.
-    """
-
-    robot: str
-    target_rsd: float
-    iterations: tuple[Iteration, ...]
-    identification: Identification | None
-    conditioning: Conditioning | None
-    awaits: Path | None = None
-    expected: Forecast | None = None
-    interrupted: bool = False
-    minutes: float | None = None
-    aims: tuple[str, ...] = ()
-    out_of_reach: tuple[str, ...] = ()
-
-    tables = ("targets", "iterations")
-
-    def rows(self, table: str) -> Sequence[Row]:
-        """See :class:`~excite.display.Tabled`: relative standard deviations by iteration, or the iterations."""
-        if table == "targets":
-            return [
-                {
-                    "iteration": number,
-                    "parameter": name,
-                    "rsd_percent": rsd,
-                    "met": rsd <= self.target_rsd,
-                }
-                for number, item in enumerate(self.iterations, start=1)
-                for name, rsd in item.rsd_percent.items()
-            ]
-        return [
-            {
-                "iteration": number,
-                "n_motions": item.n_motions,
-                "seconds": item.seconds,
-                "n_missed": len(item.missed),
-            }
-            for number, item in enumerate(self.iterations, start=1)
-        ]
-
-    @property
-    def missed(self) -> tuple[Miss, ...]:
-        """Parameters that miss the target after the last iteration."""
-        return self.iterations[-1].missed if self.iterations else ()
-
-    @property
-    def targets_met(self) -> bool:
-        """Whether every parameter that is aimed at reached the target: all essential ones, where no minutes say."""
-        return self.awaits is None and not self.interrupted and bool(self.iterations) and not self.missed
-
-    def to_json(self) -> dict[str, Any]:
-        """The ``excite.campaign/1`` document."""
-        return {
-            "schema": SCHEMA,
-            "robot": self.robot,
-            "target_rsd_percent": self.target_rsd,
-            "iterations": [iteration.to_json() for iteration in self.iterations],
-            "targets_met": self.targets_met,
-            "minutes": self.minutes,
-            "aims": list(self.aims),
-            "out_of_reach": list(self.out_of_reach),
-            "interrupted": self.interrupted,
-            "awaits": None if self.awaits is None else str(self.awaits),
-            "identification": None if self.identification is None else self.identification.to_json(),
-        }
-
-    def _aims_in_words(self) -> list[str]:
-        if not self.aims:
-            return []
-        far = f"; out of reach: {', '.join(self.out_of_reach)}" if self.out_of_reach else ""
-        return [f"{self.minutes:g} min an iteration: {count(len(self.aims), 'parameter')} aimed at{far}"]
-
-    def summary(self) -> str:
-        """A few lines for a person."""
-        lines = self._aims_in_words()
-        kind = "parameters aimed at" if self.aims else "essential parameters"
-        for number, item in enumerate(self.iterations, start=1):
-            if item.forecast is not None:
-                lines.append(f"plan {number}, {item.forecast.summary()}")
-            below = sum(rsd <= self.target_rsd for rsd in item.rsd_percent.values())
-            lines.append(
-                f"iteration {number}: {count(item.n_motions, 'motion')}, {item.seconds:.0f} s in all, "
-                f"{below} of {len(item.rsd_percent)} {kind} within {self.target_rsd:g} %"
-            )
-        if not self.aims and any(
-            i.forecast is not None and len(i.forecast.needed_s) != len(i.rsd_percent) for i in self.iterations
-        ):
-            lines.append(
-                "which parameters are essential the record decides; plans foresee them by the nominal model"
-            )
-        if self.identification is not None:
-            lines += ["", self.identification.summary(), ""]
-        if self.awaits is not None:
-            if self.expected is not None:
-                lines.append(f"plan {len(self.iterations) + 1}, {self.expected.summary()}")
-            lines.append(f"record the motions and put the log into {self.awaits}, then go on with --resume")
-        elif self.interrupted:
-            lines.append("interrupted: go on with --resume")
-        elif self.targets_met:
-            lines.append("all targets met")
-        else:
-            lines.append(f"{count(len(self.missed), 'target')} not met:")
-            lines += [f"  {miss}" for miss in self.missed]
-            if not any(miss.reason.helped_by_motion for miss in self.missed):
-                lines.append("more motion would meet none of them")
-        return "\n".join(lines)
-
-
 # What an identification hands to the report: curves of a validation trial, masses.
 
 # Rate at which models are run along a trial [Hz].
@@ -318,18 +188,6 @@ def findings_of(
     )
 
 
-def force_comparison(
-    robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None = None
-) -> ForceComparison | None:
-    """Measured, nominal and identified curves of the validation trial that moves most; None without one.
-
-    Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
-    a second would draw corners.
-    """
-    shown = _shown_trial(robot, identification, log, settings)
-    return None if shown is None else _compare_forces(identification, shown)
-
-
 class _Shown(NamedTuple):
     """The trial that is shown, the log's header, and settings and rows at the log's own rate."""
 
@@ -342,7 +200,11 @@ class _Shown(NamedTuple):
 def _shown_trial(
     robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None
 ) -> _Shown | None:
-    """The validation trial that moves most."""
+    """The validation trial that moves most.
+
+    Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten a second
+    would draw corners.
+    """
     if not log.role("validation"):
         return None
     settings = settings or ProblemSettings()

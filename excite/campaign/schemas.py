@@ -36,7 +36,7 @@ _MODELS: dict[str, type[BaseModel]] = {
 }
 # Documents of which a class is a model, then results whose own fields are the document's.
 _KINDS: tuple[type[Document], ...] = (
-    *(Identification, Campaign),
+    Identification,
     *(
         model_of(result)
         for result in (
@@ -49,6 +49,7 @@ _KINDS: tuple[type[Document], ...] = (
             Simulation,
             Truth,
             BegunCampaign,
+            Campaign,
             MeasuredPerson,
             SignalTrace,
             ExportReport,

@@ -1,4 +1,4 @@
-"""The ``excite`` command: one module a command, errors as one line, exit codes as promised."""
+"""The ``excite`` command: its commands put together, errors as one line, exit codes as promised."""
 
 from __future__ import annotations
 
@@ -19,42 +19,21 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 import typer  # noqa: E402
 
 import excite  # noqa: E402
-from excite.cli import (  # noqa: E402
-    campaign,
-    check,
-    demo,
-    diagnose,
-    doctor,
-    effects,
-    export,
-    human,
-    identify,
-    identify_load,
-    init_robot,
-    model,
-    plan,
-    rank,
-    robots,
-    schema,
-    simulate,
-)
-from excite.cli.pages import report, view  # noqa: E402
-from excite.cli.records import capture, convert, init_log  # noqa: E402
-from excite.cli.session.command_help import HelpfulCommand, MethodsCommand  # noqa: E402
-from excite.cli.session.interruption import (  # noqa: E402
-    answer_interrupted,
-    exit_code_of_interruption,
-    handle_signals,
-)
-from excite.cli.session.options import (  # noqa: E402
+from excite.cli import identification, outputs, planning, recordings  # noqa: E402, F401
+from excite.cli.options import (  # noqa: E402
+    COMMANDS,
+    EXAMPLES,
+    HelpfulCommand,
     asked_to_complete,
     typed_command,
     typed_seed,
-    with_model_options,
 )
-from excite.cli.session.outcome import (  # noqa: E402
+from excite.cli.outcome import (  # noqa: E402
     EXIT_BAD_INPUT,
     EXIT_USAGE,
+    answer_interrupted,
+    exit_code_of_interruption,
+    handle_signals,
     of_error,
     of_system,
     of_unforeseen,
@@ -76,35 +55,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-# Commands whose help names the methods too.
-_CLASSES = dict.fromkeys((identify, campaign, human), MethodsCommand)
-
-for _module in (
-    robots,
-    init_robot,
-    plan,
-    check,
-    rank,
-    export,
-    capture,
-    simulate,
-    init_log,
-    convert,
-    identify,
-    identify_load,
-    model,
-    doctor,
-    diagnose,
-    effects,
-    human,
-    campaign,
-    report,
-    view,
-    schema,
-    demo,
-):
-    _class = _CLASSES.get(_module, HelpfulCommand)
-    app.command(name=_module.NAME, cls=_class)(with_model_options(_module.command))
+# In the order of their examples, which tell one story.
+for _name in EXAMPLES:
+    app.command(name=_name, cls=HelpfulCommand)(COMMANDS[_name])
 
 
 def _print_version(value: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -141,15 +141,6 @@ def _read_names(state: Guessing) -> None:
     state.clues = clues_of(state.recording, state.joints, ignored)
 
 
-def _take_stated(state: Guessing) -> None:
-    add_stated(state.found, state.recording, state.mapping, state.joints)
-    state.clues = with_stated_labels(state.found, state.clues)
-
-
-def _take_clocks(state: Guessing) -> None:
-    state.clocks = _find_clocks(state.found, state.recording, state.clues, state.mapping)
-
-
 def _take_base(state: Guessing) -> None:
     taken = {item.source for item in state.found.mapped} | set(state.clocks)
     unknown = [name for name in state.clues if name not in taken]
@@ -169,22 +160,6 @@ def _group_by_quantity(state: Guessing) -> None:
         for family in find_families(state.recording, state.left, state.joints)
         if family.target not in state.known and not is_anonymous(family, state.joints)
     ]
-
-
-def _leave_stated_joints(state: Guessing) -> None:
-    state.groups = without_stated(state.found, state.groups, state.clues)
-
-
-def _take_axes(state: Guessing) -> None:
-    state.groups = axes_as_positions(state.found, state.groups, state.left, state.known)
-
-
-def _leave_unfilled(state: Guessing) -> None:
-    state.groups = without_unfilled(state.found, state.groups, state.recording)
-
-
-def _leave_contacts(state: Guessing) -> None:
-    state.groups = without_contact_forces(state.found, state.groups, state.machine)
 
 
 def _leave_base(state: Guessing) -> None:
@@ -251,71 +226,11 @@ def _name_unused(state: Guessing) -> None:
     ]
 
 
-RULES = (
-    Rule("names", "what every column's name or format says: clues", _read_names),
-    Rule("map", "columns that a map states: channels, and joints of the labels they share", _take_stated),
-    Rule("clock", "the times of every stream and their unit; a rate is asked for", _take_clocks),
-    Rule(
-        "base", "pose, wrenches and contacts of what moves freely", _take_base, lambda s: s.machine.floating
-    ),
-    Rule("families", "columns of one quantity of all joints", _group_by_quantity),
-    Rule("stated joints", "joints of which the map states another column", _leave_stated_joints),
-    Rule("axes", "axes that are called by the letter of accelerations: positions", _take_axes),
-    Rule("unfilled", "fields that nobody filled: left out", _leave_unfilled),
-    Rule("contacts", "forces of feet, tools and load cells: left out", _leave_contacts),
-    Rule(
-        "own base",
-        "angles of the base among the joints': left out",
-        _leave_base,
-        lambda s: s.machine.floating,
-    ),
-    Rule("choice", "the family of each channel", _choose),
-    Rule(
-        "physics",
-        "positions, velocities and torques among columns whose names say nothing",
-        _tell_by_physics,
-        lambda s: "q" not in s.known | set(s.chosen),
-    ),
-    Rule("torques", "which torques were measured, and of which joints", _settle_torques),
-    Rule(
-        "commands",
-        "of what the commands are that state no quantity: positions or torques",
-        lambda s: settle_commands(s.found, s.chosen, s.recording, s.joints),
-    ),
-    Rule("doubtful choice", "surplus columns and joints that are not told: questions", _note_choice),
-    Rule(
-        "channels", "channels of the chosen families", lambda s: _add_channels(s.found, s.chosen, s.nameless)
-    ),
-    Rule("rate", "the rate that velocities tell", lambda s: _propose_rate(s.found, s.recording)),
-    Rule(
-        "nameless torques",
-        "torques that nothing but physics tells: a question",
-        lambda s: ask_for_nameless_torques(s.found, s.nameless, s.recording, s.mapping),
-    ),
-    Rule(
-        "base by words",
-        "what is left of the base: its channels",
-        lambda s: add_base(s.found, s.recording, s.left, s.machine, s.mapping),
-    ),
-    Rule("lacking", "what no column holds: questions", _ask_for_what_lacks),
-    Rule(
-        "units",
-        "factors to SI units, zeros and signs",
-        _convert,
-        lambda s: bool(s.found.of("q")) and not s.found.questions,
-    ),
-    Rule("unused", "columns that nothing was made of", _name_unused),
-)
-"""What :func:`guess_columns` does, in its order."""
-
-
-def _find_clocks(
-    found: Guesses, recording: Recording, clues: dict[str, Clue], mapping: Map
-) -> dict[str, Stream]:
+def _find_clocks(state: Guessing) -> None:
     """A time for every stream; streams that have a time of their own need none."""
-    clocks: dict[str, Stream] = {}
+    found, clues, mapping = state.found, state.clues, state.mapping
     stated = {item.source for item in found.mapped if item.target == "time"}
-    for stream in recording.streams:
+    for stream in state.recording.streams:
         here = next((column for column in stream.columns if column.name in stated), None)
         if here is None and stream.time is not None:
             continue
@@ -326,12 +241,12 @@ def _find_clocks(
             column = clock_column(seen, known)
             name, because = column if column else (None, "")
         if name is None:
-            _without_clock(found, recording, stream, mapping, clues)
+            _without_clock(state, stream)
             continue
         values = next(c.values for c in stream.columns if c.name == name)
         unit = mapping.units.get("time", "") or (clues[name].unit if name in clues else "")
         by_map = mapping.units.get("time")
-        paced = clock_pace(values, unit, stated_rate(recording.said))
+        paced = clock_pace(values, unit, stated_rate(state.recording.said))
         seconds, why = (TICKS[unit], "stated in the map") if by_map else paced
         scale = mapping.scale.get("time", 1.0)
         if seconds is None and scale == 1.0:
@@ -341,15 +256,13 @@ def _find_clocks(
         if here is not None:
             found.mapped = [item for item in found.mapped if item.source != name]
         found.mapped.append(Mapped("time", name, seconds, f"{because}; {why}", stated=here is not None))
-        clocks[name] = stream
-    return clocks
+        state.clocks[name] = stream
 
 
-def _without_clock(
-    found: Guesses, recording: Recording, stream: Stream, mapping: Map, clues: dict[str, Clue]
-) -> None:
-    stated = mapping.rate_hz
-    rate = stated or stated_rate(recording.said)
+def _without_clock(state: Guessing, stream: Stream) -> None:
+    found, clues = state.found, state.clues
+    stated = state.mapping.rate_hz
+    rate = stated or stated_rate(state.recording.said)
     if rate:
         found.rate_hz = float(rate)
         why = (
@@ -365,10 +278,11 @@ def _without_clock(
         found.ask_of_all(stream.name, f"no column of times{but}", RATE_LINE)
 
 
-def _propose_rate(found: Guesses, recording: Recording) -> None:
+def _propose_rate(state: Guessing) -> None:
     """The rate that velocities tell, where a rate has to be asked for."""
+    found = state.found
     at = next((k for k, question in enumerate(found.questions) if question.line == RATE_LINE), None)
-    values = {column.name: column.values for stream in recording.streams for column in stream.columns}
+    values = {column.name: column.values for stream in state.recording.streams for column in stream.columns}
     speeds = {item.target[2:]: values[item.source] for item in found.of("v")}
     pairs = [
         (values[item.source], speeds[item.target[2:]])
@@ -384,7 +298,8 @@ def _propose_rate(found: Guesses, recording: Recording) -> None:
         found.questions[at] = found.questions[at].with_rate(float(f"{rate:.3g}"), ", as the velocities say")
 
 
-def _add_channels(found: Guesses, chosen: dict[str, Family], nameless: Container[str]) -> None:
+def _add_channels(state: Guessing) -> None:
+    found, chosen, nameless = state.found, state.chosen, state.nameless
     joints = set(chosen["q"].placed.columns) if "q" in chosen else {i.target[2:] for i in found.of("q")}
     known = {item.target for item in found.mapped}
     for target, family in chosen.items():
@@ -446,29 +361,20 @@ def _ask_for_doubts(found: Guesses, recording: Recording, machine: Machine) -> N
 _LETTER = "a"
 
 
-def axes_as_positions(
-    found: Guesses, groups: Sequence[Family], clues: Mapping[str, Clue], known: set[str]
-) -> list[Family]:
-    """The families, with columns of axes as positions where no others are there.
+def _take_axes(state: Guessing) -> None:
+    """Take columns of axes for positions where no others are there.
 
     A recording of accelerations has positions, too; one of axes' positions calls them by their axes alone.
-
-    Args:
-        found: what is known; the guess is added.
-        groups: the families.
-        clues: what the columns' names say.
-        known: channels that the map states.
     """
-    if "q" in known or any(family.target == "q" for family in groups):
-        return list(groups)
+    groups = state.groups
     measured = next((f for f in groups if f.quantity == "a" and f.target == "a" and f.stem == _LETTER), None)
-    if measured is None:
-        return list(groups)
-    found.facts.append(
+    if measured is None or "q" in state.known or any(family.target == "q" for family in groups):
+        return
+    state.found.facts.append(
         ("q", f"{measured.columns[0]} …", "axes by their letter: no other positions are there")
     )
-    return [
-        replace(family, quantity="q", target=TARGETS["q", clues[family.columns[0]].commanded])
+    state.groups = [
+        replace(family, quantity="q", target=TARGETS["q", state.left[family.columns[0]].commanded])
         if family.quantity == "a" and _LETTER in family.stem.split("_")
         else family
         for family in groups
@@ -485,14 +391,13 @@ _FOLLOWED = 0.5
 _LATEST_ROWS = 8
 
 
-def settle_commands(
-    found: Guesses, chosen: dict[str, Family], recording: Recording, joints: Sequence[str]
-) -> None:
+def _settle_commands(state: Guessing) -> None:
     """Take commands of no stated quantity for what was measured that follows them.
 
     Positions go first: what torques are asked for is close to no position. Commands that nothing follows are left out
     where torques were measured, and asked about where none were.
     """
+    found, chosen, recording, joints = state.found, state.chosen, state.recording, state.joints
     family = chosen.get("q_cmd")
     if family is None or "q" not in chosen or family.stated or _says_positions(family):
         return
@@ -581,43 +486,44 @@ def _correlation(a: Array, b: Array) -> float | None:
 _MOVING = ("v", "a", "tau", "i", "volt")
 
 
-def without_unfilled(found: Guesses, groups: Sequence[Family], recording: Recording) -> list[Family]:
-    """The families without those of velocities, torques, currents or voltages that never change at any joint.
+def _leave_unfilled(state: Guessing) -> None:
+    """Leave out velocities, torques, currents and voltages that never change at any joint.
 
     Drivers without torque sensors leave the efforts of a joint state at zero, and servos that do not measure a load
     report a constant. One dead channel among live ones stays: it is a fault, which the doctor names.
     """
-    varying, live = live_columns(recording), []
-    for family in groups:
+    varying, live = live_columns(state.recording), []
+    for family in state.groups:
         if family.quantity in _MOVING and varying.isdisjoint(family.columns):
             why = "the same number in every row at every joint: the field was not filled, and nothing is made of it"
             name = family.columns[0] if len(family.columns) == 1 else f"{family.columns[0]} …"
-            found.facts.append(("nothing", name, why))
+            state.found.facts.append(("nothing", name, why))
         else:
             live.append(family)
-    return live
+    state.groups = live
 
 
 # Forces that were measured at feet, tools or load cells: joints that turn are driven by torques, not by
 # these.
 
 
-def without_contact_forces(found: Guesses, groups: Sequence[Family], machine: Machine) -> list[Family]:
-    """The families without those called forces that are fewer than the joints, which turn.
+def _leave_contacts(state: Guessing) -> None:
+    """Leave out those called forces that are fewer than the joints, which turn.
 
     A column is called a force where something slides, is pressed or stands: some programs call all joints' torques
     forces, too, and then there is one for each joint of which there are positions.
     """
-    placed = [len(family.placed.columns) for family in groups if family.quantity == "q"]
+    machine = state.machine
+    placed = [len(family.placed.columns) for family in state.groups if family.quantity == "q"]
     joints = max(placed, default=machine.n)
     left = []
-    for family in groups:
+    for family in state.groups:
         if _is_force(family) and len(family.columns) < joints and not _is_prismatic_family(family, machine):
             why = "forces, fewer than the joints, which turn: of feet, tools or load cells, and no joint's torques"
-            found.facts.append(("nothing", f"{family.columns[0]} …", why))
+            state.found.facts.append(("nothing", f"{family.columns[0]} …", why))
         else:
             left.append(family)
-    return left
+    state.groups = left
 
 
 def _is_force(family: Family) -> bool:
@@ -640,10 +546,11 @@ def _is_prismatic_family(family: Family, machine: Machine) -> bool:
 # ones.
 
 
-def add_stated(found: Guesses, recording: Recording, mapping: Map, joints: Sequence[str]) -> None:
+def _take_stated(state: Guessing) -> None:
     """What a map's ``columns`` say, patterns expanded; columns that are not there are asked for."""
+    found, recording, joints = state.found, state.recording, state.joints
     names = column_names(recording)
-    for target, pattern in mapping.columns.items():
+    for target, pattern in state.mapping.columns.items():
         if unlike := _no_target(target, pattern, joints):
             found.ask(*unlike)
             continue
@@ -660,6 +567,7 @@ def add_stated(found: Guesses, recording: Recording, mapping: Map, joints: Seque
                 f"no column {', '.join(missing[:4])} in {recording.name}, which has {there}",
                 f'columns: {{{target}: "NAME"}}',
             )
+    state.clues = _with_stated_labels(found, state.clues)
 
 
 def _no_target(target: str, pattern: str, joints: Sequence[str]) -> tuple[str, str] | None:
@@ -681,12 +589,13 @@ def _no_target(target: str, pattern: str, joints: Sequence[str]) -> tuple[str, s
     )
 
 
-def without_stated(found: Guesses, groups: Sequence[Family], clues: Mapping[str, Clue]) -> list[Family]:
-    """The families without columns of joints of which a map states another column for the same channel."""
-    stated = {item.target: item.source for item in found.mapped if item.stated}
+def _leave_stated(state: Guessing) -> None:
+    """Leave out columns of joints of which a map states another column for the same channel."""
+    clues = state.clues
+    stated = {item.target: item.source for item in state.found.mapped if item.stated}
     numbers = {clues[source].numbers for source in stated.values() if source in clues} - {()}
     left = []
-    for family in groups:
+    for family in state.groups:
         taken = {joint for joint in family.placed.columns if f"{family.target}.{joint}" in stated}
         taken = {j for j in taken if stated[f"{family.target}.{j}"] != family.placed.columns[j]}
         said = {target.partition(".")[2] for target in stated if target.startswith(f"{family.target}.")}
@@ -699,10 +608,10 @@ def without_stated(found: Guesses, groups: Sequence[Family], clues: Mapping[str,
         others = {joint: column for joint, column in family.placed.columns.items() if joint not in taken}
         if others or not taken:
             left.append(replace(family, placed=replace(family.placed, columns=others, doubts=doubts)))
-    return left
+    state.groups = left
 
 
-def with_stated_labels(found: Guesses, clues: dict[str, Clue]) -> dict[str, Clue]:
+def _with_stated_labels(found: Guesses, clues: dict[str, Clue]) -> dict[str, Clue]:
     """The clues, columns of whatever quantity being of the joint that a map states of the same label."""
     labels: dict[tuple[str, tuple[int, ...]], str] = {}
     for item in found.mapped:
@@ -772,3 +681,59 @@ def expand(target: str, pattern: str, joints: Sequence[str]) -> list[tuple[str, 
 def _same_but_for_stream(column: str, names: list[str]) -> str | None:
     found = [name for name in names if name.rpartition("/")[2] == column]
     return found[0] if len(found) == 1 else None
+
+
+RULES = (
+    Rule("names", "what every column's name or format says: clues", _read_names),
+    Rule("map", "columns that a map states: channels, and joints of the labels they share", _take_stated),
+    Rule("clock", "the times of every stream and their unit; a rate is asked for", _find_clocks),
+    Rule(
+        "base", "pose, wrenches and contacts of what moves freely", _take_base, lambda s: s.machine.floating
+    ),
+    Rule("families", "columns of one quantity of all joints", _group_by_quantity),
+    Rule("stated joints", "joints of which the map states another column", _leave_stated),
+    Rule("axes", "axes that are called by the letter of accelerations: positions", _take_axes),
+    Rule("unfilled", "fields that nobody filled: left out", _leave_unfilled),
+    Rule("contacts", "forces of feet, tools and load cells: left out", _leave_contacts),
+    Rule(
+        "own base",
+        "angles of the base among the joints': left out",
+        _leave_base,
+        lambda s: s.machine.floating,
+    ),
+    Rule("choice", "the family of each channel", _choose),
+    Rule(
+        "physics",
+        "positions, velocities and torques among columns whose names say nothing",
+        _tell_by_physics,
+        lambda s: "q" not in s.known | set(s.chosen),
+    ),
+    Rule("torques", "which torques were measured, and of which joints", _settle_torques),
+    Rule(
+        "commands",
+        "of what the commands are that state no quantity: positions or torques",
+        _settle_commands,
+    ),
+    Rule("doubtful choice", "surplus columns and joints that are not told: questions", _note_choice),
+    Rule("channels", "channels of the chosen families", _add_channels),
+    Rule("rate", "the rate that velocities tell", _propose_rate),
+    Rule(
+        "nameless torques",
+        "torques that nothing but physics tells: a question",
+        lambda s: ask_for_nameless_torques(s.found, s.nameless, s.recording, s.mapping),
+    ),
+    Rule(
+        "base by words",
+        "what is left of the base: its channels",
+        lambda s: add_base(s.found, s.recording, s.left, s.machine, s.mapping),
+    ),
+    Rule("lacking", "what no column holds: questions", _ask_for_what_lacks),
+    Rule(
+        "units",
+        "factors to SI units, zeros and signs",
+        _convert,
+        lambda s: bool(s.found.of("q")) and not s.found.questions,
+    ),
+    Rule("unused", "columns that nothing was made of", _name_unused),
+)
+"""What :func:`guess_columns` does, in its order."""

@@ -15,8 +15,7 @@ from excite.conversion.columns.units import BEYOND
 from excite.conversion.columns.words import read_clue
 from excite.conversion.recording import Column, Machine, Recording
 from excite.errors import LogError
-from excite.logs.signals.resample import resample_smooth
-from excite.logs.signals.seams import without_seams
+from excite.logs.signals.resample import resample_smooth, without_seams
 from excite.logs.units import TO_SI
 
 # Rows in which something was not measured: filled between neighbours where that is sound, else left out.
@@ -340,9 +339,10 @@ def _unwind_angle(column: Column) -> Array | None:
         return None
     values = column.values
     known = values[np.isfinite(values)]
-    if not len(known):
-        return None
-    found = (without_seams(values, turn, within=turn not in _ANGLES) for turn in _turns(known))
+    # No seam is without a step of half a turn, which most channels never make.
+    step = float(np.abs(np.diff(known)).max(initial=0.0))
+    turns = [turn for turn in _turns(known) if step > 0.5 * turn] if step else []
+    found = (without_seams(values, turn, within=turn not in _ANGLES) for turn in turns)
     return next((whole for whole in found if whole is not None), None)
 
 

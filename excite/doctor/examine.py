@@ -150,7 +150,7 @@ class OtherMachine(Check):
 
 
 def _are_worse(worse: Array, much: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Torques that one machine for all explains less well, where it explains all together less well, too."""
+    """Torques that one machine explains less well, and all together too; odds alone part records of one KUKA LWR."""
     return (worse > LEAST_GAIN) & much & (worse.sum() > LEAST_GAIN)
 
 

@@ -140,11 +140,15 @@ class WrenchSamples:
         )
 
     def weight_ratio(self, reading: Reading) -> float:
-        """Measured force per nominal one along it, over all samples."""
-        q, v, a = self.motion(reading)
-        nominal = inverse_dynamics(self._tree(reading), q, v, a)[:, :3]
+        """Measured force along the nominal weight per that weight, over all samples.
+
+        Accelerations average out over a motion, and their noise would make the ratio smaller.
+        """
+        q, v, _ = self.motion(reading)
+        still = np.zeros_like(v)
+        weight = inverse_dynamics(self._tree(reading), q, still, still)[:, :3]
         force = self.measured(reading, q)[:, :3]
-        return float((force * nominal).sum() / max(float((nominal**2).sum()), 1e-300))
+        return float((force * weight).sum() / max(float((weight**2).sum()), 1e-300))
 
     def best_constants(self, reading: Reading) -> Array:
         """What is to be added to each sensor for the nominal bodies to be carried, the smallest, ``(n_sensors, 6)``."""

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, cast
 
-from pydantic import Field
-
-from excite.documents import document
-from excite.documents.identification import Identification
+from excite.display import Row, Tabled, count
+from excite.documents.identification import Identification as IdentificationDocument
+from excite.excitation.conditioning import Conditioning
 from excite.identification.judgement.forecast import Forecast
 from excite.identification.judgement.judgement import said_rsd
-from excite.results import ADDED, HIDDEN, Seconds, Stated, UnboundedPositive, stated, stated_later
-
-# A figure has a column for each; three are usual.
-_MOST_ITERATIONS = 100
+from excite.identification.result import Identification
+from excite.results import (
+    ADDED,
+    FEW,
+    HIDDEN,
+    FilePath,
+    Name,
+    Positive,
+    Seconds,
+    Stated,
+    UnboundedPositive,
+    named,
+    stated,
+    stated_later,
+    stated_with,
+)
 
 
 class Reason(Enum):
@@ -91,32 +103,123 @@ class Iteration(Stated):
         return {miss.parameter: miss.reason.value for miss in self.missed}
 
 
-class Campaign(document.Document):
-    """A campaign, finished or waiting for a recording."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Campaign(Tabled, Stated):
+    """A campaign, finished or waiting for a recording.
 
-    schema_: Literal["excite.campaign/1"] = Field(alias="schema", description="version of this document")
-    robot: document.Name | None = Field(default=None, description="name of the robot")
-    target_rsd_percent: document.Positive | None = Field(
-        default=None, description="relative standard deviation that was asked for [percent]"
-    )
-    iterations: Annotated[tuple[Iteration, ...], document.AS_DOCUMENT, Field(max_length=_MOST_ITERATIONS)] = (
-        Field(description="in their order")
-    )
-    targets_met: bool = Field(description="whether every parameter aimed at reached the target")
-    minutes: document.Positive | None = Field(
-        default=None, description="of motion in each iteration; null where nobody said [min]"
-    )
-    aims: Annotated[tuple[str, ...], document.AS_DOCUMENT] = Field(
-        default=document.NONE,
-        description="parameters that the first was expected to reach; empty where all essential ones are aimed at",
-    )
-    out_of_reach: Annotated[tuple[str, ...], document.AS_DOCUMENT] = Field(
-        default=document.NONE, description="those that it was not"
-    )
-    interrupted: bool = Field(default=False, description="whether the user broke off after these iterations")
-    awaits: document.FilePath | None = Field(
-        default=None, description="folder that a log has to be put into; null where it is finished"
-    )
-    identification: Identification | None = Field(
-        description="from all logs so far; null before the first one"
-    )
+    Attributes:
+        robot: name of the robot.
+        target_rsd: relative standard deviation that was asked for [percent].
+        iterations: in their order.
+        identification: from all logs so far; None before the first log.
+        conditioning: of all chosen motions together.
+        awaits: folder that a log has to be put into before ``--resume``; None when finished.
+        expected: what the last plan said of the target; None where the sensors' noise is not stated.
+        interrupted: whether the user broke off after these iterations, which were complete.
+        minutes: of motion in each iteration; null where nobody said [min].
+        aims: parameters that the first plan for minutes expected to reach; empty where all essential ones are aimed at.
+        out_of_reach: those that it did not.
+    """
+
+    SCHEMA = "excite.campaign/1"
+
+    robot: Name = field(metadata=ADDED)
+    target_rsd: Positive = field(metadata=named("target_rsd_percent") | ADDED)
+    iterations: Annotated[tuple[Iteration, ...], FEW]
+    identification: Identification | None = field(metadata=HIDDEN)
+    conditioning: Conditioning | None = field(metadata=HIDDEN)
+    awaits: Path | None = field(default=None, metadata=HIDDEN)
+    expected: Forecast | None = field(default=None, metadata=HIDDEN)
+    interrupted: bool = False
+    minutes: Positive | None = None
+    aims: tuple[str, ...] = ()
+    out_of_reach: tuple[str, ...] = ()
+
+    @property
+    @stated_with(stated="awaits", added=None)
+    def awaited_folder(self) -> FilePath | None:
+        """Folder that a log has to be put into; null where it is finished."""
+        return None if self.awaits is None else str(self.awaits)
+
+    @property
+    @stated_with(stated="identification")
+    def identified(self) -> IdentificationDocument | None:
+        """From all logs so far; null before the first one."""
+        return cast(IdentificationDocument | None, self.identification)
+
+    tables = ("targets", "iterations")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.display.Tabled`: relative standard deviations by iteration, or the iterations."""
+        if table == "targets":
+            return [
+                {
+                    "iteration": number,
+                    "parameter": name,
+                    "rsd_percent": rsd,
+                    "met": rsd <= self.target_rsd,
+                }
+                for number, item in enumerate(self.iterations, start=1)
+                for name, rsd in item.rsd_percent.items()
+            ]
+        return [
+            {
+                "iteration": number,
+                "n_motions": item.n_motions,
+                "seconds": item.seconds,
+                "n_missed": len(item.missed),
+            }
+            for number, item in enumerate(self.iterations, start=1)
+        ]
+
+    @property
+    def missed(self) -> tuple[Miss, ...]:
+        """Parameters that miss the target after the last iteration."""
+        return self.iterations[-1].missed if self.iterations else ()
+
+    @property
+    @stated
+    def targets_met(self) -> bool:
+        """Whether every parameter aimed at reached the target."""
+        return self.awaits is None and not self.interrupted and bool(self.iterations) and not self.missed
+
+    def _aims_in_words(self) -> list[str]:
+        if not self.aims:
+            return []
+        far = f"; out of reach: {', '.join(self.out_of_reach)}" if self.out_of_reach else ""
+        return [f"{self.minutes:g} min an iteration: {count(len(self.aims), 'parameter')} aimed at{far}"]
+
+    def summary(self) -> str:
+        """A few lines for a person."""
+        lines = self._aims_in_words()
+        kind = "parameters aimed at" if self.aims else "essential parameters"
+        for number, item in enumerate(self.iterations, start=1):
+            if item.forecast is not None:
+                lines.append(f"plan {number}, {item.forecast.summary()}")
+            below = sum(rsd <= self.target_rsd for rsd in item.rsd_percent.values())
+            lines.append(
+                f"iteration {number}: {count(item.n_motions, 'motion')}, {item.seconds:.0f} s in all, "
+                f"{below} of {len(item.rsd_percent)} {kind} within {self.target_rsd:g} %"
+            )
+        if not self.aims and any(
+            i.forecast is not None and len(i.forecast.needed_s) != len(i.rsd_percent) for i in self.iterations
+        ):
+            lines.append(
+                "which parameters are essential the record decides; plans foresee them by the nominal model"
+            )
+        if self.identification is not None:
+            lines += ["", self.identification.summary(), ""]
+        if self.awaits is not None:
+            if self.expected is not None:
+                lines.append(f"plan {len(self.iterations) + 1}, {self.expected.summary()}")
+            lines.append(f"record the motions and put the log into {self.awaits}, then go on with --resume")
+        elif self.interrupted:
+            lines.append("interrupted: go on with --resume")
+        elif self.targets_met:
+            lines.append("all targets met")
+        else:
+            lines.append(f"{count(len(self.missed), 'target')} not met:")
+            lines += [f"  {miss}" for miss in self.missed]
+            if not any(miss.reason.helped_by_motion for miss in self.missed):
+                lines.append("more motion would meet none of them")
+        return "\n".join(lines)

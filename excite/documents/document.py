@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model,
 from excite.errors import InputError
 from excite.finding import Finding
 from excite.formats.documents import check_content, read_json
-from excite.results import FEW, Assumed, Stated, sentence_of, stated_fields
+from excite.results import FEW, Stated, sentence_of, stated_fields
 
 # Products of three such numbers are still finite in double precision, so that no sum of squares, ratio or axis of a
 # figure overflows; nothing in SI units comes near it.
@@ -228,4 +228,3 @@ AS_DOCUMENT = _AsDocument()
 NONE: Any = []
 """Default of a list of results: a model holds what JSON does."""
 Findings = Annotated[tuple[Finding, ...], AS_DOCUMENT]
-Assumptions = Annotated[tuple[Assumed, ...], AS_DOCUMENT, Field(description="what no file said of the robot")]

@@ -6,10 +6,8 @@ Fisher information; Ayusawa et al. 2017 take them analytically for several motio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +15,15 @@ from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 
 from excite.arrays import Array
-from excite.errors import InputError
-from excite.excitation.optimisation.limits import JointLimits
+from excite.excitation.design_rows import DesignRows
 from excite.excitation.optimisation.near_bodies import NearBodies, NearPairs
-from excite.excitation.precision import row_noise
 from excite.excitation.selection import Criterion
 from excite.motion.motion import Motion, interpolate_motion
 from excite.regressor.adjoint import RegressorGradient, regressor_gradient
-from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
-from excite.regressor.columns import DRIVE_TERMS, measured_columns
-from excite.regressor.kernels import forward_kinematics, joint_torque_regressor
-from excite.regressor.tree import KinematicTree, read_tree
-from excite.robot.joint_values import per_joint
+from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
+from excite.safety.parameter_set import stated_parameters
 from excite.threads import one_blas_thread
 
 # Name of motions that are designed.
@@ -53,6 +46,7 @@ class DesignSettings:
         near_m: bodies nearer than this beyond their margin are watched [m].
         extra_m: distance beyond the margin, for what happens between the samples [m].
         rounds: of the search, before each of which nearest points are found anew.
+        more_rounds: at most, while no step is safe: what little is known pulls harder than the first weights.
         iterations: in each round.
         growth: of the weight of squared violations from round to round, from 1.
     """
@@ -64,107 +58,12 @@ class DesignSettings:
     near_m: float = 0.06
     extra_m: float = 0.01
     rounds: int = 3
+    more_rounds: int = 2
     iterations: int = 50
     growth: float = 5.0
 
 
 _USUAL = DesignSettings()
-
-
-class Pulled(NamedTuple):
-    """Gradients of a criterion through the rows of an arm.
-
-    Attributes:
-        weights: of the regressor's entries ``(n, n_joints, size)``.
-        v: through the drives' terms, in the velocities ``(n, n_joints)``.
-        a: in the accelerations ``(n, n_joints)``.
-    """
-
-    weights: Array
-    v: Array
-    a: Array
-
-
-@dataclass(frozen=True, eq=False)
-class ArmRows:
-    """The weighted regressor of an arm's base parameters, and the way back from its derivatives to the motion's.
-
-    Attributes:
-        robot: an arm whose joints all have motors.
-    """
-
-    robot: Robot
-
-    def __post_init__(self) -> None:
-        """Raise InputError for a robot without gradients."""
-        if self.robot.floating or self.robot.mechanism is not None:
-            raise InputError(
-                "motions are designed by gradients for arms with a motor in every joint",
-                source=self.robot.name,
-                remedy="use another generator",
-            )
-
-    @cached_property
-    def base(self) -> BaseParameters:
-        """The base parameters, drives included."""
-        return structural_base_parameters(self.robot, DRIVE_TERMS)
-
-    @property
-    def independent(self) -> NDArray[np.int64]:
-        """Columns that stand for the base parameters, ``(n_base,)``."""
-        return self.base.independent
-
-    @cached_property
-    def tree(self) -> KinematicTree:
-        """The robot's, for compiled kernels."""
-        return read_tree(self.robot.model)
-
-    @cached_property
-    def drives(self) -> Array:
-        """Viscous and Coulomb friction and rotor inertia that the description states, ``(3, n_joints)`` [SI]."""
-        drives, nothing = self.robot.description.drives, np.zeros(self.robot.n_joints)
-        blocks = (drives.viscous, drives.coulomb, drives.armature)
-        return np.array([per_joint(block, self.robot.joint_names, nothing) for block in blocks])
-
-    def torques(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
-        """Torques of the drives, ``(n, n_joints)`` [N·m or N], of a joint torque regressor ``full``."""
-        viscous, coulomb, armature = self.drives
-        return np.asarray(full @ self.tree.phi + viscous * v + coulomb * sign + armature * a)
-
-    @cached_property
-    def _weights(self) -> Array:
-        return 1.0 / row_noise(self.robot)
-
-    @cached_property
-    def _inertial(self) -> NDArray[np.int64]:
-        return measured_columns(self.robot, DRIVE_TERMS).inertial
-
-    def weighted(self, full: Array, v: Array, a: Array, sign: Array) -> Array:
-        """Base columns over the noise, ``(n, n_joints, n_base)``, of a joint torque regressor ``full``."""
-        n, n_joints = v.shape
-        rows = np.zeros((n, n_joints, len(self._inertial) + 4 * n_joints))
-        rows[:, :, : len(self._inertial)] = full[:, :, self._inertial]
-        joints, first = np.arange(n_joints), len(self._inertial)
-        for k, values in enumerate((v, sign, np.ones_like(v), a)):
-            rows[:, joints, first + k * n_joints + joints] = values
-        return rows[:, :, self.independent] * self._weights[:, None]
-
-    def pulled(self, slope: Array, sign_slope: Array, size: int) -> Pulled:
-        """Weights of the regressor's entries ``(n, n_joints, size)``, and what drives pull at v and a."""
-        n, n_joints, _ = slope.shape
-        whole = np.zeros((n, n_joints, len(self._inertial) + 4 * n_joints))
-        whole[:, :, self.independent] = slope * self._weights[:, None]
-        weights = np.zeros((n, n_joints, size))
-        weights[:, :, self._inertial] = whole[:, :, : len(self._inertial)]
-        joints, first = np.arange(n_joints), len(self._inertial)
-        viscous, coulomb, _, armature = (whole[:, joints, first + k * n_joints + joints] for k in range(4))
-        return Pulled(weights, viscous + coulomb * sign_slope, armature)
-
-    def information(self, q: Array, v: Array, a: Array) -> Array:
-        """Information of samples ``(n, n_joints)`` each, ``(n_base, n_base)``."""
-        full = joint_torque_regressor(self.tree, q, v, a)
-        rows = self.weighted(full, v, a, np.sign(v)).reshape(-1, len(self.independent))
-        return np.asarray(rows.T @ rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +85,7 @@ class DesignProgram:
     """A criterion of prior and own information less what violates the limits, in a spline's coefficients.
 
     Args:
-        rows: of the arm.
+        rows: of the robot.
         source: the safe motion that the spline is added to.
         prior: information so far, ``(n_base, n_base)``, of samples at the search's rate.
         criterion: what to make large.
@@ -195,7 +94,7 @@ class DesignProgram:
 
     def __init__(
         self,
-        rows: ArmRows,
+        rows: DesignRows,
         source: Motion,
         prior: Array,
         criterion: Criterion,
@@ -204,8 +103,11 @@ class DesignProgram:
         # A copy that was sent to another process lies otherwise in memory, and sums of it would round otherwise.
         self._rows, self._prior, self._criterion = rows, np.ascontiguousarray(prior), criterion
         self.source, self._settings = source, settings
-        self._limits = designed_limits(rows.robot, settings)
-        robot, n_joints = rows.robot, rows.robot.n_joints
+        robot, moved = rows.robot, rows.moved
+        own = robot.limits
+        self._velocity = settings.velocity * own.velocity[moved]
+        self._acceleration = settings.acceleration * own.acceleration[moved]
+        self._at_q, self._at_v = robot.n_base_q + moved, robot.n_base_v + moved
         n = max(4, round(source.duration / settings.knot_s))
         self._knots = np.r_[
             np.zeros(_DEGREE), np.linspace(0.0, source.duration, n + 1), np.full(_DEGREE, source.duration)
@@ -217,14 +119,17 @@ class DesignProgram:
         )
         # Jerks jump at knots of the source: they are looked at between the samples too.
         fine = np.linspace(0.0, source.duration, 8 * len(time))
-        rates = np.diff(interpolate_motion(source, robot, source.time[0] + fine).a, axis=0) / fine[1]
+        between = interpolate_motion(source, robot, source.time[0] + fine).a[:, self._at_v]
+        rates = np.diff(between, axis=0) / fine[1]
         self._share = SEARCH_HZ / settings.rate_hz
         self._jerk, self._jerk_basis = rates, self._basis(fine[:-1] + 0.5 * fine[1])[3]
-        self._most_jerk = robot.limits.jerk
-        self.size = self._bases[0].shape[1] * n_joints
+        self._most_jerk = own.jerk[moved]
+        self.size = self._bases[0].shape[1] * len(moved)
         self._tree = rows.tree
-        self._half = 0.5 * (self._limits.upper - self._limits.lower)
-        self._bodies = NearBodies(robot, np.arange(1, n_joints + 1))
+        self._half = 0.5 * (own.position_upper - own.position_lower)[moved]
+        self._middle = own.position_lower[moved] + self._half
+        self._bodies = NearBodies(robot, moved + (2 if robot.floating else 1))
+        self._burden = rows.burden(self._nominal)
         self._near: _Witnesses | None = None
 
     def _basis(self, time: Array) -> tuple[Array, ...]:
@@ -236,14 +141,21 @@ class DesignProgram:
         return tuple(np.ascontiguousarray(basis) for basis in values)
 
     def _table(self, x: Array) -> Array:
-        """Coefficients of the splines, ``(k, n_joints)``."""
-        return self._settings.knot_s * x.reshape(-1, self._rows.robot.n_joints)
+        """Coefficients of the splines, ``(k, n_moved)``."""
+        return self._settings.knot_s * x.reshape(-1, len(self._at_q))
 
     def states(self, x: Array) -> tuple[Array, ...]:
-        """q, v, a ``(n, n_joints)`` of coefficients ``(size,)``."""
-        table, own = self._table(x), self._nominal
-        whole = (s + b @ table for s, b in zip((own.q, own.v, own.a), self._bases, strict=False))
-        return tuple(np.ascontiguousarray(values) for values in whole)
+        """q ``(n, nq)``, v and a ``(n, nv)`` of coefficients ``(size,)``."""
+        return self._added(self._nominal, self._bases, x)
+
+    def _added(self, motion: Motion, bases: tuple[Array, ...], x: Array) -> tuple[Array, ...]:
+        """The splines added to a motion's q, v and a."""
+        table, found = self._table(x), []
+        ways = ((motion.q, self._at_q), (motion.v, self._at_v), (motion.a, self._at_v))
+        for (values, at), basis in zip(ways, bases, strict=False):
+            found.append(np.array(values, order="C"))
+            found[-1][:, at] += basis @ table
+        return tuple(found)
 
     def information(self, x: Array) -> Array:
         """Information of the motion alone."""
@@ -251,54 +163,55 @@ class DesignProgram:
 
     def motion(self, x: Array) -> Motion:
         """The source with the splines added."""
-        source, table = self.source, self._table(x)
-        bases = self._basis(source.time - source.time[0])
-        q, v, a = (s + b @ table for s, b in zip((source.q, source.v, source.a), bases, strict=False))
+        source = self.source
+        q, v, a = self._added(source, self._basis(source.time - source.time[0]), x)
         metadata = replace(source.metadata, generator=GRADIENT, verdict=None)
         return replace(source, q=q, v=v, a=a, metadata=metadata)
 
     def evaluate(self, x: Array, weight: float) -> tuple[float, Array]:
         """What is minimised, and its gradient ``(size,)``; ``weight`` is that of squared violations."""
         q, v, a = self.states(x)
-        width = 0.02 * self._limits.velocity
+        at_q, at_v = self._at_q, self._at_v
+        width = np.ones(v.shape[1])
+        width[at_v] = 0.02 * self._velocity
         sign = np.tanh(v / width)
-        full = joint_torque_regressor(self._tree, q, v, a)
+        sign_slope = (1.0 - sign**2) / width
+        full = self._rows.regressor(q, v, a)
         rows = self._rows.weighted(full, v, a, sign)
         flat = rows.reshape(-1, rows.shape[2])
         information = self._prior + self._share * (flat.T @ flat)
         value = -self._criterion.value(information)
         slope = -2.0 * self._share * (flat @ self._criterion.gradient(information)).reshape(rows.shape)
-        weights, by_v, by_a = self._rows.pulled(slope, (1.0 - sign**2) / width, full.shape[2])
-        by_q = np.zeros_like(q)
-        torque = self._rows.torques(full, v, a, sign)
-        viscous, coulomb, armature = self._rows.drives
-        middle = self._limits.lower + self._half
+        weights, by_v, by_a = self._rows.pulled(slope, sign_slope, full.shape[2])
         penalty, parts = 0.0, []
         jerk = self._jerk + self._jerk_basis @ self._table(x)
         for values, limit in (
-            (q - middle, self._half),
-            (v, self._limits.velocity),
-            (a, self._limits.acceleration),
-            (torque, self._limits.torque),
+            (q[:, at_q] - self._middle, self._half),
+            (v[:, at_v], self._velocity),
+            (a[:, at_v], self._acceleration),
+            (self._burden.values(full, v, a, sign), self._burden.most),
             (jerk, 0.9 * self._most_jerk),
         ):
             over = 10.0 * np.maximum(np.abs(values) / limit - 0.99, 0.0)
             penalty += float((over**2).sum())
             parts.append(20.0 * weight * over * np.sign(values) / limit)
-        by_q += parts[0]
-        by_v += parts[1] + parts[3] * (viscous + coulomb * (1.0 - sign**2) / width)
-        by_a += parts[2] + parts[3] * armature
-        weights += parts[3][:, :, None] * self._tree.phi
+        by_q, burden = parts[0], self._burden.pulled(parts[3], sign_slope)
         penalty += self._push_apart(q, weight, by_q)
-        gradient: RegressorGradient = regressor_gradient(self._tree, q, v, a, weights)
-        pulls = (gradient.q + by_q, gradient.v + by_v, gradient.a + by_a)
+        gradient: RegressorGradient = regressor_gradient(self._tree, q, v, a, weights + burden.weights)
+        pulls = (
+            gradient.q[:, at_v] + by_q,
+            (gradient.v + by_v + burden.v)[:, at_v] + parts[1],
+            (gradient.a + by_a + burden.a)[:, at_v] + parts[2],
+        )
         found = sum(basis.T @ pull for basis, pull in zip(self._bases, pulls, strict=False))
         found = found + self._jerk_basis.T @ parts[4]
         return value + weight * penalty, self._settings.knot_s * np.asarray(found).ravel()
 
     def watch(self, x: Array) -> None:
-        """Find the nearest points of bodies that are near each other."""
-        poses, pairs = self._bodies.find(self.states(x)[0], self._bodies.kept + self._settings.near_m)
+        """Find the nearest points of bodies that are near each other, and what else is found once a round."""
+        states = self.states(x)
+        self._burden.watch(*states)
+        poses, pairs = self._bodies.find(states[0], self._bodies.kept + self._settings.near_m)
         joints, at = self._bodies.carriers(pairs), pairs.sample[:, None]
         world = np.stack([pairs.first, pairs.second], axis=1)
         local = np.einsum("mkji,mkj->mki", poses.rotation[at, joints], world - poses.translation[at, joints])
@@ -319,18 +232,6 @@ class DesignProgram:
         return float((lack**2).sum())
 
 
-def designed_limits(robot: Robot, settings: DesignSettings) -> JointLimits:
-    """What designs keep at the search's samples: all that the check allows, but for what happens between them."""
-    own = robot.limits
-    return JointLimits(
-        lower=own.position_lower,
-        upper=own.position_upper,
-        velocity=settings.velocity * own.velocity,
-        acceleration=settings.acceleration * own.acceleration,
-        torque=own.torque,
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class Design:
     """A motion that was designed.
@@ -348,7 +249,7 @@ class Design:
 
 @one_blas_thread
 def design_motion(
-    rows: ArmRows,
+    rows: DesignRows,
     source: Motion,
     prior: Array,
     criterion: Criterion,
@@ -363,32 +264,34 @@ def design_motion(
     shortened until the independent check finds the motion safe; with none left it is the source itself.
 
     Args:
-        rows: of the arm.
+        rows: of the robot.
         source: a safe motion.
         prior: ``(n_base, n_base)`` information so far, positive definite.
         criterion: what to make large.
-        robust: whether the check asks for safety of all robots of the set that the description states.
+        robust: whether the check asks for safety of all robots of the set that the description states. A standing
+            robot's design leaves them no less than its source in any case.
         settings: of the search.
     """
     program = DesignProgram(rows, source, prior, criterion, settings)
+    least = _least_margins(rows.robot, source) if rows.robot.floating and not robust else {}
     x = np.zeros(program.size)
-    for k in range(settings.rounds):
+    for k in range(settings.rounds + settings.more_rounds):
         program.watch(x)
         found = minimize(
             program.evaluate, x, args=(settings.growth**k,), jac=True, method="L-BFGS-B",
             bounds=np.stack([x - 2.0, x + 2.0], axis=1), options={"maxiter": settings.iterations, "maxcor": 15},
         )  # fmt: skip
         x = np.asarray(found.x)
-    # Each time twice as much is taken off the step.
-    for step in (1.0, *(1.0 - 0.01 * 2**k for k in range(7))):
-        motion = program.motion(step * x)
-        if _is_safe(rows.robot, motion, robust=robust):
-            return Design(motion, program.information(step * x), step)
+        # Each time twice as much is taken off the step.
+        for step in (1.0, *(1.0 - 0.01 * 2**i for i in range(7))) if k + 1 >= settings.rounds else ():
+            motion = program.motion(step * x)
+            if _is_safe(rows.robot, motion, robust=robust, least=least):
+                return Design(motion, program.information(step * x), step)
     return Design(source, program.information(0.0 * x), 0.0)
 
 
 def design_motions(
-    rows: ArmRows,
+    rows: DesignRows,
     sources: Sequence[Motion],
     start: Array,
     criterion: Criterion,
@@ -399,7 +302,7 @@ def design_motions(
     """Designs of motions that are run together, each for what those before it lack.
 
     Args:
-        rows: of the arm.
+        rows: of the robot.
         sources: safe motions.
         start: ``(n_base, n_base)`` information to begin with, positive definite.
         criterion: what to make large.
@@ -414,12 +317,25 @@ def design_motions(
     return made
 
 
-def _is_safe(robot: Robot, motion: Motion, *, robust: bool) -> bool:
-    return check_motion(robot, motion, robust=robust).safe
+def _least_margins(robot: Robot, source: Motion) -> dict[str, float]:
+    """What a design of a standing robot has to leave of each margin over the stated set: no less than its source."""
+    found = check_motion(robot, source, parameters=stated_parameters(robot)).robust
+    worst = {} if found is None else found.worst
+    return {name: min(one.value, one.limit) for name, one in worst.items() if one is not None}
+
+
+def _is_safe(robot: Robot, motion: Motion, *, robust: bool, least: Mapping[str, float]) -> bool:
+    if not least:
+        return check_motion(robot, motion, robust=robust).safe
+    verdict = check_motion(robot, motion)
+    if not verdict.safe:
+        return False
+    left = _least_margins(robot, motion)
+    return all(name in left and left[name] >= value for name, value in least.items())
 
 
 @one_blas_thread
-def first_information(rows: ArmRows, sources: Sequence[Motion]) -> Array:
+def first_information(rows: DesignRows, sources: Sequence[Motion]) -> Array:
     """A hundredth of what all sources say, which makes every determinant finite, ``(n_base, n_base)``."""
     total = np.zeros((len(rows.independent), len(rows.independent)))
     for motion in sources:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.excitation.gradient_design import SEARCH_HZ, ArmRows
+from excite.excitation.design_rows import ArmRows
+from excite.excitation.gradient_design import SEARCH_HZ
 from excite.motion.motion import Motion
 from excite.regressor.adjoint import regressor_gradient
 from excite.regressor.kernels import joint_torque_regressor

@@ -19,7 +19,7 @@ from excite.errors import InputError
 from excite.formats.number import check_number, shorten_value
 from excite.motion.motion import Motion
 from excite.motion.readers.tables import UNSAFE
-from excite.robot.chain import is_serial
+from excite.robot.prismatic import is_serial
 from excite.robot.robot import Robot
 from excite.safety.verdict import Violation, conditions
 

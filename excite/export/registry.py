@@ -19,13 +19,13 @@ EXPORTERS: Registry[Exporter] = Registry(
         "ros2": "excite.export.ros2:Ros2Exporter",
         "ros2-yaml": "excite.export.ros2:Ros2YamlExporter",
         "mcap": "excite.export.ros2:McapExporter",
-        "ur-script": "excite.export.arms:UrScriptExporter",
+        "ur-script": "excite.export.makers:UrScriptExporter",
         "mujoco-keyframes": "excite.export.keyframes:KeyframesExporter",
         "lerobot": "excite.export.plain_tables:LeRobotExporter",
-        "franka": "excite.export.arms:FrankaExporter",
-        "unitree": "excite.export.humanoids:UnitreeExporter",
-        "openhrp": "excite.export.humanoids:OpenHrpExporter",
-        "opensim": "excite.export.humanoids:OpenSimExporter",
+        "franka": "excite.export.makers:FrankaExporter",
+        "unitree": "excite.export.makers:UnitreeExporter",
+        "openhrp": "excite.export.makers:OpenHrpExporter",
+        "opensim": "excite.export.makers:OpenSimExporter",
     },
 )
 

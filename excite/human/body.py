@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 from typing import Literal
 
 import numpy as np
@@ -231,14 +233,9 @@ _DE_LEVA_PARTS = {"pelvis": ("lower trunk",), "torso": ("mid trunk", "upper trun
 
 def _reference_length(dimensions: Dimensions, kind: str, side: str) -> float:
     """The length that Dumas' percentages of a segment refer to [m]."""
-    named = {
-        "pelvis": dimensions.pelvis,
-        "torso": dimensions.torso,
-        "head": dimensions.head,
-        "hand": dimensions.hand,
-        "foot": dimensions.foot,
-    }
-    return named[kind] if kind in named else dimensions[f"{side}_{kind}"]
+    if kind in ("pelvis", "torso", "head", "hand", "foot"):
+        return float(getattr(dimensions, kind))
+    return dimensions[f"{side}_{kind}"]
 
 
 def _dumas_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
@@ -275,10 +272,7 @@ def _de_leva(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> 
     """De Leva's segments; the pelvis ends at the navel, as his lower trunk does."""
     rows = DE_LEVA_TABLE[subject.sex]
     if kind in ("pelvis", "torso"):
-        bodies = [_trunk_part(subject, dimensions, rows, part) for part in _DE_LEVA_PARTS[kind]]
-        total = bodies[0]
-        for body in bodies[1:]:
-            total = total + body
+        total = reduce(add, (_trunk_part(subject, dimensions, rows, part) for part in _DE_LEVA_PARTS[kind]))
         if kind == "torso":
             lumbar = np.array([dimensions["lumbar_x"], 0.0, dimensions["lumbar_z"]])
             total = BodyInertia(total.mass, total.center - lumbar, total.inertia)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.atomic import atomic_path
+from excite.atomic import write_text
 from excite.display import Shown
 from excite.errors import InputError
 from excite.human.body import Body, BodyInertia
@@ -95,10 +95,8 @@ def identify_person(
     )
     body = identified_body(person.body, result)
     write_json({**result.to_json(), **PLACES}, folder / "identification.json")
-    with atomic_path(folder / "segments.csv") as temporary:
-        temporary.write_text(found.table.csv(), encoding="utf-8")
-    with atomic_path(folder / f"{IDENTIFIED}.urdf") as temporary:
-        temporary.write_text(urdf_text(body), encoding="utf-8")
+    write_text(folder / "segments.csv", found.table.csv())
+    write_text(folder / f"{IDENTIFIED}.urdf", urdf_text(body))
     write_osim(body, folder / f"{IDENTIFIED}.osim", person.calibration.model, IDENTIFIED)
     return found
 
@@ -193,16 +191,14 @@ def identify_wearing(
     inside = folder / _WITH_WEIGHT
     save_log(log, inside)
     plates = tuple(sensor.name for sensor in log.header.sensors)
-    with atomic_path(inside / ROBOT_FILE) as temporary:
-        temporary.write_text(robot_yaml(body, log.header.rate_hz, plates), encoding="utf-8")
+    write_text(inside / ROBOT_FILE, robot_yaml(body, log.header.rate_hz, plates))
     robot = load_robot(inside / ROBOT_FILE)
     settings = own_settings(find_estimator(method), settings)
     if isinstance(settings, PairSettings):
         settings = replace(settings, asymmetric=(*settings.asymmetric, located.best.segment))
     result = identify(robot, load_log(inside, robot), method, settings=settings)
     table = segment_table(body, result)
-    with atomic_path(inside / "segments.csv") as temporary:
-        temporary.write_text(table.csv(), encoding="utf-8")
+    write_text(inside / "segments.csv", table.csv())
     return WornWeight(located, without.table, table)
 
 

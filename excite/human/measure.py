@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from excite.atomic import atomic_path
+from excite.atomic import write_text
 from excite.display import Shown
 from excite.errors import InputError, UnknownNameError
 from excite.finding import Finding
@@ -354,9 +354,7 @@ def write_person(person: MeasuredPerson, folder: Path) -> None:
     """
     save_log(person.log, folder)
     plates = tuple(sensor.name for sensor in person.log.header.sensors)
-    with atomic_path(folder / ROBOT_FILE) as temporary:
-        text = robot_yaml(person.body, person.log.header.rate_hz, plates)
-        temporary.write_text(text, encoding="utf-8")
+    write_text(folder / ROBOT_FILE, robot_yaml(person.body, person.log.header.rate_hz, plates))
 
 
 # From recordings of a person to a log folder that identification reads as it does a robot's.
@@ -482,13 +480,13 @@ def _trial_channels(
     wrenches = {name: np.zeros((n, 6)) for name in sensors}
     for reading in trial.readings:
         wrenches[names[number, reading.name]] = reading.wrench
-    span = slice(max(trial.frames.start, edge), min(trial.frames.stop, n - edge))
-    return {
-        "time": np.arange(n)[span] / trial.rate_hz + trial.poses.time[0],
-        "q": joint_angles(pose)[span],
-        "base": base_pose(pose)[span],
-        "wrenches": {name: values[span] for name, values in wrenches.items()},
+    whole = {
+        "time": np.arange(n) / trial.rate_hz + trial.poses.time[0],
+        "q": joint_angles(pose),
+        "base": base_pose(pose),
+        "wrenches": wrenches,
     }
+    return _part_of(whole, slice(max(trial.frames.start, edge), min(trial.frames.stop, n - edge)))
 
 
 def _cut_trial(
@@ -504,12 +502,8 @@ def _cut_trial(
 
 
 def _part_of(whole: dict[str, Any], span: slice) -> dict[str, Any]:
-    return {
-        "time": whole["time"][span],
-        "q": whole["q"][span],
-        "base": whole["base"][span],
-        "wrenches": {name: values[span] for name, values in whole["wrenches"].items()},
-    }
+    wrenches = {name: values[span] for name, values in whole["wrenches"].items()}
+    return {name: whole[name][span] for name in ("time", "q", "base")} | {"wrenches": wrenches}
 
 
 # A recording of a person as a trial: postures, plates, and what stood on them.

@@ -11,7 +11,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
-from excite.atomic import atomic_path
+from excite.atomic import write_text
 from excite.human.body import Body, BodyInertia, segment_box
 from excite.human.markers.inverse_kinematics import MarkerModel
 from excite.human.segments import NAMES, PAIRS, PARENTS, SEGMENTS, Segment
@@ -77,17 +77,8 @@ def _add_link(robot: ElementTree.Element, name: str, inertia: BodyInertia, box: 
     _set_origin(inertial, turn @ inertia.center, np.eye(3))
     ElementTree.SubElement(inertial, "mass", value=f"{inertia.mass:.12g}")
     moments = turn @ inertia.inertia @ turn.T
-    values = {
-        key: f"{moments[i, j]:.12g}"
-        for key, (i, j) in {
-            "ixx": (0, 0),
-            "ixy": (0, 1),
-            "ixz": (0, 2),
-            "iyy": (1, 1),
-            "iyz": (1, 2),
-            "izz": (2, 2),
-        }.items()
-    }
+    pairs = ((i, j) for i in range(3) for j in range(i, 3))
+    values = {f"i{'xyz'[i]}{'xyz'[j]}": f"{moments[i, j]:.12g}" for i, j in pairs}
     ElementTree.SubElement(inertial, "inertia", values)
     for kind in ("visual", "collision"):
         shown = ElementTree.SubElement(link, kind)
@@ -228,9 +219,7 @@ def write_osim(body: Body, path: Path, markers: MarkerModel | None = None, name:
     Returns:
         The path.
     """
-    with atomic_path(path) as temporary:
-        temporary.write_text(osim_text(body, markers, name), encoding="utf-8")
-    return path
+    return write_text(path, osim_text(body, markers, name))
 
 
 def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human") -> str:
@@ -330,15 +319,12 @@ def _add_frame(frames: ElementTree.Element, owner: str, socket: str, place: Arra
 
 def _add_axis(transform: ElementTree.Element, name: str, axis: Array, coordinate: str | None) -> None:
     element = ElementTree.SubElement(transform, "TransformAxis", name=name)
+    kind, tag, value = "Constant", "value", "0"
     if coordinate is not None:
         _add_leaf(element, "coordinates", coordinate)
+        kind, tag, value = "LinearFunction", "coefficients", "1 0"
     _add_leaf(element, "axis", _format_values(axis))
-    if coordinate is None:
-        function = ElementTree.SubElement(element, "Constant", name="function")
-        _add_leaf(function, "value", "0")
-    else:
-        function = ElementTree.SubElement(element, "LinearFunction", name="function")
-        _add_leaf(function, "coefficients", "1 0")
+    _add_leaf(ElementTree.SubElement(element, kind, name="function"), tag, value)
 
 
 def _add_markers(markers: ElementTree.Element, model: MarkerModel) -> None:

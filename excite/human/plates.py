@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.errors import LogError
@@ -18,7 +19,7 @@ from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import NAMES, SIDES
 from excite.human.skeleton import Placement
 from excite.human.trial_poses import runs_of
-from excite.identification.judgement.judgement import ChannelFit, correlation
+from excite.identification.judgement.judgement import ChannelFit, channel_fit
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import central_differences, lowpass, settling_samples
@@ -249,8 +250,10 @@ def _in_newtons(
     if not rows or len({len(plate.force) for plate in plates}) > 1:
         return plates, []
     vertical = np.column_stack([plate.force[:, 2] for plate in plates])
-    loaded = np.abs(vertical).max(axis=0) > 1e-3 * _UNLOADED_N
-    choices = [(1.0, *_FORCE_UNITS) if has_load else (1.0,) for has_load in loaded]
+    choices = [
+        (1.0, *_FORCE_UNITS) if has_load else (1.0,)
+        for has_load in np.abs(vertical).max(axis=0) > 1e-3 * _UNLOADED_N
+    ]
     mixed = product(*choices) if len(plates) <= 4 else ((one,) * len(plates) for one in choices[0])
     factors = np.array(list(mixed))
     carried = np.abs(factors @ vertical.T - weight) < _ABOUT * weight
@@ -503,14 +506,8 @@ def _move_moment(wrench: Array, lever: Array) -> Array:
 
 def _in_world(wrench: Array, q: Array, point: Array) -> Array:
     """A wrench about the base in its axes, in the world's axes about ``point``."""
-    x, y, z, w = q[:, 3:7].T
-    axis = np.column_stack([x, y, z])
-
-    def turned(v: Array) -> Array:
-        once = 2.0 * np.cross(axis, v)
-        return v + w[:, None] * once + np.cross(axis, once)
-
-    force, moment = turned(wrench[:, :3]), turned(wrench[:, 3:])
+    turn = Rotation.from_quat(q[:, 3:7])
+    force, moment = turn.apply(wrench[:, :3]), turn.apply(wrench[:, 3:])
     return np.hstack([force, moment + np.cross(q[:, :3] - point, force)])
 
 
@@ -535,14 +532,7 @@ class ReactionTable:
                 for name in ("measured", "nominal", "identified")
             )
             fits[role] = {
-                axis: ChannelFit(
-                    unit=UNITS[i],
-                    rmse=_root_mean_square(measured[:, i] - identified[:, i]),
-                    cc=correlation(measured[:, i], identified[:, i]),
-                    reference_rmse=_root_mean_square(measured[:, i] - nominal[:, i]),
-                    reference_cc=correlation(measured[:, i], nominal[:, i]),
-                    std=float(measured[:, i].std()),
-                )
+                axis: channel_fit(UNITS[i], measured[:, i], identified[:, i], nominal[:, i])
                 for i, axis in enumerate(AXES)
             }
         return cls(fits)
@@ -562,10 +552,6 @@ class ReactionTable:
 
 def _correlation_text(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
-
-
-def _root_mean_square(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 # When the plates carry the whole person, and what mass they say.

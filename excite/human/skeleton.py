@@ -174,21 +174,6 @@ def joint_angles(pose: Pose) -> Array:
     return np.column_stack(columns)
 
 
-def pose_of(base: Array, angles: Array) -> Pose:
-    """Postures from the pelvis' pose ``(n, 7)`` (x y z [m], qx qy qz qw) and joint angles ``(n, 34)`` [rad]."""
-    n = len(base)
-    rotation = np.tile(np.eye(3), (n, N_SEGMENTS, 1, 1))
-    rotation[:, 0] = Rotation.from_quat(base[:, 3:]).as_matrix()
-    column = 0
-    for k, segment in enumerate(SEGMENTS):
-        for axis in segment.axes:
-            turn = np.outer(angles[:, column], np.eye(3)[axis.index] * axis.sign)
-            rotation[:, k] = rotation[:, k] @ Rotation.from_rotvec(turn).as_matrix()
-            column += 1
-        rotation[:, k] = rotation[:, k] @ frame_turn(k)
-    return Pose(base[:, :3].copy(), rotation)
-
-
 def base_pose(pose: Pose) -> Array:
     """The pelvis' pose ``(n, 7)``: x y z [m], qx qy qz qw, signs continuous."""
     quaternion = Rotation.from_matrix(pose.rotation[:, 0]).as_quat()

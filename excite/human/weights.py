@@ -15,6 +15,7 @@ from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.segment_table import SegmentTable
 from excite.human.segments import NAMES
+from excite.identification.inertia import COLUMNS, ROWS
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.logs.log import Log
@@ -216,7 +217,7 @@ def weight_candidate(link: str, fit: Any, box: Array, noise: float) -> Candidate
 def _belt_parameters(mass: float, place: Array) -> Array:
     """Ten parameters of a belt about the joint frame's origin, pinocchio's order."""
     inertia = mass * ((place @ place + BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
-    six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    six = inertia[ROWS, COLUMNS]
     return np.concatenate([[mass], mass * place, six])
 
 

@@ -17,9 +17,9 @@ from scipy.special import ndtri
 
 from excite.arrays import Array
 from excite.atomic import write_text
-from excite.identification.inertia import FILE_ORDER, pseudo_inertia_matrices
+from excite.identification.inertia import COLUMNS, FILE_ORDER, ROWS, pseudo_inertia_matrices
 from excite.identification.noise import NoiseModel, whitened_factor
-from excite.identification.problem import IdentificationProblem
+from excite.identification.problem import NEVER_NEGATIVE, IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares, prior_std
 from excite.identification.sessions.pooling import Pooled
 from excite.regressor.base_parameters import BaseParameters
@@ -319,11 +319,8 @@ def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]
     centre = body[1:] / body[0]
     slope = np.column_stack([-centre, np.eye(3)]) / body[0]
     std = np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope))
-    return _point(centre), _point(std)
-
-
-def _point(values: Array) -> Point:
-    return float(values[0]), float(values[1]), float(values[2])
+    x, y, z = ((float(value), float(error)) for value, error in zip(centre, std, strict=True))
+    return (x[0], y[0], z[0]), (x[1], y[1], z[1])
 
 
 def _range(matrix: Array) -> Array:
@@ -335,8 +332,6 @@ def _range(matrix: Array) -> Array:
 
 # Between which ends a base parameter of any robot lies, whatever its bodies and drives are.
 
-# Terms that take power out, and rotors: below zero is no robot.
-NEVER_NEGATIVE = ("viscous", "coulomb", "armature")
 # An eigenvalue this far below zero, of the largest, is rounding, and so is a coefficient of that size.
 _ROUNDING = 1e-9
 
@@ -454,12 +449,11 @@ def parameter_ranges(
         nominal = problem.prior[part]
         if nominal[0] <= 0.0:
             continue
-        if mean[10 * s] <= 0.0:
+        ten = mean[part]
+        if ten[0] <= 0.0:
             # No body: the data contradict the nominal model here, and what is left is its own spread.
-            free = np.diag(prior[part] ** 2)
-            found += _of_link(segment.link, nominal, nominal, free, prior[part], quantile)
-            continue
-        found += _of_link(segment.link, nominal, mean[part], covariance, prior[part], quantile)
+            ten, covariance = nominal, np.diag(prior[part] ** 2)
+        found += _of_link(segment.link, nominal, ten, covariance, prior[part], quantile)
     drives = range(problem.n_inertial, problem.n_params)
     return (*found, *_of_drives(problem, base, pooled, drives))
 
@@ -470,11 +464,9 @@ def ranges_document(ranges: Sequence[ParameterRange], level: float) -> dict[str,
     quantities = {name for name, _ in _QUANTITIES}
     for item in ranges:
         group = document["links" if item.parameter in quantities else "joints"]
-        group.setdefault(item.link, {})[item.parameter] = {
-            "low": item.low, "high": item.high, "value": item.value, "unit": item.unit, "measured": item.measured,
-        }  # fmt: skip
-        if item.clipped:
-            group[item.link][item.parameter]["clipped"] = True
+        clipped = {"clipped": True} if item.clipped else {}
+        entry = item.row("low", "high", "value", "unit", "measured") | clipped
+        group.setdefault(item.link, {})[item.parameter] = entry
     return document
 
 
@@ -546,7 +538,7 @@ def _quantities(ten: Array) -> Array:
     """Mass, centre of mass, and inertia about it, xx yy zz xy xz yz, ``(10,)``."""
     center = ten[1:4] / ten[0]
     shift = ten[0] * (float(center @ center) * np.eye(3) - np.outer(center, center))
-    central = ten[4:] - shift[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    central = ten[4:] - shift[ROWS, COLUMNS]
     return np.concatenate([ten[:1], center, central[list(FILE_ORDER)]])
 
 
@@ -557,8 +549,7 @@ def _of_drives(
     place = {int(column): i for i, column in enumerate(base.independent)}
     found = []
     for column in columns:
-        alone = column in place and np.count_nonzero(base.matrix[place[column]]) == 1
-        if not alone:
+        if column not in place or np.count_nonzero(base.matrix[place[column]]) != 1:
             continue
         i = place[column]
         term, _, joint = problem.parameter_names[column].partition(".")

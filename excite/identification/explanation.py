@@ -26,6 +26,7 @@ from excite.rows.settings import Filters, ProblemSettings
 
 _SHOWN_S = 4.0
 _TIME = "time [s]"
+_UNITS = {"tau": "N·m", "current": "A", "q": "rad"}
 
 
 def explain_signals(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> SignalTrace:
@@ -122,7 +123,7 @@ def _clock_step(shown: _Shown) -> SignalStep:
 
 def _outlier_step(shown: _Shown, settings: ProblemSettings, prepared: Prepared) -> SignalStep:
     trial = shown.trial
-    group = "tau" if trial.tau is not None else "current" if trial.current is not None else "q"
+    group = _force_group(trial)
     values = getattr(trial, group)
     repaired = replace_outliers(values, settings.outlier_sigma or 6.0)
     counts = prepared.n_outliers
@@ -133,18 +134,21 @@ def _outlier_step(shown: _Shown, settings: ProblemSettings, prepared: Prepared) 
             f"{repaired.count} in {group} stand out by more than 6 deviations; left, as none were asked for"
         )
     marks = np.where(repaired.found[:, shown.column], values[:, shown.column], np.nan)
-    unit = {"tau": "N·m", "current": "A", "q": "rad"}[group]
-    quantity = f"{group} [{unit}]"
-    time = trial.time
+    time, own = trial.time, values[:, shown.column]
     return SignalStep(
-        "outliers", effect, quantity, _TIME, time, values[:, shown.column], time, marks, dots=True
+        "outliers", effect, f"{group} [{_UNITS[group]}]", _TIME, time, own, time, marks, dots=True
     )
+
+
+def _force_group(trial: Trial) -> str:
+    """Channels that hold the trial's forces: torques, else currents, else none but positions."""
+    return "tau" if trial.tau is not None else "current" if trial.current is not None else "q"
 
 
 def _period_step(shown: _Shown, prepared: Prepared) -> SignalStep:
     trial, mean = shown.trial, prepared.trial
-    group = "tau" if trial.tau is not None else "current" if trial.current is not None else "q"
-    unit = {"tau": "N·m", "current": "A", "q": "rad"}[group]
+    group = _force_group(trial)
+    unit = _UNITS[group]
     noise = 0.0 if prepared.period_std is None else float(prepared.period_std[shown.column])
     effect = (
         f"mean of {prepared.n_periods} periods (eq. 11 of Xu et al. 2020): noise {noise:.3g} → "
@@ -209,10 +213,10 @@ def _torque_steps(
 ) -> list[SignalStep]:
     k = shown.kinematics
     smooth = lowpass(torque, k.rate_hz, filters.cutoff_hz, filters.order)
-    kept = kept_samples(len(torque), decimation_step(k.rate_hz, filters.rate_hz))
+    step = decimation_step(k.rate_hz, filters.rate_hz)
+    kept = kept_samples(len(torque), step)
     x, before = shown.part(k.time, torque)
     after_x, after = shown.part(k.time[kept], smooth[kept])
-    step = decimation_step(k.rate_hz, filters.rate_hz)
     effect = (
         f"zero-phase Butterworth of order {filters.order} at {filters.cutoff_hz:g} Hz on torque and regressor "
         f"alike takes {np.std(torque - smooth):.2g} N·m off; every {step}. sample stays"

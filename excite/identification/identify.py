@@ -12,7 +12,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from excite.arrays import Array
-from excite.doctor.examine import Chart, examine
+from excite.doctor.examine import examine
 from excite.errors import LogError, NoSolutionError, RobotError
 from excite.finding import Finding
 from excite.identification.adaptation import (
@@ -113,29 +113,17 @@ def identify(
     with told_to(progress):
         chart = examine(robot, log, problem_settings)
         chart.check_usable()
-        return _identified(robot, chart, estimator, own, problem_settings)
-
-
-def _identified(
-    robot: Robot,
-    chart: Chart,
-    estimator: Estimator[Any],
-    own: EstimatorSettings,
-    problem_settings: ProblemSettings | None,
-) -> Identification:
-    """The identification from a log that the doctor has repaired."""
-    log = chart.log
-    with equations_of(log):
-        asked = Candidates()
-        if isinstance(own, AdaptiveSettings):
-            problem_settings, asked = candidates(log, problem_settings, own)
-        problem = build_problem(robot, log, problem_settings, role="identification")
-        validation = None
-        if log.role("validation"):
-            validation = build_problem(robot, log, problem_settings, role="validation")
-        # A mistake in the log is the likeliest reason for whatever else is found, so it is said first.
-        odd = (*nominal_faults(robot), *chart.findings)
-        return identify_problem(problem, validation, estimator, own, odd, asked)
+        log, asked = chart.log, Candidates()
+        with equations_of(log):
+            if isinstance(own, AdaptiveSettings):
+                problem_settings, asked = candidates(log, problem_settings, own)
+            problem = build_problem(robot, log, problem_settings, role="identification")
+            validation = None
+            if log.role("validation"):
+                validation = build_problem(robot, log, problem_settings, role="validation")
+            # A mistake in the log is the likeliest reason for whatever else is found, so it is said first.
+            odd = (*nominal_faults(robot), *chart.findings)
+            return identify_problem(problem, validation, estimator, own, odd, asked)
 
 
 @one_blas_thread

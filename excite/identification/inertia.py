@@ -7,8 +7,8 @@ import numpy as np
 from excite.arrays import Array
 
 # Places of Ixx, Ixy, Iyy, Ixz, Iyz, Izz (pinocchio's order) in the symmetric 3×3 matrix.
-_ROWS = np.array([0, 0, 1, 0, 1, 2])
-_COLUMNS = np.array([0, 1, 1, 2, 2, 2])
+ROWS = np.array([0, 0, 1, 0, 1, 2])
+COLUMNS = np.array([0, 1, 1, 2, 2, 2])
 # From pinocchio's order to the files' order Ixx, Iyy, Izz, Ixy, Ixz, Iyz.
 FILE_ORDER = (0, 2, 5, 1, 3, 4)
 
@@ -21,8 +21,7 @@ def inertia_matrices(parameters: Array) -> Array:
     """
     six = np.asarray(parameters, dtype=float).reshape(-1, 10)[:, 4:]
     matrices = np.empty((len(six), 3, 3))
-    matrices[:, _ROWS, _COLUMNS] = six
-    matrices[:, _COLUMNS, _ROWS] = six
+    matrices[:, ROWS, COLUMNS] = matrices[:, COLUMNS, ROWS] = six
     return matrices
 
 
@@ -43,6 +42,12 @@ def pseudo_inertia_matrices(parameters: Array) -> Array:
     pseudo[:, :3, 3] = pseudo[:, 3, :3] = ten[:, 1:4]
     pseudo[:, 3, 3] = ten[:, 0]
     return pseudo
+
+
+def parameters_of_pseudo_inertia(pseudo: Array) -> Array:
+    """Ten parameters in pinocchio's order of a pseudo-inertia ``(4, 4)``."""
+    inertia = np.trace(pseudo[:3, :3]) * np.eye(3) - pseudo[:3, :3]
+    return np.concatenate([[pseudo[3, 3]], pseudo[:3, 3], inertia[ROWS, COLUMNS]])
 
 
 def central_inertia_matrices(parameters: Array) -> Array:

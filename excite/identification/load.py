@@ -17,6 +17,7 @@ from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, minimum_norm, square_factor
 from excite.logs.log import Log
 from excite.regressor.base_parameters import base_parameters
+from excite.regressor.columns import PARAMETERS
 from excite.robot.robot import Robot
 from excite.rows.joint_rows import drive_terms
 from excite.rows.settings import ProblemSettings
@@ -264,42 +265,17 @@ def identify_load(
         LogError: as of :func:`identify_drive_gains`, or a joint's gain is missing.
     """
     runs = load_runs(robot, unloaded, [loaded], settings)
+    return _with_spread(runs, [None], _gains_of(runs, gains))
+
+
+def _gains_of(runs: LoadRuns, gains: Mapping[str, float] | None) -> Array | None:
+    """Gains in the order of the joints; raises LogError where one is missing."""
+    if gains is None:
+        return None
     missing = [name for name in runs.joints if name not in gains]
     if missing:
         raise LogError("has no gain", field=f"drive_gains.{missing[0]}", remedy="state N·m/A")
-    return _with_spread(runs, [None], np.array([gains[name] for name in runs.joints]))
-
-
-@one_blas_thread
-def identify_load_by_calibration(
-    robot: Robot,
-    unloaded: Log,
-    calibration: tuple[Log, float],
-    loaded: Log,
-    settings: ProblemSettings | None = None,
-) -> DriveGains:
-    """A load of unknown mass, the gains from a third log with a load of known mass.
-
-    Gains, both loads and the bare robot are fitted to all three logs at once: what the second load's motions say of the
-    gains, and the calibration's of the robot, counts too.
-
-    Args:
-        robot: the robot without load.
-        unloaded: log of currents or torques.
-        calibration: a log with another load on the last link, and that one's mass [kg].
-        loaded: the log with the load in question.
-        settings: filters and drive terms; its drive gains are not used.
-
-    Returns:
-        The load.
-
-    Raises:
-        InputError: the mass is not positive.
-        LogError: as of :func:`identify_drive_gains`.
-    """
-    known, mass = calibration
-    check_mass(mass)
-    return _with_spread(load_runs(robot, unloaded, [known, loaded], settings), [mass, None], None)
+    return np.array([gains[name] for name in runs.joints])
 
 
 def check_mass(mass: float) -> None:
@@ -460,7 +436,6 @@ def _seen_share(matrix: Array, count: int) -> Array:
     return np.asarray((rows[size > RANK_TOLERANCE * size[0], :count] ** 2).sum(axis=0))
 
 
-_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _UNITS = ("kg", *("kg·m",) * 3, *("kg·m²",) * 6)
 # Least share of a parameter that has to lie in what the motions excite; what is less is another parameter's as well.
 _SEEN = 0.99
@@ -506,7 +481,7 @@ class WeighedLoad:
 
     def to_json(self) -> dict[str, Any]:
         """A document ``excite.load/1``."""
-        rows = zip(_NAMES, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True)
+        rows = zip(PARAMETERS, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True)
         return {
             "schema": "excite.load/1",
             "parameters": {
@@ -529,13 +504,13 @@ class WeighedLoad:
         """Mass, first moments and what is not determined, in lines."""
         lines = []
         for name, unit, value, half, told in zip(
-            _NAMES, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True
+            PARAMETERS, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True
         ):
             if told and half > 0.0:
                 lines.append(f"{name:>4} {value:8.4f} ± {half:.4f} {unit} (95 %)")
             elif told:
                 lines.append(f"{name:>4} {value:8.4f} {unit} (stated)")
-        lost = [name for name, told in zip(_NAMES, self.determined, strict=True) if not told]
+        lost = [name for name, told in zip(PARAMETERS, self.determined, strict=True) if not told]
         if lost:
             lines.append(f"these motions do not tell {', '.join(lost)}")
         lines.append(f"gains: {self.gains_source}")
@@ -582,29 +557,29 @@ def weigh_load(
         raise InputError(
             "is stated beside a calibration load", source="load", field="mass", remedy="give one of both"
         )
-    known: tuple[Log, float | None, Mapping[str, float] | None] = (loaded, mass, None)
+    logs, masses, gains = [loaded], [mass], None
+    source = f"from the stated mass of {mass or 0.0:g} kg"
     if calibration is not None:
-        known = (*calibration, None)
+        # Gains, both loads and the bare robot are fitted to all three logs at once: what the second load's motions say
+        # of the gains, and the calibration's of the robot, counts too.
+        logs, masses = [calibration[0], loaded], [calibration[1], None]
+        source = f"from a calibration load of {calibration[1]:g} kg"
     elif mass is None:
-        known = (loaded, None, _stated_gains(without))
-    if known[1] is not None:
-        check_mass(known[1])
-    settings = friction_that_grows(robot, without, known, settings or ProblemSettings())
-    if mass is not None:
-        found = identify_drive_gains(robot, without, loaded, mass, settings)
-        return _weigh_load(found, f"from the stated mass of {mass:g} kg", settings)
-    if calibration is None:
         gains = _stated_gains(without)
-        found = identify_load(robot, without, loaded, gains, settings)
-        return _weigh_load(found, "as the log states them; what they are off, the load is too", settings)
-    found = identify_load_by_calibration(robot, without, calibration, loaded, settings)
-    return _weigh_load(found, f"from a calibration load of {calibration[1]:g} kg", settings)
+        source = "as the log states them; what they are off, the load is too"
+    if masses[0] is not None:
+        check_mass(masses[0])
+    settings = friction_that_grows(robot, without, logs[0], masses[0], gains, settings or ProblemSettings())
+    runs = load_runs(robot, without, logs, settings)
+    return _weigh_load(_with_spread(runs, masses, _gains_of(runs, gains)), source, settings)
 
 
 def friction_that_grows(
     robot: Robot,
     without: Log,
-    known: tuple[Log, float | None, Mapping[str, float] | None],
+    loaded: Log,
+    mass: float | None,
+    gains: Mapping[str, float] | None,
     settings: ProblemSettings,
 ) -> ProblemSettings:
     """The settings, with a friction that grows with the load where the logs ask for it and no terms are stated.
@@ -615,7 +590,9 @@ def friction_that_grows(
     Args:
         robot: the robot without load.
         without: its log.
-        known: a log with a load, and the load's mass or the gains, whichever is known.
+        loaded: a log with a load.
+        mass: of the load [kg], where the gains are not known.
+        gains: by joint, where the mass is not known.
         settings: filters and drive terms.
     """
     if settings.drive_terms is not None:
@@ -624,11 +601,10 @@ def friction_that_grows(
     found = []
     for terms in (stated, (*stated, _GROWING)):
         tried = replace(settings, drive_terms=terms)
-        log, mass, gains = known
-        runs = load_runs(robot, without, [log], tried)
-        values = None if gains is None else np.array([gains.get(name, 1.0) for name in runs.joints])
+        runs = load_runs(robot, without, [loaded], tried)
         rows = together(runs, range(len(runs.factors)))
-        left = np.maximum(solve_loads(rows, [mass], values).residual, 1e-12 * runs.signal)
+        found_there = solve_loads(rows, [mass], _gains_of(runs, gains))
+        left = np.maximum(found_there.residual, 1e-12 * runs.signal)
         cost = float(
             (rows.counts * np.log(left**2)).sum() + len(terms) * len(left) * np.log(rows.counts.sum())
         )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.fft import rfft
+from scipy.fft import next_fast_len, rfft
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -28,8 +28,9 @@ from excite.rows.settings import Filters
 # Lags, in independent samples of the filter, over which filtered noise is still correlated.
 _FILTER_MEMORY = 8.0
 _LARGEST_SHARE = 0.2
-_COLUMNS_AT_ONCE = 16
-_FREQUENCIES_AT_ONCE = 1024
+# How much of a trial in the frequency domain is held twice at a time.
+COLUMNS_AT_ONCE = 16
+FREQUENCIES_AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +65,6 @@ class NoiseModel:
         spectrum = np.fft.rfft(padded, axis=0)
         values, vectors = np.linalg.eigh(0.5 * (spectrum + spectrum.conj().transpose(0, 2, 1)))
         return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.conj().transpose(0, 2, 1))
-
-    def scaled(self, factor: float) -> NoiseModel:
-        """The same noise with its variance multiplied by ``factor``."""
-        return NoiseModel(self.std * np.sqrt(factor), self.autocovariance)
 
 
 def estimate_noise(
@@ -112,7 +109,7 @@ def _pooled_autocovariance(
     for grid in grids:
         r = grid.spread(scaled[grid.rows], problem.channel, n_channels)
         counts += problem.numbers(grid.rows)
-        n_fft = fft_length(grid.n_samples + n_lags)
+        n_fft = next_fast_len(grid.n_samples + n_lags, real=True)
         f = np.fft.rfft(r, n_fft, axis=0)
         cross = np.fft.irfft(f.conj()[:, :, None] * f[:, None, :], n_fft, axis=0)
         total += cross[:n_lags]
@@ -155,15 +152,11 @@ def whitened_factor(
         usable = values > 2e-2 * values.max()
         root = np.where(usable, 1.0 / np.sqrt(np.where(usable, values, 1.0)), 0.0)
         kept = np.flatnonzero(usable.any(axis=1))
-        double = np.full(len(values), 2.0)
-        double[0] = 1.0
-        if grid.n_samples % 2 == 0:
-            double[-1] = 1.0
-        root = root[kept] * np.sqrt(double[kept] / grid.n_samples)[:, None]
+        root = root[kept] * np.sqrt(conjugate_counts(grid.n_samples)[kept] / grid.n_samples)[:, None]
         whiten = root[:, :, None] * vectors[kept].conj().transpose(0, 2, 1)
         transformed = _transform_columns(problem, grid, columns, noise.std, n_channels, kept)
-        for start in range(0, len(kept), _FREQUENCIES_AT_ONCE):
-            part = slice(start, start + _FREQUENCIES_AT_ONCE)
+        for start in range(0, len(kept), FREQUENCIES_AT_ONCE):
+            part = slice(start, start + FREQUENCIES_AT_ONCE)
             z = (whiten[part] @ transformed[part]).reshape(-1, columns.shape[1])
             factor = upper_triangle(np.vstack([factor, z.real, z.imag]))
     return factor
@@ -180,8 +173,8 @@ def _transform_columns(
     """Columns of a trial over the noise's ``std`` at some frequencies, ``(n_kept, n_channels, k)``, complex."""
     scale = std[problem.channel[grid.rows], None]
     found = np.empty((len(kept), n_channels, columns.shape[1]), dtype=complex)
-    for start in range(0, columns.shape[1], _COLUMNS_AT_ONCE):
-        part = slice(start, start + _COLUMNS_AT_ONCE)
+    for start in range(0, columns.shape[1], COLUMNS_AT_ONCE):
+        part = slice(start, start + COLUMNS_AT_ONCE)
         spread = grid.spread(columns[grid.rows, part] / scale, problem.channel, n_channels)
         found[:, :, part] = np.fft.rfft(spread, axis=0)[kept]
     return found
@@ -192,17 +185,13 @@ def upper_triangle(rows: Array) -> Array:
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
-def fft_length(n: int) -> int:
-    """Next product of small primes, at which the transform is fast."""
-    length = n
-    while True:
-        rest = length
-        for prime in (2, 3, 5):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return length
-        length += 1
+def conjugate_counts(n_fft: int) -> Array:
+    """How often each frequency of a transform of real numbers stands in the whole one: once at its ends, else twice."""
+    counts = np.full(n_fft // 2 + 1, 2.0)
+    counts[0] = 1.0
+    if n_fft % 2 == 0:
+        counts[-1] = 1.0
+    return counts
 
 
 # Rows of an identification problem back in the order of time: trials on uniform grids.
@@ -452,13 +441,9 @@ class EquationNoise:
         meat = np.zeros((width, width))
         for sources, grid in zip(self.sources, self.grids, strict=True):
             x = grid.spread(columns[grid.rows], self.problem.channel, n_channels).astype(np.float32)
-            rate, n_fft = 1.0 / grid.step_s, fft_length(2 * grid.n_samples)
+            rate, n_fft = 1.0 / grid.step_s, next_fast_len(2 * grid.n_samples, real=True)
             frequency = np.asarray(np.fft.rfftfreq(n_fft, grid.step_s), dtype=float)
-            double = np.full(len(frequency), 2.0)
-            double[0] = 1.0
-            if n_fft % 2 == 0:
-                double[-1] = 1.0
-            scale = np.sqrt(double / n_fft * rate / self.log_hz)
+            scale = np.sqrt(conjugate_counts(n_fft) / n_fft * rate / self.log_hz)
             folds = [-rate * fold for fold in range(int(np.ceil(sampling / rate)))]
             for source in sources:
                 seen = [
@@ -524,15 +509,24 @@ def _noise_gains(
     frequency: Array, orders: int, filters: Filters, sampling_hz: float, positions: bool
 ) -> Array:
     """Amplitude from noise to rows by order of derivative, ``(orders, n)``; zero above half the rate."""
-    way = _filter_amplitude(frequency, filters.cutoff_hz, filters.order, sampling_hz)
+    way = filter_amplitude(frequency, filters.cutoff_hz, filters.order, sampling_hz)
     if positions:
-        way = way * _filter_amplitude(frequency, filters.kinematics_cutoff_hz, filters.order, sampling_hz)
+        way = way * filter_amplitude(frequency, filters.kinematics_cutoff_hz, filters.order, sampling_hz)
     way = np.where(np.abs(frequency) <= 0.5 * sampling_hz, way, 0.0)
     return np.array([way * (2j * np.pi * frequency) ** order for order in range(orders)])
 
 
-def _filter_amplitude(frequency: Array, cutoff_hz: float, order: int, sampling_hz: float) -> Array:
-    """Of a Butterworth filter run forwards and backwards."""
+def filter_amplitude(frequency: Array, cutoff_hz: float, order: int, sampling_hz: float) -> Array:
+    """Amplitude of a Butterworth filter run forwards and backwards, ``(n,)``.
+
+    ``1/(1 + (tan πf/fs / tan πfc/fs)^2n)``, even about half the sampling rate; one where it filters nothing.
+
+    Args:
+        frequency: ``(n,)`` [Hz].
+        cutoff_hz: its cut-off.
+        order: its order.
+        sampling_hz: rate at which it runs.
+    """
     if cutoff_hz >= 0.5 * sampling_hz:
         return np.ones_like(frequency)
     corner = np.tan(np.pi * cutoff_hz / sampling_hz)

@@ -88,7 +88,8 @@ def _without_outliers(prepared: Prepared, sigma: float) -> Prepared:
         if values is not None:
             repaired = replace_outliers(values, sigma)
             counts[group] = repaired.count
-            trial = _replace_values(trial, {group: repaired.values})
+            changed: dict[str, Any] = {group: repaired.values}
+            trial = replace(trial, **changed)
     wrenches = {}
     for name, values in trial.wrenches.items():
         repaired = replace_outliers(values, sigma)
@@ -167,8 +168,4 @@ def _change_channels(trial: Trial, groups: tuple[str, ...], change: Callable[[Ar
     values |= {name: change(getattr(trial, name)) for name in groups if getattr(trial, name) is not None}
     if set(_FORCES) <= set(groups):
         values["wrenches"] = {name: change(reading) for name, reading in trial.wrenches.items()}
-    return _replace_values(trial, values)
-
-
-def _replace_values(trial: Trial, values: dict[str, Any]) -> Trial:
     return replace(trial, **values)

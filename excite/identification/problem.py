@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.progress import step
+from excite.regressor.columns import PARAMETERS
 from excite.robot.robot import Robot
 from excite.rows.base_rows import BaseRows
 from excite.rows.joint_rows import JointRows, drive_terms
@@ -22,7 +23,13 @@ from excite.rows.kinematics import decimation_factor, trial_rate
 from excite.rows.settings import Filters, ProblemSettings
 from excite.threads import one_blas_thread
 
-_BLOCK = 4096
+NEVER_NEGATIVE = ("viscous", "coulomb", "armature")
+"""Terms of drives that take power out, and rotors: below zero is no robot."""
+
+
+def row_blocks(n_rows: int, size: int = 4096) -> Iterator[slice]:
+    """Parts of many rows, so that what is computed of them needs no second copy of all."""
+    return (slice(start, start + size) for start in range(0, n_rows, size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +95,21 @@ class IdentificationProblem:
         return np.bincount(self.channel[rows], weights, minlength=len(self.channel_names)).astype(float)
 
     @property
+    def is_moving(self) -> NDArray[np.bool_]:
+        """Which parameters are free, ``(n_params,)``: all but those of segments that the sensors do not see."""
+        free = np.ones(self.n_params, dtype=bool)
+        for segment in self.unmeasured:
+            free[self.robot.parameter_columns(segment)] = False
+        return free
+
+    @property
+    def non_negative(self) -> list[int]:
+        """Columns of masses, of drives' friction and of rotors; an offset may have either sign."""
+        drives = range(self.n_inertial, self.n_params)
+        positive = [j for j in drives if self.parameter_names[j].partition(".")[0] in NEVER_NEGATIVE]
+        return [*range(0, self.n_inertial, 10), *positive]
+
+    @property
     def n_rows(self) -> int:
         """Number of rows."""
         return len(self.y)
@@ -96,19 +118,6 @@ class IdentificationProblem:
     def n_params(self) -> int:
         """Number of columns."""
         return int(self.Y.shape[1])
-
-    def factor(self) -> Array:
-        """Upper triangular factor of the weighted rows with the measurement as last column.
-
-        ``R`` of ``diag(weights) · [Y y] = Q R``, ``(k, n_params + 1)`` with ``k ≤ n_params + 1``, gathered
-        block by block so that no second copy of ``Y`` is needed; ``‖W(Yθ − y)‖ = ‖R[:, :-1] θ − R[:, -1]‖``.
-        """
-        r = np.zeros((0, self.n_params + 1))
-        for start in range(0, self.n_rows, _BLOCK):
-            rows = slice(start, start + _BLOCK)
-            block = np.column_stack([self.Y[rows], self.y[rows]]) * self.weights[rows, None]
-            r = np.asarray(np.linalg.qr(np.vstack([r, block]), mode="r"))
-        return r
 
     def with_rows(self, kept: NDArray[np.bool_]) -> IdentificationProblem:
         """The problem with the rows of a mask ``(n_rows,)`` alone."""
@@ -139,7 +148,6 @@ class IdentificationProblem:
         return np.asarray(self.channel == self.channel_names.index(channel))
 
 
-_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _FEWEST_ROWS = 10
 
 
@@ -191,7 +199,7 @@ def build_problem(
         raise LogError(
             f"leaves {n_rows} usable rows", source=log.folder, remedy="record longer, or raise the cut-off"
         )
-    names = [f"{segment.link}.{name}" for segment in robot.segments for name in _PARAMETERS]
+    names = [f"{segment.link}.{name}" for segment in robot.segments for name in PARAMETERS]
     rate = trial_rate(log.header, trials[0])
     passed = noise_bandwidth(rate, filters.cutoff_hz, filters.order)
     noise = builder.noise * np.sqrt(passed)

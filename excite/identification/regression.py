@@ -12,10 +12,9 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids, upper_triangle
-from excite.identification.problem import IdentificationProblem
+from excite.identification.problem import IdentificationProblem, row_blocks
 from excite.threads import one_blas_thread
 
-_BLOCK = 4096
 # Singular values of the column-scaled rows below this share of the greatest are structural zeros.
 RANK_TOLERANCE = 1e-8
 # Jovic 2016 expects masses of CAD to be off by up to 50 %.
@@ -95,8 +94,8 @@ def condense_problem(problem: IdentificationProblem) -> Regression:
     for c in range(len(problem.channel_names)):
         rows = np.flatnonzero(problem.channel == c)
         r = np.zeros((0, width))
-        for start in range(0, len(rows), _BLOCK):
-            block = rows[start : start + _BLOCK]
+        for part in row_blocks(len(rows)):
+            block = rows[part]
             r = upper_triangle(np.vstack([r, np.column_stack([problem.Y[block], problem.y[block]])]))
         factors[c, : len(r)] = r
     return Regression(problem, trial_grids(problem), factors, np.ones(len(problem.channel_names)))

@@ -48,14 +48,12 @@ def fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:
     width = max(len(name) for name in [*fits, "channel"])
     lines = [f"{title}, RMSE (correlation):", f"  {'channel':{width}}  {'identified':>20}  {'nominal':>20}"]
     for name, fit in fits.items():
-        identified = f"{fit.rmse:.3f} {fit.unit} ({_format_correlation(fit.cc)})"
-        nominal = f"{fit.reference_rmse:.3f} {fit.unit} ({_format_correlation(fit.reference_cc)})"
-        lines.append(f"  {name:{width}}  {identified:>20}  {nominal:>20}")
+        line = f"  {name:{width}}"
+        for rmse, cc in ((fit.rmse, fit.cc), (fit.reference_rmse, fit.reference_cc)):
+            said = f"{rmse:.3f} {fit.unit} ({'–' if cc is None else f'{cc:.3f}'})"
+            line += f"  {said:>20}"
+        lines.append(line)
     return lines
-
-
-def _format_correlation(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
 
 
 # How an identification's parameters were found, and what is proven of them.

@@ -8,12 +8,21 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from scipy.linalg import solve_triangular
 from scipy.special import stdtrit
 
 from excite.arrays import Array
-from excite.identification.noise import NoiseModel, TrialGrid, fft_length, upper_triangle
-from excite.identification.problem import IdentificationProblem
+from excite.identification.noise import (
+    COLUMNS_AT_ONCE,
+    FREQUENCIES_AT_ONCE,
+    NoiseModel,
+    TrialGrid,
+    conjugate_counts,
+    filter_amplitude,
+    upper_triangle,
+)
+from excite.identification.problem import IdentificationProblem, row_blocks
 from excite.identification.regression import RANK_TOLERANCE, Regression, leaves_freedom
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import PARAMETERS
@@ -21,8 +30,6 @@ from excite.rows.settings import Filters
 from excite.threads import one_blas_thread
 
 # Base parameters with intervals that hold for filtered noise.
-
-_BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +134,7 @@ def parameter_labels(problem: IdentificationProblem) -> tuple[str, ...]:
 def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, factor: Array) -> Array:
     """``W X R⁻¹``, ``(n_rows, n_base)``, block by block so that there is only one copy."""
     q = np.empty((len(matrix), len(columns)))
-    for start in range(0, len(matrix), _BLOCK):
-        rows = slice(start, start + _BLOCK)
+    for rows in row_blocks(len(matrix)):
         weighted = matrix[rows, columns] * weight[rows, None]
         q[rows] = solve_triangular(factor, weighted.T, trans="T", check_finite=False).T
     return q
@@ -198,7 +204,7 @@ class NoiseBands:
         shortest = min(grid.n_samples for grid in grids)
         memory = max(8.0 / min(1.0, problem.noise_bandwidth), 4.0 / narrowest)
         n_lags = int(min(memory, max(1.0, 0.2 * shortest)))
-        bins = trial_bins(problem, grids[0], fft_length(8 * n_lags + 8))
+        bins = trial_bins(problem, grids[0], next_fast_len(8 * n_lags + 8, real=True))
         spectrum = np.zeros((bins.n_fft // 2 + 1, *self.power.shape[1:]))
         spectrum[bins.kept] = bins.colour[:, None, None] * self.power[band_of(bins, self.edges)]
         covariance = np.fft.irfft(spectrum, bins.n_fft, axis=0)[: n_lags + 1]
@@ -379,8 +385,7 @@ _FEWEST = 12.0
 def filter_power(frequency_hz: Array, filters: Filters | None, sampling_hz: float, rate_hz: float) -> Array:
     """Power of white noise after the zero-phase filter and decimation, one where nothing is filtered.
 
-    Forwards and backwards the Butterworth amplitude is ``1/(1 + (tan πf/fs / tan πfc/fs)^2n)``; the power is
-    its square, and decimation folds what lies above half the new rate.
+    Decimation folds what lies above half the new rate.
 
     Args:
         frequency_hz: ``(n,)`` from 0 to half of ``rate_hz``.
@@ -393,14 +398,9 @@ def filter_power(frequency_hz: Array, filters: Filters | None, sampling_hz: floa
     """
     if filters is None or filters.cutoff_hz >= 0.5 * sampling_hz:
         return np.ones_like(frequency_hz)
-    corner = np.tan(np.pi * filters.cutoff_hz / sampling_hz)
-    power = np.zeros_like(frequency_hz)
-    for fold in range(max(1, round(sampling_hz / rate_hz))):
-        shifted = frequency_hz + fold * rate_hz
-        # tan² has the period of the sampling rate and is even about half of it; large where it diverges.
-        ratio = np.minimum(np.abs(np.tan(np.pi * shifted / sampling_hz)) / corner, 1e6)
-        power += (1.0 + ratio ** (2 * filters.order)) ** -2.0
-    return power
+    folds = rate_hz * np.arange(max(1, round(sampling_hz / rate_hz)))[:, None]
+    amplitude = filter_amplitude(frequency_hz + folds, filters.cutoff_hz, filters.order, sampling_hz)
+    return np.asarray((amplitude**2).sum(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -430,10 +430,7 @@ def frequency_bins(n_fft: int, filters: Filters | None, sampling_hz: float, rate
     relative = np.arange(n_fft // 2 + 1) * 2.0 / n_fft
     colour = filter_power(0.5 * rate_hz * relative, filters, sampling_hz, rate_hz)
     kept = np.flatnonzero(colour > _PRESENT * colour.max())
-    weight = np.full(len(relative), 2.0 / n_fft)
-    weight[0] = 1.0 / n_fft
-    if n_fft % 2 == 0:
-        weight[-1] = 1.0 / n_fft
+    weight = conjugate_counts(n_fft) / n_fft
     return Bins(
         n_fft, kept, relative[kept], colour[kept], colour[kept] > _AUDIBLE * colour.max(), weight[kept]
     )
@@ -481,10 +478,8 @@ def alike_bands(power: Array, counts: Array, taken: Array) -> Array:
 
 # Trials in the frequency domain, and the bands in which their noise is alike.
 
-# Cells that bands are made of, and how much is held twice at a time.
+# Cells that bands are made of.
 _CELLS = 256
-_COLUMNS_AT_ONCE = 16
-_FREQUENCIES_AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -518,11 +513,11 @@ def transformed_trial(
 ) -> TransformedTrial:
     """A trial's columns ``q`` ``(n_rows, k)`` and residual ``(n_rows,)`` transformed."""
     n_channels = len(problem.channel_names)
-    bins = trial_bins(problem, grid, fft_length(2 * grid.n_samples))
+    bins = trial_bins(problem, grid, next_fast_len(2 * grid.n_samples, real=True))
     k = q.shape[1]
     x = np.empty((len(bins.kept), 2, n_channels, k))
-    for start in range(0, k, _COLUMNS_AT_ONCE):
-        part = slice(start, start + _COLUMNS_AT_ONCE)
+    for start in range(0, k, COLUMNS_AT_ONCE):
+        part = slice(start, start + COLUMNS_AT_ONCE)
         spread = grid.spread(q[grid.rows, part], problem.channel, n_channels)
         transformed = np.fft.rfft(spread, bins.n_fft, axis=0)[bins.kept]
         x[:, 0, :, part], x[:, 1, :, part] = transformed.real, transformed.imag
@@ -587,5 +582,5 @@ def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int
 def frequency_blocks(chosen: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
     """Places of the chosen frequencies ``(n_kept,)``, a few at a time, so that columns need no second copy."""
     places = np.flatnonzero(chosen)
-    for start in range(0, len(places), _FREQUENCIES_AT_ONCE):
-        yield places[start : start + _FREQUENCIES_AT_ONCE]
+    for start in range(0, len(places), FREQUENCIES_AT_ONCE):
+        yield places[start : start + FREQUENCIES_AT_ONCE]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,23 +46,31 @@ _LARGEST = {
 }
 
 
+def _column_groups(header: LogHeader) -> dict[str, tuple[str, ...]]:
+    """Columns that a trial's file may have, in order; a file has all of a group or none."""
+    groups: dict[str, tuple[str, ...]] = {"time": ("time",), "base": BASE_POSE}
+    for prefix in _JOINT_CHANNELS:
+        # Of torques and currents some joints have none.
+        joints = header.torque_joints if prefix in {"tau", "i"} else header.joints
+        groups[prefix] = tuple(f"{prefix}.{joint}" for joint in joints)
+    for sensor in header.sensors:
+        groups[f"wrench.{sensor.name}"] = tuple(f"wrench.{sensor.name}.{axis}" for axis in WRENCH_AXES)
+    groups["imu"] = IMU_AXES if header.imu is not None else ()
+    return groups | {name: (name,) for name in (f"contact.{foot.name}" for foot in header.feet)}
+
+
 def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
     """Columns of a trial's file, ``(n,)`` each, by name, in order."""
-    columns: dict[str, Array] = {"time": trial.time}
-    if trial.base is not None:
-        columns |= {name: trial.base[:, i] for i, name in enumerate(BASE_POSE)}
-    for prefix, attribute in _JOINT_CHANNELS.items():
-        values = getattr(trial, attribute)
-        if values is not None:
-            kept = _with_channel(prefix, header)
-            columns |= {f"{prefix}.{joint}": values[:, header.joints.index(joint)] for joint in kept}
-    for sensor in header.sensors:
-        if sensor.name in trial.wrenches:
-            wrench = trial.wrenches[sensor.name]
-            columns |= {f"wrench.{sensor.name}.{axis}": wrench[:, i] for i, axis in enumerate(WRENCH_AXES)}
-    if trial.imu is not None:
-        columns |= {name: trial.imu[:, i] for i, name in enumerate(IMU_AXES)}
-    return columns | {f"contact.{name}": flags.astype(float) for name, flags in trial.contacts.items()}
+    tables = {"time": trial.time[:, None], "base": trial.base, "imu": trial.imu}
+    tables |= {f"wrench.{name}": values for name, values in trial.wrenches.items()}
+    tables |= {f"contact.{name}": flags[:, None].astype(float) for name, flags in trial.contacts.items()}
+    columns: dict[str, Array] = {}
+    for group, names in _column_groups(header).items():
+        values = getattr(trial, _JOINT_CHANNELS[group]) if group in _JOINT_CHANNELS else tables.get(group)
+        if values is not None and group in _JOINT_CHANNELS:
+            values = values[:, [header.joints.index(name.partition(".")[2]) for name in names]]
+        columns |= {} if values is None else {name: values[:, i] for i, name in enumerate(names)}
+    return columns
 
 
 def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeader, file: Path) -> Trial:
@@ -81,39 +90,33 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
     """
     wanted = check_columns(columns, header, file)
     n_rows = np.size(columns["time"])
-    # The time before all, by whose rows the others are counted.
-    wanted = ["time", *(name for name in wanted if name != "time")]
     numbers = {name: numeric_column(columns[name], name, file, n_rows) for name in wanted}
     numbers["time"], unit = in_seconds(numbers["time"], header.rate_hz)
     cleaned = clean_columns(numbers, file)
     values = cleaned.columns
-    joint_values = {
-        attribute: _joint_columns(values, prefix, header)
-        for prefix, attribute in _JOINT_CHANNELS.items()
-        if f"{prefix}.{_with_channel(prefix, header)[0]}" in values
+    tables = {
+        group: np.column_stack([values[name] for name in names])
+        for group, names in _column_groups(header).items()
+        if names and names[0] in values
     }
-    base = None
-    if BASE_POSE[0] in values:
-        base = np.column_stack([values[name] for name in BASE_POSE])
+    joint_values: dict[str, Any] = {}
+    for prefix, attribute in _JOINT_CHANNELS.items():
+        if prefix in tables:
+            # Zero of joints that have no such channel.
+            nothing = np.zeros_like(values["time"])
+            parts = [values.get(f"{prefix}.{joint}", nothing) for joint in header.joints]
+            joint_values[attribute] = np.column_stack(parts)
+    base = tables.get("base")
+    if base is not None:
         base[:, 3:] = _unit_quaternions(base[:, 3:], file)
-    wrenches = {
-        sensor.name: np.column_stack([values[f"wrench.{sensor.name}.{axis}"] for axis in WRENCH_AXES])
-        for sensor in header.sensors
-        if f"wrench.{sensor.name}.fx" in values
-    }
-    flags = {
-        foot.name: values[f"contact.{foot.name}"] > 0.5
-        for foot in header.feet
-        if f"contact.{foot.name}" in values
-    }
     return Trial(
         name=Path(entry.file).stem,
         role=entry.role,
         time=values["time"],
         base=base,
-        wrenches=wrenches,
-        contacts=flags,
-        imu=np.column_stack([values[name] for name in IMU_AXES]) if IMU_AXES[0] in values else None,
+        wrenches=_of_kind(tables, "wrench."),
+        contacts={name: flags[:, 0] > 0.5 for name, flags in _of_kind(tables, "contact.").items()},
+        imu=tables.get("imu"),
         session=entry.session,
         start_s=entry.start_s,
         repeats=None if entry.repeats is None else Path(entry.repeats).stem,
@@ -123,35 +126,16 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
     )
 
 
-def _with_channel(prefix: str, header: LogHeader) -> tuple[str, ...]:
-    """Joints that have a channel: all but, of torques and currents, those without."""
-    return header.torque_joints if prefix in {"tau", "i"} else header.joints
-
-
-def _joint_columns(values: dict[str, Array], prefix: str, header: LogHeader) -> Array:
-    """A channel of all joints, zero where there is none, ``(n, n_joints)``."""
-    nothing, kept = np.zeros_like(values["time"]), _with_channel(prefix, header)
-    parts = [values[f"{prefix}.{joint}"] if joint in kept else nothing for joint in header.joints]
-    return np.column_stack(parts)
+def _of_kind(tables: dict[str, Array], prefix: str) -> dict[str, Array]:
+    return {name.removeprefix(prefix): table for name, table in tables.items() if name.startswith(prefix)}
 
 
 def check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list[str]:
-    """Names of the columns that the header promises or allows; all of a group or none.
+    """Names of the columns that the header promises or allows, time first; all of a group or none.
 
     Raises LogError for a promised column that is missing and for one that names an unknown joint or sensor.
     """
-    present = list(columns)
-    groups = {
-        prefix: [f"{prefix}.{joint}" for joint in _with_channel(prefix, header)] for prefix in _JOINT_CHANNELS
-    }
-    groups["time"] = ["time"]
-    groups["base"] = list(BASE_POSE)
-    for sensor in header.sensors:
-        groups[f"wrench.{sensor.name}"] = [f"wrench.{sensor.name}.{axis}" for axis in WRENCH_AXES]
-    if header.imu is not None:
-        groups["imu"] = list(IMU_AXES)
-    for foot in header.feet:
-        groups[f"contact.{foot.name}"] = [f"contact.{foot.name}"]
+    present, groups = set(columns), _column_groups(header)
     required = {"time", "q"}
     required |= set() if header.measures_contacts else {f"contact.{foot.name}" for foot in header.feet}
     required |= {"tau"} if header.torque in {"motor_side", "link_side"} else set()
@@ -160,27 +144,17 @@ def check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list
     required |= {f"wrench.{sensor.name}" for sensor in header.sensors} if header.base == "floating" else set()
     allowed = {name for names in groups.values() for name in names}
     allowed |= {f"{prefix}.{joint}" for prefix in ("tau", "i") for joint in header.no_torque}
-    for name in present:
-        if name not in allowed and name.split(".")[0] in {
-            *_JOINT_CHANNELS,
-            "base",
-            "wrench",
-            "contact",
-            "imu",
-        }:
-            raise LogError(
-                "names no joint, sensor, foot or IMU of log.yaml",
-                source=file,
-                field=name,
-                remedy="correct one of the two",
-            )
+    kinds = {*_JOINT_CHANNELS, "base", "wrench", "contact", "imu"}
+    for name in columns:
+        if name not in allowed and name.partition(".")[0] in kinds:
+            what, remedy = "names no joint, sensor, foot or IMU of log.yaml", "correct one of the two"
+            raise LogError(what, source=file, field=name, remedy=remedy)
     wanted: list[str] = []
     for group, names in groups.items():
         missing = [name for name in names if name not in present]
         if missing and (group in required or len(missing) < len(names)):
-            raise LogError(
-                "column is missing", source=file, field=missing[0], remedy="log it, or correct log.yaml"
-            )
+            remedy = "log it, or correct log.yaml"
+            raise LogError("column is missing", source=file, field=missing[0], remedy=remedy)
         wanted += [] if missing else names
     return wanted
 
@@ -195,38 +169,36 @@ def numeric_column(values: Array, name: str, file: Path, n_rows: int) -> Array:
         n_rows: rows that it should have.
     """
     values = np.asarray(values)
+    what, remedy = _shape_fault(values, n_rows)
+    if not what:
+        values = values.astype(float, copy=False)
+        what, remedy = _number_fault(values, _LARGEST.get(name.partition(".")[0], np.inf))
+    if what:
+        raise LogError(what, source=file, field=name, remedy=remedy)
+    return values
+
+
+def _shape_fault(values: Array, n_rows: int) -> tuple[str, str]:
+    """What is wrong, empty where nothing is, and the remedy."""
     if values.dtype.kind not in "fiu":
-        raise LogError(
-            f"is not numeric (it is of type {values.dtype})",
-            source=file,
-            field=name,
-            remedy="write numbers only",
-        )
+        return f"is not numeric (it is of type {values.dtype})", "write numbers only"
     if values.ndim != 1:
-        raise LogError(f"has shape {values.shape}", source=file, field=name, remedy="write one number a row")
-    if len(values) != n_rows:
-        raise LogError(
-            f"has {len(values)} rows, time has {n_rows}", source=file, field=name, remedy="align the columns"
-        )
-    numbers = values.astype(float, copy=False)
-    if not np.isfinite(numbers).all():
-        row = int(np.argmax(~np.isfinite(numbers)))
-        raise LogError(
-            f"is {numbers[row]} in row {row}",
-            source=file,
-            field=name,
-            remedy="leave out rows that were not measured",
-        )
-    largest = _LARGEST.get(name.split(".")[0], np.inf)
-    if n_rows and max(-numbers.min(), numbers.max()) > largest:
-        row = int(np.argmax(np.abs(numbers) > largest))
-        raise LogError(
-            f"is {numbers[row]:.4g} in row {row}, more than any robot has ({largest:g})",
-            source=file,
-            field=name,
-            remedy="leave the row out, or correct the unit",
-        )
-    return numbers
+        return f"has shape {values.shape}", "write one number a row"
+    return (
+        f"has {len(values)} rows, time has {n_rows}" if len(values) != n_rows else ""
+    ), "align the columns"
+
+
+def _number_fault(values: Array, largest: float) -> tuple[str, str]:
+    finite, small = np.isfinite(values), np.abs(values) <= largest
+    if not finite.all():
+        row = int(np.argmin(finite))
+        return f"is {values[row]} in row {row}", "leave out rows that were not measured"
+    if small.all():
+        return "", ""
+    row = int(np.argmin(small))
+    what = f"is {values[row]:.4g} in row {row}, more than any robot has ({largest:g})"
+    return what, "leave the row out, or correct the unit"
 
 
 def _unit_quaternions(quaternions: Array, file: Path) -> Array:

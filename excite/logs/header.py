@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import os
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from excite.errors import InputError, LogError
 from excite.formats.documents import check_content, read_yaml
-from excite.logs.header_blocks import TrialHeader
 from excite.logs.log import LogHeader
 from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.vocabulary import EFFECTS, RIGID_BODY
@@ -60,153 +60,127 @@ def _check_complete(content: dict[str, Any], path: Path) -> None:
 
 def check_header(header: LogHeader, path: Path) -> None:
     """What the schema alone does not say; raises LogError."""
-    _check_unique_names(header.joints, "joints", path)
-    _check_unique_names([sensor.name for sensor in header.sensors], "sensors", path)
-    _check_unique_names([foot.name for foot in header.feet], "feet", path)
+    for check in _CHECKS:
+        for what, field, remedy in check(header):
+            raise LogError(what, source=path, field=field, remedy=remedy)
+
+
+class _Fault(NamedTuple):
+    what: str
+    field: str
+    remedy: str
+
+
+def _doubled_names(header: LogHeader) -> Iterator[_Fault]:
     files = [trial.file for trial in header.trials]
-    _check_unique_names(files, "trials", path)
-    _check_unique_names([Path(file).stem for file in files], "trials", path)
+    for field, names in (
+        ("joints", header.joints),
+        ("sensors", [sensor.name for sensor in header.sensors]),
+        ("feet", [foot.name for foot in header.feet]),
+        ("trials", files),
+        ("trials", [Path(file).stem for file in files]),
+        ("modelled", header.modelled),
+    ):
+        for name, times in Counter(names).items():
+            if times > 1:
+                yield _Fault(f"{name!r} stands twice", field, "name each once")
+
+
+def _unknown_baseline(header: LogHeader) -> Iterator[_Fault]:
     known = (*RIGID_BODY, *EFFECTS)
-    _check_unique_names(header.modelled, "modelled", path)
     for name in header.modelled:
         if name not in known:
-            raise LogError(
-                f"unknown name {name!r}",
-                source=path,
-                field="modelled",
-                remedy="choose among " + ", ".join(known),
-            )
+            yield _Fault(f"unknown name {name!r}", "modelled", "choose among " + ", ".join(known))
     if set(RIGID_BODY) <= set(header.modelled):
-        raise LogError(
-            "names both rigid_body and rigid_body_fixed", source=path, field="modelled", remedy="choose one"
-        )
-    _check_repeats(header.trials, path)
-    _check_base(header, path)
-    _check_no_torque(header, path)
-    _check_coupling(header, path)
-    _check_controller(header, path)
+        yield _Fault("names both rigid_body and rigid_body_fixed", "modelled", "choose one")
 
 
-def _check_repeats(trials: tuple[TrialHeader, ...], path: Path) -> None:
+def _endless_repeats(header: LogHeader) -> Iterator[_Fault]:
     """Each repeats a trial of the log, and none itself, not even by way of others."""
-    repeated = {trial.file: trial.repeats for trial in trials}
+    repeated = {trial.file: trial.repeats for trial in header.trials}
     sound: set[str | None] = {None}
-    for trial in trials:
+    for trial in header.trials:
         way: dict[str, None] = {}
         name: str | None = trial.file
         while name is not None and name not in sound:
-            field = f"trials.{name}.repeats"
-            following = repeated[name]
+            field, following = f"trials.{name}.repeats", repeated[name]
             way[name] = None
             if following is not None and following not in repeated:
-                files = ", ".join(repeated)[:200]
-                raise LogError(
-                    f"repeats {following!r}, which is no trial of this log",
-                    source=path,
-                    field=field,
-                    remedy="name one of " + files,
-                )
+                files = "name one of " + ", ".join(repeated)[:200]
+                yield _Fault(f"repeats {following!r}, which is no trial of this log", field, files)
             if following in way:
-                raise LogError(
-                    f"repeats {following!r}, which repeats it",
-                    source=path,
-                    field=field,
-                    remedy="name the trial that ran first, and leave that one's repeats out",
-                )
+                remedy = "name the trial that ran first, and leave that one's repeats out"
+                yield _Fault(f"repeats {following!r}, which repeats it", field, remedy)
             name = following
         sound |= way.keys()
 
 
-def _check_base(header: LogHeader, path: Path) -> None:
+def _unstated_forces(header: LogHeader) -> Iterator[_Fault]:
     if not header.measures_contacts and header.torque is None:
         what = "a fixed-base log" if header.base == "fixed" else "a log without contact wrenches"
-        raise LogError(
-            "is missing",
-            source=path,
-            field="torque",
-            remedy=f"{what} says motor_side, link_side, current or none",
-        )
+        yield _Fault("is missing", "torque", f"{what} says motor_side, link_side, current or none")
     if not header.free_base:
         return
     if header.base_link is None:
-        raise LogError(
-            "is missing", source=path, field="base_link", remedy="name the link whose pose is logged"
-        )
+        yield _Fault("is missing", "base_link", "name the link whose pose is logged")
     if header.sensors and header.wrench is None:
-        raise LogError(
-            "is missing", source=path, field="wrench", remedy="say wrench: on_robot_in_sensor_frame"
-        )
+        yield _Fault("is missing", "wrench", "say wrench: on_robot_in_sensor_frame")
     if header.base == "floating" and not header.sensors:
         if header.torque in {None, "none"}:
-            remedy = "a floating base needs its contact sensors, or joint torques"
-            raise LogError("is empty", source=path, field="sensors", remedy=remedy)
+            yield _Fault("is empty", "sensors", "a floating base needs its contact sensors, or joint torques")
         if not header.feet:
             remedy = "a floating base without contact sensors needs its feet, and a flag contact.NAME of each"
-            raise LogError("is empty", source=path, field="feet", remedy=remedy)
+            yield _Fault("is empty", "feet", remedy)
 
 
-def _check_no_torque(header: LogHeader, path: Path) -> None:
+def _wrong_torques(header: LogHeader) -> Iterator[_Fault]:
     for joint in header.no_torque:
         if joint not in header.joints:
-            raise LogError(
-                f"no joint {joint!r} in this log",
-                source=path,
-                field="no_torque",
-                remedy="the log has " + ", ".join(header.joints),
-            )
+            yield _unknown_joint(joint, "no_torque", header)
     if not header.torque_joints:
-        raise LogError(
-            "names every joint", source=path, field="no_torque", remedy="write torque: none instead"
-        )
-
-
-def _check_coupling(header: LogHeader, path: Path) -> None:
+        yield _Fault("names every joint", "no_torque", "write torque: none instead")
     try:
         coupling_matrix(header.torque_joints, header.coupling)
     except InputError as error:
-        raise LogError(error.what, source=path, field="coupling", remedy=error.remedy) from error
+        yield _Fault(error.what, "coupling", error.remedy or "")
 
 
-def _check_controller(header: LogHeader, path: Path) -> None:
+def _wrong_gains(header: LogHeader) -> Iterator[_Fault]:
     said = header.controller or {}
-    for name in _CONTROLLER_NUMBERS:
-        if name in said:
-            _check_gain(said[name], f"controller.{name}", path)
+    values = [(f"controller.{name}", said[name]) for name in _CONTROLLER_NUMBERS if name in said]
     for gain in _GAINS:
-        values = said.get(gain, {})
-        if not isinstance(values, dict):
-            for value in values if isinstance(values, list) else [values]:
-                _check_gain(value, f"controller.{gain}", path)
-            continue
-        for joint, value in values.items():
-            if joint not in header.joints:
-                raise LogError(
-                    f"no joint {str(joint)[:60]!r} in this log",
-                    source=path,
-                    field=f"controller.{gain}",
-                    remedy="the log has " + ", ".join(header.joints),
-                )
-            _check_gain(value, f"controller.{gain}.{joint}", path)
+        field, stated = f"controller.{gain}", said.get(gain, {})
+        if isinstance(stated, dict):
+            for joint in stated:
+                if joint not in header.joints:
+                    yield _unknown_joint(str(joint)[:60], field, header)
+            values += [(f"{field}.{joint}", value) for joint, value in stated.items()]
+        else:
+            values += [(field, value) for value in (stated if isinstance(stated, list) else [stated])]
+    for field, value in values:
+        if value is not None and not _is_gain(value):
+            yield _Fault(f"is {str(value)[:60]!r}", field, "give a number of 0 or more, or leave it out")
 
 
-def _check_gain(value: object, field: str, path: Path) -> None:
+def _unknown_joint(joint: str, field: str, header: LogHeader) -> _Fault:
+    return _Fault(f"no joint {joint!r} in this log", field, "the log has " + ", ".join(header.joints))
+
+
+def _is_gain(value: object) -> bool:
+    """Whether it is a number in bounds; YAML takes 1e3 for a word."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return False
     try:
-        # YAML takes 1e3 for a word.
-        number = float(value) if isinstance(value, int | float | str) else math.nan
+        return 0.0 <= float(value) <= _LARGEST_GAIN
     except (ValueError, OverflowError):
-        number = math.nan
-    if value is not None and (isinstance(value, bool) or not 0.0 <= number <= _LARGEST_GAIN):
-        raise LogError(
-            f"is {str(value)[:60]!r}",
-            source=path,
-            field=field,
-            remedy="give a number of 0 or more, or leave it out",
-        )
+        return False
 
 
-def _check_unique_names(names: list[str] | tuple[str, ...], field: str, path: Path) -> None:
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            raise LogError(f"{name!r} stands twice", source=path, field=field, remedy="name each once")
-        seen.add(name)
+_CHECKS: tuple[Callable[[LogHeader], Iterator[_Fault]], ...] = (
+    _doubled_names,
+    _unknown_baseline,
+    _endless_repeats,
+    _unstated_forces,
+    _wrong_torques,
+    _wrong_gains,
+)

@@ -119,21 +119,6 @@ class Cleaning:
     quantised: Mapping[str, float] = field(default_factory=dict)
     time_unit: str = ""
 
-    def summary(self) -> str:
-        """One line; ``clean`` when there is nothing to say."""
-        found = [
-            f"{count} {what}"
-            for count, what in (
-                (self.repeated_rows, "repeated rows removed"),
-                (self.reordered_rows, "rows put in order"),
-                (self.missing_rows, f"rows missing (longest gap {self.longest_gap_s:.3f} s)"),
-                (len(self.clipped), "channels clipped: " + ", ".join(self.clipped)),
-                (len(self.quantised), "channels coarsely quantised: " + ", ".join(self.quantised)),
-            )
-            if count
-        ]
-        return "; ".join(found) or "clean"
-
 
 @dataclass(frozen=True, eq=False)
 class Trial:

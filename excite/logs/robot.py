@@ -148,33 +148,26 @@ def base_offset(robot: Robot, header: LogHeader, source: Path | None = None) -> 
     """Pose of the logged base link in the frame of the free-flyer; raises LogError if it moves there."""
     if header.base_link is None:
         return pin.SE3.Identity()
-    try:
-        joint, placement = link_placement(robot.model, header.base_link, source, "base_link")
-    except RobotError as error:
-        raise LogError(error.what, source=source, field="base_link", remedy=error.remedy) from error
-    if joint != 1:
-        raise LogError(
-            f"link {header.base_link!r} moves against the root {robot.base_link!r}",
-            source=source,
-            field="base_link",
-            remedy="log the pose of the root link, or of one fixed to it",
-        )
-    return placement
+    return _placement_on_base(robot, header.base_link, "base_link", "pose", source)
 
 
 def imu_placement(robot: Robot, header: LogHeader, source: Path | None = None) -> pin.SE3:
     """Pose of the IMU's link in the frame of the free-flyer; raises LogError where it is not on the base."""
     link = "" if header.imu is None else header.imu.link
+    return _placement_on_base(robot, link, "imu.link", "IMU", source)
+
+
+def _placement_on_base(robot: Robot, link: str, field: str, what: str, source: Path | None) -> pin.SE3:
     try:
-        joint, placement = link_placement(robot.model, link, source, "imu.link")
+        joint, placement = link_placement(robot.model, link, source, field)
     except RobotError as error:
-        raise LogError(error.what, source=source, field="imu.link", remedy=error.remedy) from error
+        raise LogError(error.what, source=source, field=field, remedy=error.remedy) from error
     if joint != 1:
         raise LogError(
             f"link {link!r} moves against the root {robot.base_link!r}",
             source=source,
-            field="imu.link",
-            remedy="log the IMU of the root link, or of one fixed to it",
+            field=field,
+            remedy=f"log the {what} of the root link, or of one fixed to it",
         )
     return placement
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import os
 import signal
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -13,14 +12,12 @@ from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from itertools import chain
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
-from weakref import WeakSet
+from itertools import chain, islice
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from excite.errors import ExciteError
 from excite.parallel.jobs import AtMost, Executor, Jobs, at_once, check_jobs
-from excite.parallel.worker import Answer, Shared, SharedFile, begin, perform, ready
+from excite.parallel.worker import Answer, Shared, begin, perform
 from excite.progress import Progress, silent
 from excite.threads import one_blas_thread
 
@@ -80,8 +77,7 @@ def in_order(
     elif isinstance(jobs, AtMost):
         results = _begun_here(function, tasks, common, jobs, total, stage)
     else:
-        crew = LocalCrew(processes, total) if isinstance(processes, int) else ForeignCrew(processes)
-        results = Round(crew, function, common, stage).results(tasks)
+        results = _elsewhere(function, tasks, common, processes, total, stage)
     return _told(results, total, stage, progress)
 
 
@@ -99,6 +95,18 @@ def _here(function: Callable[[Any, Task], Result], tasks: Iterable[Task], shared
         yield call(shared, task)
 
 
+def _elsewhere(
+    function: Callable[[Any, Task], Result],
+    tasks: Iterable[Task],
+    shared: Shared[Any],
+    jobs: int | Executor,
+    total: int | None,
+    stage: str,
+) -> Iterator[Result]:
+    file = None if shared.value is None else shared.file()
+    yield from _Round(jobs, total, (function, file), stage).results(tasks)
+
+
 def _begun_here(
     function: Callable[[Any, Task], Result],
     tasks: Iterable[Task],
@@ -111,9 +119,8 @@ def _begun_here(
     source, seconds = iter(tasks), list[float]()
     for task in source:
         left = None if total is None else total - len(seconds)
-        if ready_for(jobs.processes, left) or _pays(seconds, left, jobs.processes):
-            crew = LocalCrew(jobs.processes, left)
-            yield from Round(crew, function, shared, stage).results(chain([task], source))
+        if _are_ready(jobs.processes, left) or _pays(seconds, left, jobs.processes):
+            yield from _elsewhere(function, chain([task], source), shared, jobs.processes, left, stage)
             return
         begun = time.process_time()
         result = next(_here(function, [task], shared.value))
@@ -138,47 +145,14 @@ def _pays(seconds: list[float], left: int | None, processes: int) -> bool:
     return each * left * (1.0 - 1.0 / min(processes, left)) > _START_S
 
 
-# Workers that somebody else set up, and who ends them.
-
-# Keeps a thousand cores busy; what waits is small, since tasks carry seeds and names of files.
-_IN_FLIGHT = 2048
-
-
-class ForeignCrew:
-    """An executor of the caller's; it stays as it is.
-
-    Attributes:
-        in_flight: tasks that are handed over before results are taken.
-        loses_all: what breaks breaks all that is in flight.
-    """
-
-    loses_all = False
-
-    def __init__(self, executor: Executor) -> None:
-        self._executor = executor
-        self._futures: WeakSet[Any] = WeakSet()
-        self.in_flight = _IN_FLIGHT
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Hand a task over."""
-        future = self._executor.submit(function, *arguments)
-        self._futures.add(future)
-        return future
-
-    def renew(self) -> None:
-        """Nothing to do: other tasks go on."""
-
-    def release(self) -> None:
-        """All work is done."""
-
-    def kill(self) -> None:
-        """Take back what has not begun."""
-        for future in tuple(self._futures):
-            future.cancel()
-
-
-# Worker processes of this machine: kept ready between rounds of work, killed where one is broken off.
-
+# Tasks in flight of an executor: they keep a thousand cores busy; what waits is small, since tasks carry seeds and
+# names of files. Of each worker here: what waits behind a slow task keeps the others busy. Candidates' times differ
+# by a factor of ten at most, since those that fail early cost little.
+_IN_FLIGHT, _IN_FLIGHT_A_WORKER = 2048, 8
+# More workers than this share of the cores only wait for each other; no result depends on their number.
+_WORKERS_A_CORE = 4
+# How long idle workers wait for more work [s]; as joblib has it.
+_IDLE_S = 300.0
 # Workers use one BLAS thread each: there are as many of them as cores. They keep up to 64 MB that arrays have freed:
 # glibc would give each megabyte back to the system and fetch it again, page by page, for the next array, which was a
 # thirteenth of the processor time of a G1's candidates (60 of them: 10.9 s; 10.0 s without), with no less memory used.
@@ -189,71 +163,8 @@ _ENVIRONMENT = {
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(64 << 20),
 }
-# More workers than this share of the cores only wait for each other; no result depends on their number.
-_WORKERS_A_CORE = 4
-# Tasks in flight for each worker: what waits behind a slow task keeps the others busy. Candidates' times differ by a
-# factor of ten at most, since those that fail early cost little.
-_IN_FLIGHT_A_WORKER = 8
-# How long idle workers wait for more work [s]; as joblib has it.
-_IDLE_S = 300.0
-# Where Linux keeps semaphores, and how old they are when nobody opens them by name any more [s]: workers do so when
-# they start, and containers that share memory do not see each other's processes.
-_SEMAPHORES, _LEFT_S = Path("/dev/shm"), 60.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Pool:
-    """Workers, for how many jobs at most, and the process that they belong to."""
-
-    executor: ProcessPoolExecutor
-    workers: int
-    jobs: int
-    owner: int
-
-    def serves(self, workers: int, jobs: int) -> bool:
-        return self.owner == os.getpid() and workers <= self.workers <= jobs
-
-
-class LocalCrew:
-    """Processes of this machine.
-
-    Loky's, which need no ``if __name__ == "__main__"`` in scripts and serve notebooks. They end with this process,
-    whichever way that ends.
-
-    Attributes:
-        in_flight: tasks that are handed over before results are taken.
-        loses_all: what breaks breaks all that is in flight.
-    """
-
-    loses_all = True
-
-    def __init__(self, jobs: int, total: int | None) -> None:
-        self._workers, self._jobs = _numbers(jobs, total)
-        self.in_flight = _IN_FLIGHT_A_WORKER * self._workers
-        self._pool: _Pool | None = None
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand a task over; starts the workers, if need be."""
-        if self._pool is None:
-            self._pool = _taken(self._workers, self._jobs)
-        task: Future[Any] = self._pool.executor.submit(function, *arguments)
-        return task
-
-    def renew(self) -> None:
-        """Put new workers in the place of broken ones."""
-        self.kill()
-
-    def release(self) -> None:
-        """All work is done: the workers wait for more."""
-        if self._pool is not None:
-            _give_back(self._pool)
-            self._pool = None
-
-    def kill(self) -> None:
-        """End the workers at once, whatever they do."""
-        if self._pool is not None:
-            pool, self._pool = self._pool, None
-            _kill(pool.executor)
+# By process, its workers that wait for more work.
+_IDLE: dict[int, ProcessPoolExecutor] = {}
 
 
 def _numbers(jobs: int, total: int | None) -> tuple[int, int]:
@@ -262,97 +173,49 @@ def _numbers(jobs: int, total: int | None) -> tuple[int, int]:
     return jobs if total is None else max(1, min(jobs, total)), jobs
 
 
-class _Idle:
-    """The workers that wait for work; at most one pool of them.
-
-    They are ended with the process, before multiprocessing waits for them to end by themselves.
-    """
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.pool: _Pool | None = None
-        self.timer: threading.Timer | None = None
-
-    def end(self) -> None:
-        """End the workers that wait, if there are any."""
-        with self.lock:
-            pool, self.pool = self.pool, None
-        if pool is not None and pool.owner == os.getpid():
-            _kill(pool.executor)
-
-
-_IDLE = _Idle()
-
-
-def ready_for(jobs: int, total: int | None) -> bool:
+def _are_ready(jobs: int, total: int | None) -> bool:
     """Whether workers wait that such a round of work would take."""
-    return _IDLE.pool is not None and _IDLE.pool.serves(*_numbers(jobs, total))
+    least, most = _numbers(jobs, total)
+    waiting = _IDLE.get(os.getpid())
+    return waiting is not None and least <= waiting._max_workers <= most
 
 
-def _taken(workers: int, jobs: int) -> _Pool:
-    """Workers that wait already, or new ones."""
-    with _IDLE.lock:
-        waiting, _IDLE.pool = _IDLE.pool, None
-        if _IDLE.timer is not None:
-            _IDLE.timer.cancel()
-    if waiting is not None and waiting.serves(workers, jobs):
-        return waiting
-    if waiting is not None and waiting.owner == os.getpid():
-        _kill(waiting.executor)
-    return _started(workers, jobs)
+def _take_workers(jobs: int, total: int | None) -> ProcessPoolExecutor:
+    """Workers that wait already, or new ones.
 
-
-def _give_back(pool: _Pool) -> None:
-    timer = threading.Timer(_IDLE_S, _end_idle, (pool,))
-    timer.daemon = True
-    with _IDLE.lock:
-        too_many, _IDLE.pool, _IDLE.timer = _IDLE.pool, pool, timer
-        timer.start()
-    if too_many is not None:
-        _kill(too_many.executor)
-
-
-def _end_idle(pool: _Pool) -> None:
-    with _IDLE.lock:
-        if _IDLE.pool is not pool:
-            return
-        _IDLE.pool = None
-    _kill(pool.executor)
-
-
-def _started(workers: int, jobs: int) -> _Pool:
-    from joblib.externals.loky import ProcessPoolExecutor
-
-    _end_at_exit(os.getpid())
-    _start_tracker()
-    executor = ProcessPoolExecutor(
-        max_workers=workers, initializer=begin, initargs=(os.getpid(),), env=_ENVIRONMENT
-    )
-    try:
-        # All workers start with the first task, in the thread that submits it.
-        _starter(os.getpid()).submit(executor.submit, ready).result()
-    except BaseException:
-        _kill(executor)
-        raise
-    return _Pool(executor, workers, jobs, os.getpid())
-
-
-def _kill(executor: ProcessPoolExecutor) -> None:
-    """End workers at once.
-
-    From outside, as if the system had done it: of ``shutdown(kill_workers=True)`` the thread that manages the pool
-    ends in a KeyError where tasks wait, on stderr and without tidying up.
+    Loky's, which need no ``if __name__ == "__main__"`` in scripts and serve notebooks. They end with this process,
+    whichever way that ends.
     """
-    for number in tuple(executor._processes):
-        with suppress(ProcessLookupError):
-            os.kill(number, signal.SIGKILL)
-    executor.shutdown(wait=True)
+    fit = _are_ready(jobs, total)
+    waiting = _IDLE.pop(os.getpid(), None)
+    if waiting is not None and fit:
+        return waiting
+    _kill(waiting)
+    from joblib.externals.loky import ProcessPoolExecutor
+    from joblib.externals.loky.backend import resource_tracker
+
+    # It removes the semaphores of a process that was killed; let it do so silently.
+    said = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        os.environ.pop("PYTHONWARNINGS")
+        os.environ.update({} if said is None else {"PYTHONWARNINGS": said})
+    # What is registered last runs first: after the import of loky it is before multiprocessing waits for workers.
+    _end_at_exit(os.getpid())
+    return ProcessPoolExecutor(
+        max_workers=_numbers(jobs, total)[0],
+        timeout=_IDLE_S,
+        initializer=begin,
+        initargs=(os.getpid(),),
+        env=_ENVIRONMENT,
+    )
 
 
 @cache
 def _end_at_exit(process: int) -> None:
-    """What is registered last runs first: only after the import of loky it is before the exit of multiprocessing."""
-    atexit.register(_IDLE.end)
+    atexit.register(lambda: _kill(_IDLE.pop(os.getpid(), None)))
 
 
 @cache
@@ -361,39 +224,18 @@ def _starter(process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, thread_name_prefix=f"excite-starter-{process}")
 
 
-def _start_tracker() -> None:
-    """Start loky's tracker, which removes the semaphores of a process that was killed; let it do so silently."""
-    from joblib.externals.loky.backend import resource_tracker
+def _kill(workers: ProcessPoolExecutor | None) -> None:
+    """End workers at once, whatever they do.
 
-    _sweep_semaphores()
-    before = os.environ.get("PYTHONWARNINGS")
-    os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
-    try:
-        resource_tracker.ensure_running()
-    finally:
-        os.environ.pop("PYTHONWARNINGS")
-        if before is not None:
-            os.environ["PYTHONWARNINGS"] = before
+    From outside, as if the system had done it: of ``shutdown(kill_workers=True)`` the thread that manages them ends
+    in a KeyError where tasks wait, on stderr and without tidying up.
+    """
+    if workers is not None:
+        for number in tuple(workers._processes):
+            with suppress(ProcessLookupError):
+                os.kill(number, signal.SIGKILL)
+        workers.shutdown(wait=True)
 
-
-def _sweep_semaphores() -> None:
-    """Remove semaphores that a run left whose tracker was killed too, as all processes of a cluster's job are."""
-    for path in _SEMAPHORES.glob("sem.loky-*"):
-        with suppress(OSError, ValueError):
-            found, owner = path.stat(), int(path.name.split("-")[1])
-            if found.st_uid == os.geteuid() and time.time() - found.st_mtime > _LEFT_S and not _alive(owner):
-                path.unlink()
-
-
-def _alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-# A round of work in other processes: few tasks in flight, dead workers replaced.
 
 # A task whose worker died may have been beside the one that killed it, or the machine short of memory. After two
 # deaths it is run with nothing beside it; a third one is its own.
@@ -411,68 +253,84 @@ class _Entry:
     deaths: int = 0
 
 
-class Round:
-    """One round of tasks in other processes."""
+class _Round:
+    """One round of tasks in other processes: few in flight, dead workers replaced.
+
+    Args:
+        jobs: how many processes of this machine at most; or somebody's executor, which stays as it is.
+        total: number of tasks, where it is known.
+        call: function, and where what its tasks share is.
+        stage: what errors call the work.
+    """
 
     def __init__(
-        self,
-        crew: LocalCrew | ForeignCrew,
-        function: Callable[[Any, Any], Any],
-        shared: Shared[Any],
-        stage: str,
+        self, jobs: int | Executor, total: int | None, call: tuple[Callable[..., Any], Any], stage: str
     ) -> None:
-        self._crew, self._function, self._shared, self._stage = crew, function, shared, stage
+        self._jobs, self._total, self._call, self._stage = jobs, total, call, stage
+        self._workers: ProcessPoolExecutor | None = None
         self._window: deque[_Entry] = deque()
-        self._file: SharedFile | None = None
+        self._local = isinstance(jobs, int)
+        self._in_flight = (
+            _IN_FLIGHT_A_WORKER * _numbers(jobs, total)[0] if isinstance(jobs, int) else _IN_FLIGHT
+        )
 
     def results(self, tasks: Iterable[Any]) -> Iterator[Any]:
         """What the tasks return, in order."""
-        complete = False
+        source = enumerate(tasks)
         try:
-            self._file = None if self._shared.value is None else self._shared.file()
-            source = enumerate(tasks)
             self._fill(source)
             while self._window:
-                answer = self._first()
+                answer = self._answer(self._window[0])
                 self._window.popleft()
                 self._fill(source)
                 yield answer.given()
-            complete = True
+            if self._workers is not None:
+                _kill(_IDLE.pop(os.getpid(), None))
+                _IDLE[os.getpid()], self._workers = self._workers, None
         finally:
-            if complete:
-                self._crew.release()
-            else:
-                self._crew.kill()
+            self._end()
+
+    def _end(self) -> None:
+        """End the workers; of an executor take back what has not begun."""
+        if self._local:
+            workers, self._workers = self._workers, None
+            _kill(workers)
+        else:
+            for entry in self._window:
+                entry.future.cancel()
 
     def _fill(self, source: Iterator[tuple[int, Any]]) -> None:
-        while len(self._window) < self._crew.in_flight:
-            following = next(source, None)
-            if following is None:
-                return
+        for following in islice(source, self._in_flight - len(self._window)):
             entry = _Entry(*following)
             self._window.append(entry)
             self._hand_over(entry)
 
     def _hand_over(self, entry: _Entry) -> None:
         try:
-            entry.future = self._crew.submit(perform, self._function, self._file, entry.task)
+            entry.future = self._submit(perform, *self._call, entry.task)
         except (RuntimeError, OSError) as error:
             # Workers that died while they waited: what executors raise then is a RuntimeError.
-            entry.future = _Refused(error)
+            entry.future = Future()
+            entry.future.set_exception(error)
 
-    def _first(self) -> Answer:
+    def _submit(self, *call: Any) -> Any:
+        if not isinstance(self._jobs, int):
+            return self._jobs.submit(*call)
+        if self._workers is None:
+            self._workers = _take_workers(self._jobs, self._total)
+        # Workers start with a task.
+        return _starter(os.getpid()).submit(self._workers.submit, *call).result()
+
+    def _answer(self, entry: _Entry) -> Answer:
         """The answer of the first task of the window, whatever it takes."""
-        entry = self._window[0]
-        while entry.answer is None:
-            trouble = self._ask(entry)
-            if trouble is not None:
-                self._recover(entry, trouble)
-        return entry.answer
+        while (trouble := self._ask(entry)) is not None:
+            self._recover(entry, trouble)
+        return cast(Answer, entry.answer)
 
     def _ask(self, entry: _Entry) -> Exception | None:
         """Wait for an answer; returns the executor's trouble if there is none."""
         try:
-            entry.answer = entry.future.result()
+            entry.answer = entry.answer or entry.future.result()
         except Exception as error:  # noqa: BLE001  (what tasks raise is an answer; executors raise what they like)
             return error
         return None
@@ -480,50 +338,32 @@ class Round:
     def _recover(self, first: _Entry, trouble: Exception) -> None:
         """Replace broken workers and hand over again what they had."""
         lost = [first]
-        if self._crew.loses_all:
+        if self._local:
             if not isinstance(trouble, BrokenExecutor):
                 # A task or a result that cannot be sent.
                 raise trouble
-            lost = [entry for entry in self._window if entry.answer is None and self._ask(entry) is not None]
-        self._crew.renew()
+            lost = [entry for entry in self._window if self._ask(entry) is not None]
+            self._end()
         for entry in lost:
             self._count_death(entry, trouble)
         for entry in lost:
-            if entry.deaths >= _SUSPECT and self._crew.loses_all:
-                self._alone(entry)
+            if entry.deaths >= _SUSPECT and self._local:
+                # With nothing beside it.
+                self._hand_over(entry)
+                if (again := self._ask(entry)) is not None:
+                    self._end()
+                    self._count_death(entry, again)
         for entry in lost:
             if entry.answer is None:
                 self._hand_over(entry)
 
-    def _alone(self, entry: _Entry) -> None:
-        """Run a task with nothing beside it."""
-        self._hand_over(entry)
-        trouble = self._ask(entry)
-        if trouble is not None:
-            self._crew.renew()
-            self._count_death(entry, trouble)
-
     def _count_death(self, entry: _Entry, trouble: Exception) -> None:
         entry.deaths += 1
-        if entry.deaths >= _GUILTY:
-            reason = " ".join(str(trouble).split())[:300]
-            raise ExciteError(
-                f"{self._stage}: {_name(entry)} ended its process, or got no answer, {entry.deaths} times "
-                f"({type(trouble).__name__}: {reason}); give it more memory, or leave it out"
-            ) from trouble
-
-
-@dataclass(frozen=True, eq=False)
-class _Refused:
-    """A task that nobody took."""
-
-    error: Exception
-
-    def result(self) -> Answer:
-        raise self.error
-
-
-def _name(entry: _Entry) -> str:
-    """A task's number, and its name where it has one."""
-    name = entry.task if isinstance(entry.task, str) else getattr(entry.task, "name", None)
-    return f"task {entry.number}" + (f" ({name})" if name else "")
+        if entry.deaths < _GUILTY:
+            return
+        name = entry.task if isinstance(entry.task, str) else getattr(entry.task, "name", None)
+        reason = " ".join(str(trouble).split())[:300]
+        raise ExciteError(
+            f"{self._stage}: task {entry.number}{f' ({name})' if name else ''} ended its process, or got no answer, "
+            f"{entry.deaths} times ({type(trouble).__name__}: {reason}); give it more memory, or leave it out"
+        ) from trouble

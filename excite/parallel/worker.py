@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
 import signal
 import socket
@@ -85,11 +84,6 @@ def begin(parent: int) -> None:
     # Without psutil it has all of a worker's objects looked through after a task as often as this [s]: once a second
     # was a tenth of what a plan of the G1 took. Python itself does so as objects grow in number.
     process_executor._MEMORY_LEAK_CHECK_DELAY = _COLLECTED_S
-
-
-def ready() -> int:
-    """Show that a worker works: its process number."""
-    return os.getpid()
 
 
 # What all tasks need: written to a file once, read once by each process that works.

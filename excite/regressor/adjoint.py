@@ -40,8 +40,8 @@ def regressor_gradient(
     Args:
         model: the robot's model; joints with one coordinate, a free base may stand at the root.
         q: ``(n, nq)`` configurations.
-        v: ``(n, nv)`` velocities; those of a free base have to be zero.
-        a: ``(n, nv)`` accelerations; likewise.
+        v: ``(n, nv)`` velocities.
+        a: ``(n, nv)`` accelerations.
         weights: of the entries of :func:`~excite.regressor.kernels.joint_torque_regressor`
             ``(n, nv, 10·n_segments)``, or of a floating robot those of
             :func:`~excite.regressor.kernels.base_link_regressor`, ``(n, 6, 10·n_segments)``.
@@ -50,7 +50,7 @@ def regressor_gradient(
         The gradients.
 
     Raises:
-        InputError: wrong shapes, a base that moves, or a joint whose configuration is a cosine and a sine.
+        InputError: wrong shapes, or a joint whose configuration is a cosine and a sine.
     """
     tree = read_tree(model)
     n_rows = 6 if tree.floating else tree.nv
@@ -61,8 +61,6 @@ def regressor_gradient(
         raise InputError(f"weights of shape {weights.shape}", remedy="one for each entry of the regressor")
     if (tree.kinds == REVOLUTE_UNBOUNDED).any():
         raise InputError("a joint without limits", field="joints", remedy="give its joint limits in the URDF")
-    if tree.floating and (np.any(v[:, :6]) or np.any(a[:, :6])):
-        raise InputError("the base moves", field="v", remedy="hold it still")
     row_joint = np.ones(6, dtype=np.int64) if tree.floating else _joint_of_row(tree)
     return _regressor_gradient(tree, q, v, a, row_joint, weights)
 
@@ -200,11 +198,13 @@ def spatial_motion(kinds, parents, idx_v, v, a, state, axes, rates, vel, acc):
     for j in range(1, kinds.shape[0]):
         s, up = state[j], parents[j]
         if kinds[j] == FREE_FLYER:
-            # The base stands still: its state holds nothing but gravity.
+            # Its twist stands linear part first in v, and its state holds the acceleration of a point.
             for i in range(3):
                 axes[j, i] = axes[j, 3 + i] = rates[j, i] = rates[j, 3 + i] = 0.0
-                vel[j, i] = vel[j, 3 + i] = acc[j, i] = 0.0
-                acc[j, 3 + i] = s[ACC + i]
+                vel[j, i], vel[j, 3 + i] = v[3 + i], v[i]
+                acc[j, i] = a[3 + i]
+                k, m = (i + 1) % 3, (i + 2) % 3
+                acc[j, 3 + i] = s[ACC + i] - (v[3 + k] * v[m] - v[3 + m] * v[k])
             continue
         z0, z1, z2 = s[AXIS], s[AXIS + 1], s[AXIS + 2]
         if kinds[j] == PRISMATIC:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,18 @@ from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot, robot_for_log
 from excite.robot.robot import Robot
 
-Names = tuple[str, ...]
+if TYPE_CHECKING:
+    from excite.diagnosis.answer.answer import Diagnosis
+    from excite.doctor.model_comparison import BesideModel
+
+# What a file of arrays holds of a field: a kind, and a letter an axis; those of one letter are equally long.
+Text = Annotated[str, ("text", "")]
+Names = Annotated[tuple[str, ...], ("texts", "c")]
+PerName = Annotated[Array, ("numbers", "c")]
+Times = Annotated[Array, ("numbers", "n")]
+Curves = Annotated[Array, ("numbers", "nc")]
+Scalar = Annotated[float, ("numbers", "")]
+Flags = Annotated[NDArray[np.bool_], ("flags", "c")]
 
 NORMAL_95 = 1.96
 """Deviations of a normal distribution within which 95 of 100 values lie."""
@@ -43,13 +54,13 @@ class ForceComparison:
     stand in the log, and ``identified`` the same as they were repaired.
     """
 
-    trial: str
+    trial: Text
     channels: Names
     units: Names
-    time: Array
-    measured: Array
-    nominal: Array
-    identified: Array
+    time: Times
+    measured: Curves
+    nominal: Curves
+    identified: Curves
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +79,12 @@ class MassComparison:
     """
 
     names: Names
-    nominal: Array
-    identified: Array
-    true: Array | None = None
-    changed: NDArray[np.bool_] | None = None
-    half_width: Array | None = None
-    determined: Array | None = None
+    nominal: PerName
+    identified: PerName
+    true: PerName | None = None
+    changed: Flags | None = None
+    half_width: PerName | None = None
+    determined: PerName | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +102,12 @@ class ConditioningComparison:
     """
 
     segments: Names
-    before: Array
-    after: Array
-    full_before: float
-    full_after: float
-    before_label: str = "before"
-    after_label: str = "chosen motions"
+    before: PerName
+    after: PerName
+    full_before: Scalar
+    full_after: Scalar
+    before_label: Text = "before"
+    after_label: Text = "chosen motions"
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +124,13 @@ class PathComparison:
         horizon_s: how long a model ran before it started anew from the record [s]; None where the document says it.
     """
 
-    trial: str
+    trial: Text
     joints: Names
-    time: Array
-    measured: Array
-    nominal: Array
-    identified: Array
-    horizon_s: float | None = None
+    time: Times
+    measured: Curves
+    nominal: Curves
+    identified: Curves
+    horizon_s: Scalar | None = None
 
 
 # The arrays that a report shows and that no JSON file holds: ``report_data.npz``, of a log
@@ -151,40 +162,61 @@ _PARTS: dict[str, type] = {
     "path": PathComparison,
     "torques": ForceComparison,
 }
-# What each field is, where it is not an array of numbers; by kind, numpy's kinds and how many dimensions.
-_FIELDS = {
-    **dict.fromkeys(("trial", "before_label", "after_label"), "a text"),
-    **dict.fromkeys(("channels", "units", "names", "segments", "joints"), "texts"),
-    **dict.fromkeys(("full_before", "full_after", "horizon_s"), "a number"),
-    "changed": "flags",
-}
-_EXPECTED = {
-    "a text": ("U", {0}),
-    "texts": ("U", {1}),
-    "a number": ("fiu", {0}),
-    "flags": ("b", {1}),
-    "numbers": ("fiu", {1, 2}),
-}
+# numpy's kinds of what is stored.
+_KINDS = {"text": "U", "texts": "U", "numbers": "fiu", "flags": "b"}
 # A condition number is a quotient of two numbers, each rounded.
 _ROUNDING = 1e-9
 
 
 def save_report_data(data: ReportData, path: Path) -> Path:
     """Write the arrays under the names ``PART/FIELD``; appears only when complete, and not at all without any."""
-    arrays: dict[str, Any] = {}
-    for part, kind in _PARTS.items():
-        content = getattr(data, part)
-        for field in fields(kind) if content is not None else ():
-            value = getattr(content, field.name)
-            if value is not None:
-                arrays[f"{part}/{field.name}"] = np.asarray(value)
+    contents = {part: getattr(data, part) for part in _PARTS}
+    arrays = {
+        f"{part}/{one.name}": np.asarray(value)
+        for part, content in contents.items()
+        if content is not None
+        for one in fields(content)
+        if (value := getattr(content, one.name)) is not None
+    }
     path = Path(path)
     if not arrays:
         path.unlink(missing_ok=True)
         return path
     with atomic_path(path) as temporary:
-        np.savez_compressed(temporary, **arrays)
+        np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
     return path
+
+
+def save_diagnosis_curves(result: Diagnosis, out: Path) -> None:
+    """Write the curves that a page of a diagnosis shows, where there are any."""
+    curves, rollouts = result.curves, result.simulation
+    path = None if rollouts is None else rollouts.path
+    gap = None
+    if curves is not None:
+        gap = ForceComparison(
+            curves.trial,
+            curves.channels,
+            curves.units,
+            curves.time,
+            curves.measured,
+            curves.before,
+            curves.after,
+        )
+    moved = None
+    if path is not None:
+        moved = PathComparison(path.trial, path.joints, path.time, path.recorded, path.before, path.after)
+    if gap is not None or moved is not None:
+        save_report_data(ReportData(gap=gap, path=moved), out / "report_data.npz")
+
+
+def save_doctor_torques(seen: BesideModel | None, out: Path) -> None:
+    """Write the torques that a page of a log shows, those of the model beside them; None of a log without use."""
+    shown = None
+    if seen is not None:
+        shown = ForceComparison(
+            seen.trial, seen.joints, seen.units, seen.time, seen.model, seen.logged, seen.repaired
+        )
+    save_report_data(ReportData(torques=shown), out / DOCTOR_DATA)
 
 
 def load_report_data(path: Path) -> ReportData:
@@ -193,87 +225,62 @@ def load_report_data(path: Path) -> ReportData:
     Raises:
         InputError: unreadable, empty, a field is missing, or the lengths of a part's arrays disagree.
     """
-    known = {f"{part}/{field.name}" for part, kind in _PARTS.items() for field in fields(kind)}
-    arrays = read_npz(path, known)
+    arrays = read_npz(path, {f"{part}/{one.name}" for part, kind in _PARTS.items() for one in fields(kind)})
     if not arrays:
         raise InputError("holds no arrays", source=path, remedy="write it again, or remove it")
-    parts = {part: _read_part(part, kind, arrays, path) for part, kind in _PARTS.items()}
-    return ReportData(**parts)
+    return ReportData(**{part: _read_part(part, kind, arrays, path) for part, kind in _PARTS.items()})
 
 
 def _read_part(part: str, kind: type, arrays: Mapping[str, NDArray], path: Path) -> Any:
-    prefix = part + "/"
-    found = {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
+    found = {one: arrays[f"{part}/{one.name}"] for one in fields(kind) if f"{part}/{one.name}" in arrays}
     if not found:
         return None
-    values: dict[str, Any] = {}
-    for field in fields(kind):
-        if field.name in found:
-            values[field.name] = _native_value(found[field.name], field.name, prefix, path)
-        elif field.default is not None and not isinstance(field.default, str):
-            raise _wrong_field("is missing", prefix + field.name, path)
-    content = kind(**values)
-    _check_lengths(part, content, path)
-    return content
+    sizes: dict[str, int] = {}
+    values, hints = {}, get_type_hints(kind, include_extras=True)
+    for one in fields(kind):
+        if one in found:
+            hint = hints[one.name]
+            # Of a field that may be None the other part of its type.
+            what, axes = (hint if get_origin(hint) is Annotated else get_args(hint)[0]).__metadata__[0]
+            values[one.name], fault = _read_field(what, axes, found[one], part == "conditioning", sizes)
+        else:
+            fault = "is missing" if one.default is MISSING else ""
+        if fault:
+            raise InputError(fault, source=path, field=f"{part}/{one.name}", remedy="write it again")
+    return kind(**values)
 
 
-def _native_value(value: NDArray, name: str, prefix: str, path: Path) -> Any:
-    """A field as it is used: texts as ``str`` or tuples of it, one number as float, flags and numbers as arrays."""
-    kind = _FIELDS.get(name, "numbers")
-    kinds, dimensions = _EXPECTED[kind]
-    if value.dtype.kind not in kinds or value.ndim not in dimensions:
-        raise _wrong_field(f"is {value.ndim}-dimensional {value.dtype}, not {kind}", prefix + name, path)
-    if kind in {"a text", "texts"}:
+def _read_field(
+    kind: str, axes: str, value: NDArray, is_condition: bool, sizes: dict[str, int]
+) -> tuple[Any, str]:
+    """A field as it is used, and what is wrong with it; lengths of axes by their letters stand in ``sizes``."""
+    if value.dtype.kind not in _KINDS[kind] or value.ndim != len(axes):
+        return None, f"is {value.ndim}-dimensional {value.dtype}, not {kind} of {len(axes)} dimensions"
+    expected = tuple(sizes.setdefault(axis, n) for axis, n in zip(axes, value.shape, strict=True))
+    if value.shape != expected:
+        return None, f"has shape {value.shape}, not {expected}"
+    if not 0 < sizes.get("c", 1) <= MOST_CHANNELS or not sizes.get("n", 1):
+        return None, f"has {value.shape} entries, not 1 to {MOST_CHANNELS} names and at least one row"
+    if kind in {"text", "texts"}:
         texts = tuple(str(item) for item in value.ravel())
-        if any(not item.isprintable() for item in texts):
-            raise _wrong_field("holds characters that cannot be shown", prefix + name, path)
-        return texts[0] if kind == "a text" else texts
+        fault = "" if all(map(str.isprintable, texts)) else "holds characters that cannot be shown"
+        return (texts if axes else texts[0]), fault
     if kind == "flags":
-        return value
+        return value, ""
     with np.errstate(over="ignore"):  # What double precision cannot hold is infinite, and refused as such.
         numbers = value.astype(float, copy=False)
-    _check_numbers(numbers, prefix + name, path)
-    return float(numbers) if kind == "a number" else numbers
+    return (numbers if axes else float(numbers)), _number_fault(numbers, is_condition)
 
 
-def _check_numbers(value: NDArray, field: str, path: Path) -> None:
+def _number_fault(value: NDArray, is_condition: bool) -> str:
     """Finite ones that figures can show; condition numbers are 1 or more, infinite where nothing excites a segment."""
-    conditions = field.startswith("conditioning/")
-    if np.isnan(value).any() or (np.isinf(value).any() and not conditions):
-        raise _wrong_field("holds NaN or infinity", field, path)
-    if conditions and (value < 1.0 - _ROUNDING).any():
-        raise _wrong_field(f"is {value.min():g}, below 1", field, path)
+    if np.isnan(value).any() or (np.isinf(value).any() and not is_condition):
+        return "holds NaN or infinity"
+    if is_condition and (value < 1.0 - _ROUNDING).any():
+        return f"is {value.min():g}, below 1"
     if (np.abs(value[np.isfinite(value)]) > LARGEST).any():
-        raise _wrong_field(f"holds numbers above {LARGEST:g}", field, path)
-
-
-def _check_lengths(part: str, content: Any, path: Path) -> None:
-    timed = isinstance(content, ForceComparison | PathComparison)
-    shapes: dict[str, tuple[int, ...]]
-    if timed:
-        names = "channels" if isinstance(content, ForceComparison) else "joints"
-        size = len(getattr(content, names))
-        shapes = {"units": (size,)} if names == "channels" else {}
-        shapes["time"] = (len(content.time),)
-        shapes |= dict.fromkeys(("measured", "nominal", "identified"), (len(content.time), size))
-    elif isinstance(content, MassComparison):
-        names, size = "names", len(content.names)
-        shapes = dict.fromkeys(
-            ("nominal", "identified", "true", "changed", "half_width", "determined"), (size,)
-        )
-    else:
-        names, size = "segments", len(content.segments)
-        shapes = dict.fromkeys(("before", "after"), (size,))
-    if not 0 < size <= MOST_CHANNELS or (timed and not len(content.time)):
-        raise _wrong_field(f"has {size} names, not 1 to {MOST_CHANNELS}", f"{part}/{names}", path)
-    for name, shape in shapes.items():
-        value = getattr(content, name)
-        if value is not None and np.shape(value) != shape:
-            raise _wrong_field(f"has shape {np.shape(value)}, not {shape}", f"{part}/{name}", path)
-
-
-def _wrong_field(what: str, field: str, path: Path) -> InputError:
-    return InputError(what, source=path, field=field, remedy="write it again")
+        return f"holds numbers above {LARGEST:g}"
+    return ""
 
 
 # The log that a result was made from, where it still lies where the result says.

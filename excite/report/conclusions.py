@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -14,7 +15,7 @@ from excite.identification.judgement.judgement import POOR_RSD
 from excite.logs.log import LogHeader
 from excite.report.folder import Document, Findings
 from excite.report.html import format_number
-from excite.report.plots.forces import channel_label
+from excite.report.plots.curves import channel_label
 from excite.robot.catalogue import robot_of_log
 from excite.safety.verdict import conditions
 
@@ -162,30 +163,6 @@ def _resume_command(findings: Findings, *options: object) -> tuple[object, ...]:
     begun = begun_with(findings, "campaign", "--max-iterations") or ["campaign", robot_words(findings)]
     words = [word for word in begun if word not in {"--resume", *options}]
     return (*words, *options, "--resume", "--out", findings.folder)
-
-
-# What a folder's results come to: what was found, whether it is good enough, and the command to go on with.
-
-
-def draw_conclusion(findings: Findings) -> Conclusion | None:
-    """Of the last step that the folder holds: what came before it is in the sections below."""
-    if findings.diagnosis is not None:
-        return of_diagnosis(findings.diagnosis, findings)
-    if findings.campaign is not None and (findings.campaign["iterations"] or findings.campaign["awaits"]):
-        return of_campaign(findings.campaign, findings)
-    if findings.identification is not None:
-        return of_identification(findings.identification, findings)
-    if findings.plan is not None:
-        return of_plan(findings.plan, findings)
-    if findings.check is not None:
-        return of_check(findings.check, findings)
-    if findings.refusals is not None:
-        return of_refusals(findings.refusals, findings)
-    if findings.human is not None:
-        return of_person(findings.human, findings)
-    if findings.doctor is not None:
-        return of_doctor(findings.doctor, findings)
-    return None
 
 
 # What a diagnosis comes to, and what it leaves.
@@ -506,3 +483,28 @@ def describe_doubt(found: Document, judged: int) -> str:
         "that were fitted to; not "
         "to be relied on for other motions"
     )
+
+
+# What a folder's results come to: what was found, whether it is good enough, and the command to go on with.
+
+# By document, the last step first.
+_STEPS: dict[str, Callable[[Document, Findings], Conclusion]] = {
+    "diagnosis": of_diagnosis,
+    "campaign": of_campaign,
+    "identification": of_identification,
+    "plan": of_plan,
+    "check": of_check,
+    "refusals": of_refusals,
+    "human": of_person,
+    "doctor": of_doctor,
+}
+
+
+def draw_conclusion(findings: Findings) -> Conclusion | None:
+    """Of the last step that the folder holds: what came before it is in the sections below."""
+    for name, conclude in _STEPS.items():
+        found = getattr(findings, name)
+        is_begun = name != "campaign" or (found is not None and (found["iterations"] or found["awaits"]))
+        if found is not None and is_begun:
+            return conclude(found, findings)
+    return None

@@ -7,17 +7,14 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib.resources import files
 from typing import Any
 
-import numpy as np
-
-from excite.arrays import Array
-from excite.report.replay.tracks import pack_table
+from excite.results import finite
 
 
 @dataclass(frozen=True)
@@ -27,13 +24,17 @@ class Said:
     Attributes:
         value: None where it is not known.
         text: what is read.
+        shade: how full the colour behind it is, from 0 to 1; None without one.
     """
 
     value: float | None
     text: str
+    shade: float | None = None
 
 
 Cell = str | float | int | bool | Said | None
+Columns = Mapping[str, str | Callable[[Any], Cell]]
+"""By their headers, what is in the columns of a table: a key of its rows, or what is made of a row."""
 
 
 def format_number(value: float | None, digits: int = 3) -> str:
@@ -54,6 +55,22 @@ def format_number(value: float | None, digits: int = 3) -> str:
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
     return f"{mantissa} · 10{raised}".replace("-", "−")
+
+
+def percent_text(share: float | None, digits: str = ".0f") -> str:
+    """A share in per cent for reading; a dash for None.
+
+    >>> percent_text(0.416), percent_text(-0.001), percent_text(0.0312, ".3g")
+    ('42 %', '0 %', '3.12 %')
+    """
+    text = "–" if share is None else f"{100.0 * share:{digits}} %".replace("-", "−")
+    return "0 %" if text == "−0 %" else text
+
+
+def percent_cell(share: float | None, *, shaded: bool = False) -> Said:
+    """A share in per cent in a table, the fuller its colour, the larger it is, where it is shaded."""
+    shade = min(max(share or 0.0, 0.0), 1.0) if shaded else None
+    return Said(share, percent_text(share), shade)
 
 
 def condition_value(value: float | None) -> float:
@@ -78,6 +95,20 @@ def html_table(headers: Sequence[str], rows: Iterable[Sequence[Cell]], total: Se
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody>{foot}</table></div>'
 
 
+def columns_table(items: Iterable[Any], columns: Columns, total: Sequence[Cell] = ()) -> str:
+    """A table with a row an item; see :func:`html_table`."""
+    rows = [
+        [item[column] if isinstance(column, str) else column(item) for column in columns.values()]
+        for item in items
+    ]
+    return html_table(list(columns), rows, total)
+
+
+def named_rows(items: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of a mapping, each with its key as ``name``."""
+    return [{**item, "name": name} for name, item in items.items()]
+
+
 def _is_number(value: Cell) -> bool:
     return not isinstance(value, (str, bool))
 
@@ -89,9 +120,13 @@ def _html_cell(value: Cell) -> str:
         return f"<td>{escape(value)}</td>"
     if isinstance(value, int):
         return f'<td class="number" data-v="{value}">{str(value).replace("-", "−")}</td>'
-    said, value = (value.text, value.value) if isinstance(value, Said) else (format_number(value), value)
-    exact = "" if value is None or not math.isfinite(value) else f' data-v="{value:.9g}"'
-    return f'<td class="number"{exact}>{escape(said)}</td>'
+    one = value if isinstance(value, Said) else Said(value, format_number(value))
+    exact = "" if one.value is None or not math.isfinite(one.value) else f' data-v="{one.value:.9g}"'
+    look = 'class="number"'
+    if one.shade is not None:
+        colour = f"color-mix(in srgb, var(--identified) {round(60.0 * one.shade)}%, transparent)"
+        look = f'class="map" style="background: {colour}"'
+    return f"<td {look}{exact}>{escape(one.text)}</td>"
 
 
 def folded_content(summary: str, content: str) -> str:
@@ -137,46 +172,20 @@ _SCRIPTS = {
     "page.js": ("<",),
     "replay.js": (_REPLAY,),
 }
-_MOST_POINTS = 3000
 
 
 def data_island(identifier: str, content: Any, title: str = "") -> str:
     """Data of the page for its scripts: JSON in which no text can end the element."""
-    try:
-        text = _write_json_text(content)
-    except ValueError:
-        text = _write_json_text(_check_finite(content))
+    text = json.dumps(finite(content), ensure_ascii=False, separators=(",", ":"))
     for char in "<>&\u2028\u2029":
         text = text.replace(char, f"\\u{ord(char):04x}")
     named = f' data-title="{escape(title)}"' if title else ""
     return f'<script type="application/json" id="{identifier}"{named}>{text}</script>'
 
 
-def live_chart(
-    identifier: str,
-    time: Array,
-    panels: Sequence[Mapping[str, Any]],
-    still: str,
-) -> str:
-    """Plots over one time, under one cursor; the drawing ``still`` where no script runs, and in print.
-
-    Args:
-        identifier: unique on the page.
-        time: ``(n,)`` [s].
-        panels: each ``title``, ``unit`` and ``series``: pairs of what describes a line (``label``, ``role``, ``dash``)
-            and its values, ``(n,)``.
-        still: HTML.
-    """
-    shown = slice(None, None, max(1, math.ceil(len(time) / _MOST_POINTS)))
-    drawn = []
-    for panel in panels:
-        lines = [line for line, _ in panel["series"]]
-        values = pack_table(np.column_stack([values[shown] for _, values in panel["series"]]))
-        drawn.append({**panel, "series": lines, "values": values})
-    spec = {"group": identifier, "time": pack_table(time[shown]), "panels": drawn}
-    name = f"{identifier}-data"
-    moving = f'<div class="moving plots" data-chart="{name}"></div>'
-    return f'<div class="interactive">{moving}<div class="still">{still}</div>{data_island(name, spec)}</div>'
+def interactive(moving: str, still: str, *islands: str) -> str:
+    """What moves with its data, and ``still`` where no script runs or nothing can be drawn, and in print."""
+    return f'<div class="interactive">{moving}<div class="still">{still}</div>{"".join(islands)}</div>'
 
 
 def live_replay(identifier: str, robot: Any, tracks: Mapping[str, Any], still: str) -> str:
@@ -191,15 +200,12 @@ def live_replay(identifier: str, robot: Any, tracks: Mapping[str, Any], still: s
     scene, names = f"{identifier}-robot", [f"{identifier}-{i}" for i in range(len(tracks))]
     data = [data_island(name, *pair[::-1]) for name, pair in zip(names, tracks.items(), strict=True)]
     moving = f'<div class="moving replay" data-replay="{scene}" data-tracks="{" ".join(names)}"></div>'
-    return (
-        f'<div class="interactive">{moving}<div class="still">{still}</div>'
-        f"{data_island(scene, robot)}{''.join(data)}</div>"
-    )
+    return interactive(moving, still, data_island(scene, robot), *data)
 
 
 def body_scripts(body: str) -> str:
     """The scripts that a page's body needs."""
-    return "".join(f"<script>{_read_asset(name)}</script>" for name in _needed_scripts(body))
+    return "".join(f"<script>{read_asset(name)}</script>" for name in _needed_scripts(body))
 
 
 def content_policy(body: str) -> str:
@@ -212,33 +218,16 @@ def content_policy(body: str) -> str:
     return f'<meta http-equiv="Content-Security-Policy" content="{rules}">'
 
 
-def plot_style() -> str:
-    """The plots' style sheet."""
-    return _read_asset("uplot.min.css")
-
-
 def _needed_scripts(body: str) -> list[str]:
     return [name for name, signs in _SCRIPTS.items() if any(sign in body for sign in signs)]
 
 
 @cache
-def _read_asset(name: str) -> str:
+def read_asset(name: str) -> str:
+    """The text of a script or a style sheet of pages."""
     return (files("excite.report") / "assets" / name).read_text(encoding="utf-8").strip()
 
 
 @cache
 def _asset_hash(name: str) -> str:
-    return base64.b64encode(hashlib.sha256(_read_asset(name).encode()).digest()).decode("ascii")
-
-
-def _write_json_text(content: Any) -> str:
-    """JSON; raises ValueError where a number is not finite, which JSON cannot say."""
-    return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-
-
-def _check_finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _check_finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_check_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return base64.b64encode(hashlib.sha256(read_asset(name).encode()).digest()).decode("ascii")

@@ -13,8 +13,10 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from excite.atomic import atomic_path
 from excite.report.html import format_number
 
 if TYPE_CHECKING:
@@ -174,6 +176,13 @@ def to_png(figure: Figure, dpi: int = 150) -> bytes:
     with matplotlib.rc_context(_STYLE), _without_font_warnings():
         figure.savefig(buffer, format="png", dpi=dpi, facecolor=PAPER.light, metadata={"Software": None})
     return buffer.getvalue()
+
+
+def save_png(figure: Figure, path: str | Path, dpi: int = 150) -> Path:
+    """Write the figure as a PNG, which appears only when complete."""
+    with atomic_path(Path(path)) as temporary:
+        temporary.write_bytes(to_png(figure, dpi))
+    return Path(path)
 
 
 def css_variables(dark: bool) -> str:

@@ -7,7 +7,8 @@ import sysconfig
 from pathlib import Path
 
 import excite
-from excite.errors import RobotError, UnknownNameError
+from excite.errors import UnknownNameError
+from excite.robot.refusal import robot_error
 
 # What an SDF is, its reader says.
 MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
@@ -71,14 +72,15 @@ def find_robot(name_or_path: str | Path) -> Path:
     if os.path.isfile(path / "robot.yaml"):
         return path / "robot.yaml"
     if os.path.isfile(path):
-        raise RobotError(
+        raise robot_error(
+            path,
+            None,
             "is neither a robot.yaml nor a URDF, xacro or MJCF by its name",
-            source=path,
-            remedy="let its name end in what it is, or convert it to URDF or MJCF",
+            "let its name end in what it is, or convert it to URDF or MJCF",
         )
     if str(name_or_path) and os.path.isdir(path):
         remedy = "name the URDF, xacro or MJCF, or the robot.yaml that excite init-robot makes of it"
-        raise RobotError("is a folder without a robot.yaml", source=path, remedy=remedy)
+        raise robot_error(path, None, "is a folder without a robot.yaml", remedy)
     raise UnknownNameError("robot", str(name_or_path), [*bundled_robots(), "a path to a robot.yaml"])
 
 
@@ -93,4 +95,4 @@ def example_robot_data() -> Path:
         folder = Path(sysconfig.get_paths()[scheme]) / relative
         if folder.is_dir():
             return folder
-    raise RobotError("robot data not found", source=relative, remedy="pip install example-robot-data==6.0.0")
+    raise robot_error(relative, None, "robot data not found", "pip install example-robot-data==6.0.0")

@@ -43,6 +43,7 @@ from excite.robot.quantities import (
     Vector3,
     Velocities,
 )
+from excite.robot.refusal import robot_error
 
 # What ``robot.yaml`` says of a robot's sensors.
 
@@ -383,12 +384,12 @@ def read_description(path: Path) -> RobotDescription:
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         if first["input"] is None:
             remedy = "give a value; the comment beside it says which"
-            raise RobotError(f"is not filled in{more}", source=path, field=field, remedy=remedy) from error
+            raise robot_error(path, field, f"is not filled in{more}", remedy) from error
         remedy = first.get("ctx", {}).get("remedy", "see `excite init-robot` for the expected form")
         said = first["msg"].removeprefix("Value error, ")
         # What several fields say together names them itself.
         found = f", got {_shorten_value(first['input'])}" if field else ""
-        raise RobotError(f"{said}{found}{more}", source=path, field=field, remedy=str(remedy)) from error
+        raise robot_error(path, field, f"{said}{found}{more}", str(remedy)) from error
 
 
 def _shorten_value(value: object, length: int = 60) -> str:

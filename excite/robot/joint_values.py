@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import RobotError
 from excite.robot.description import FREE_BASES, LimitsBlock, RobotDescription
 from excite.robot.quantities import MAX_TRAVEL, PerJoint, in_radians, looks_like_degrees
+from excite.robot.refusal import robot_error, unknown_name
 
 
 @dataclass(frozen=True)
@@ -125,12 +125,7 @@ def check_joints(
     for field, joints in named.items():
         for joint in joints:
             if joint not in names:
-                raise RobotError(
-                    f"no joint {joint!r} in the model",
-                    source=path,
-                    field=field,
-                    remedy="the model has " + ", ".join(names),
-                )
+                raise unknown_name(path, field, "joint", joint, names)
 
 
 def _check_covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> None:
@@ -138,9 +133,7 @@ def _check_covers(block: PerJoint, names: tuple[str, ...], field: str, path: Pat
     missing = [name for name in names if block.default is None and name not in block.joints]
     if missing:
         remedy = f"give a default or {field}.joints.{missing[0]}"
-        raise RobotError(
-            f"says nothing about joint {missing[0]!r}", source=path, field=f"{field}.default", remedy=remedy
-        )
+        raise robot_error(path, f"{field}.default", f"says nothing about joint {missing[0]!r}", remedy)
 
 
 def per_joint(block: PerJoint | None, names: tuple[str, ...], fallback: Array) -> Array:
@@ -160,7 +153,7 @@ def check_range(joint: str, values: tuple[float, ...], slides: bool, field: str,
             what, remedy = f"is {value:g} rad for the hinge {joint!r}", in_radians(value)
         else:
             continue
-        raise RobotError(what, source=path, field=field, remedy=remedy)
+        raise robot_error(path, field, what, remedy)
 
 
 def _joint_kind(model: pin.Model, joint: str) -> str:
@@ -199,11 +192,11 @@ def read_limits(
         bad = ~np.isfinite(values) | (values <= 0.0 if not field.startswith("position") else False)
         if bad.any():
             joint = names[int(np.argmax(bad))]
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"limits.{field.split('_')[0]}",
                 f"{field} of joint {joint!r} is {values[names.index(joint)]}",
-                source=path,
-                field=f"limits.{field.split('_')[0]}",
-                remedy="state a positive, finite limit for it",
+                "state a positive, finite limit for it",
             )
     if (upper <= lower).any():
         joint = names[int(np.argmax(upper <= lower))]
@@ -217,7 +210,7 @@ def read_limits(
             else "make limits.position.margin smaller than half of it"
         )
         what = f"empty position range of joint {joint!r}: {low:g} … {high:g}, less a margin"
-        raise RobotError(what, source=path, field="limits.position", remedy=remedy)
+        raise robot_error(path, "limits.position", what, remedy)
     return limits
 
 

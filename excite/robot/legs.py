@@ -72,11 +72,7 @@ def before_knee(sizes: Array) -> int:
 
 
 def _beyond_knee(robot: Robot, end: int, middle: Array) -> list[int]:
-    chain: list[int] = []
-    joint = end
-    while joint > int(robot.floating):
-        chain.insert(0, joint)
-        joint = int(robot.model.parents[joint])
+    chain = list(robot.model.supports[end])[1 + robot.floating :]
     parts = [*(robot.model.jointPlacements[j].translation for j in chain[1:]), middle]
     return chain[before_knee(np.linalg.norm(parts, axis=1)) + 2 :] if len(parts) > 1 else []
 
@@ -166,10 +162,8 @@ def toppling_stiffness(robot: Robot, ends: Iterable[int], mass: float) -> dict[i
     weight = mass * float(np.linalg.norm(robot.description.gravity))
     found = {}
     for end in ends:
-        joint = end
-        while joint > int(robot.floating):
+        for joint in list(robot.model.supports[end])[1 + robot.floating :]:
             found[joint] = weight * float(np.linalg.norm(centre - data.oMi[joint].translation))
-            joint = int(robot.model.parents[joint])
     return found
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.errors import RobotError
 from excite.robot.description import RobotDescription
+from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.robot import Foot, Segment, WrenchSensor
 
 
@@ -26,12 +26,7 @@ def read_segments(model: pin.Model, description: RobotDescription, path: Path) -
     }.items():
         for link in named:
             if link not in links:
-                raise RobotError(
-                    f"no moving link {link!r}",
-                    source=path,
-                    field=field,
-                    remedy="the model has " + ", ".join(links),
-                )
+                raise unknown_name(path, field, "moving link", link, links)
     return tuple(
         Segment(
             name=description.segments.names.get(link, link),
@@ -61,9 +56,7 @@ def link_placement(model: pin.Model, link: str, source: object, field: str) -> t
         if frame.type == pin.FrameType.BODY and frame.name == link:
             return frame.parentJoint, frame.placement
     links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    raise RobotError(
-        f"no link {link!r}", source=source, field=field, remedy="the model has " + ", ".join(links)
-    )
+    raise unknown_name(source, field, "link", link, links)
 
 
 def read_foot(model: pin.Model, description: RobotDescription, name: str, path: Path, upright: Array) -> Foot:
@@ -85,9 +78,7 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
         rotation = _sole_axes(corners, placement.rotation)
     if rotation is None:
         what = "the sole's corners lie on a line" if len(corners) > 2 else "the sole's two corners coincide"
-        raise RobotError(
-            what, source=path, field=f"feet.{name}.sole", remedy="leave out corners between others"
-        )
+        raise robot_error(path, f"feet.{name}.sole", what, "leave out corners between others")
     return Foot(name, block.link, joint, corners, pin.SE3(rotation, centre), block.friction, block.radius)
 
 

@@ -14,12 +14,13 @@ import pinocchio as pin
 import yaml
 
 from excite.arrays import Array
+from excite.display import span
 from excite.errors import MotionError, RobotError
 from excite.formats.documents import MAX_XML_BYTES, read_xml
 from excite.formats.file import read_bytes
 from excite.results import Assumed
 from excite.robot.catalogue import example_robot_data, find_robot
-from excite.robot.description import FREE_BASES, FootBlock, RobotDescription, read_description
+from excite.robot.description import FREE_BASES, FootBlock, PositionTable, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
 from excite.robot.mechanisms.closures import (
@@ -35,13 +36,25 @@ from excite.robot.mechanisms.closures import (
 )
 from excite.robot.mechanisms.mechanism import Mechanism, build_mechanism
 from excite.robot.quantities import MAX_RATIO, PerJoint
+from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import ground_is_assumed
 from excite.robot.urdf.inertia import check_weights
-from excite.robot.urdf.limits import CONTROL, SOFT, assumed_limits, keep_stated_limits, read_joint_limits
+from excite.robot.urdf.limits import (
+    CONTROL,
+    SOFT,
+    assumed_limits,
+    keep_stated_limits,
+    read_joint_limits,
+    read_position_tables,
+    with_tables,
+)
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import MAX_NESTING, Stated, read_urdf
+
+CHOSEN = "chosen here"
+"""How the source of a value begins that who wrote a description chose."""
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -59,10 +72,11 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """
     path = find_robot(name_or_path)
     if path.suffix not in {".yaml", ".yml"}:
-        raise RobotError(
+        raise robot_error(
+            path,
+            None,
             "is a model, and a robot also needs limits, sensors and a posture",
-            source=path,
-            remedy=f"run `excite init-robot {path}` and fill in what it asks for",
+            f"run `excite init-robot {path}` and fill in what it asks for",
         )
     robot = build_robot(read_description(path), path)
     _rest_within_limits(robot)
@@ -100,27 +114,27 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     if description.sensors.imu is not None:
         joint, _ = link_placement(model, description.sensors.imu.link, path, "sensors.imu.link")
         if description.base in FREE_BASES and joint != 1:
-            raise RobotError(
+            raise robot_error(
+                path,
+                "sensors.imu.link",
                 f"link {description.sensors.imu.link!r} moves against the base",
-                source=path,
-                field="sensors.imu.link",
-                remedy="name the base's link, or one fixed to it",
+                "name the base's link, or one fixed to it",
             )
     if description.uncertainty is not None and description.uncertainty.payload is not None:
         link = description.uncertainty.payload.link
         if link_placement(model, link, path, "uncertainty.payload.link")[0] == 0:
-            raise RobotError(
+            raise robot_error(
+                path,
+                "uncertainty.payload.link",
                 f"link {link!r} does not move",
-                source=path,
-                field="uncertainty.payload.link",
-                remedy="name the link that carries the load",
+                "name the link that carries the load",
             )
     # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
     standing = description.base in ("fixed", "floating")
     rest = _rest_configuration(model, description, upright, feet)
     return Robot(
         name=description.name,
-        description=_with_limits_said(_with_ground_said(description), model_path, urdf),
+        description=_with_limits_said(_with_choices_said(_with_ground_said(description)), model_path, urdf),
         source=path,
         urdf=urdf,
         hash=fingerprint,
@@ -145,6 +159,20 @@ def _with_ground_said(description: RobotDescription) -> RobotDescription:
         consequence="motions stay above it: state collision.table_height, or null where nothing is there",
     )
     return description.model_copy(update={"assumed": (*description.assumed, ground)})
+
+
+def _with_choices_said(description: RobotDescription) -> RobotDescription:
+    """The description with limits among what is assumed whose source says that who wrote it chose them."""
+    found, block = [*description.assumed], description.limits
+    units = {"velocity": "rad/s or m/s", "acceleration": "rad/s² or m/s²", "jerk": "rad/s³ or m/s³"}
+    for name, unit in {**units, "torque": "N·m or N"}.items():
+        stated: PerJoint | None = getattr(block, name)
+        if stated is not None and stated.source.startswith(CHOSEN):
+            values = [*stated.joints.values(), *([] if stated.default is None else [stated.default])]
+            value = f"{span(f'{min(values):g}', f'{max(values):g}')} {unit}, {stated.source}"
+            consequence = f"motions keep to it: state limits.{name} if the robot bears less, or more"
+            found.append(Assumed(f"{name} limits", value, consequence))
+    return description.model_copy(update={"assumed": tuple(found)})
 
 
 def _with_limits_said(description: RobotDescription, model_path: Path, urdf: str) -> RobotDescription:
@@ -211,16 +239,17 @@ def portable_description(robot: Robot) -> str:
 
 
 def limited_description(robot: Robot, file: Path) -> str:
-    """The same, with the joint limits of a file of MoveIt's kind where they are tighter than the robot's.
+    """The same, with the joint limits of a file of MoveIt's kind: where they are tighter, and those by position.
 
     Raises:
         RobotError: it is no such file, names no joint of the robot, or leaves one no range.
     """
     description, limits = read_description(robot.source), robot.limits
     found = read_joint_limits(file, robot.driven_names)
-    if not found:
+    tables = read_position_tables(file, robot.driven_names)
+    if not found and not tables:
         remedy = "the robot has " + ", ".join(robot.driven_names)
-        raise RobotError("names no joint of the robot", source=file, field="joint_limits", remedy=remedy)
+        raise robot_error(file, "joint_limits", "names no joint of the robot", remedy)
     changed: dict[str, dict[str, Any]] = {}
     for name, one in found.items():
         index, margin = robot.joint_index(name), description.limits.position.margin
@@ -238,21 +267,32 @@ def limited_description(robot: Robot, file: Path) -> str:
         kept = max(float(low), one.range[0]), min(float(high), one.range[1])
         if kept[0] + 2.0 * margin >= kept[1]:
             what = f"{one.range[0]:g} … {one.range[1]:g} leaves nothing of {low:.4g} … {high:.4g}"
-            raise RobotError(what, source=file, field=f"joint_limits.{name}", remedy="correct one of them")
+            raise robot_error(file, f"joint_limits.{name}", what, "correct one of them")
         if kept != (low, high):
             changed.setdefault("position", {})[name] = kept
-    return _portable(robot, _with_limits(description, changed, file))
+    return _portable(robot, _with_limits(description, changed, tables, file))
 
 
 def _with_limits(
-    description: RobotDescription, changed: Mapping[str, Mapping[str, Any]], file: Path
+    description: RobotDescription,
+    changed: Mapping[str, Mapping[str, Any]],
+    tables: Sequence[PositionTable],
+    file: Path,
 ) -> RobotDescription:
     """The description with limits of some joints changed, and where they stand among what is assumed."""
     content = description.model_dump(mode="json", by_alias=True, exclude_unset=True)
     for what, joints in changed.items():
         block = content["limits"].get(what) or {"source": file.name}
         content["limits"][what] = {**block, "joints": {**block.get("joints", {}), **joints}}
-    said = assumed_limits({file.name: {what: list(joints) for what, joints in changed.items()}})
+    if tables:
+        stated = content["limits"].get("by_position", [])
+        content["limits"]["by_position"] = [
+            *stated,
+            *(one.model_dump(exclude_defaults=True) for one in tables),
+        ]
+    said = assumed_limits(
+        {file.name: with_tables({what: [*joints] for what, joints in changed.items()}, tables)}
+    )
     content["assumed"] = [*content.get("assumed", []), *(one.to_json() for one in said)]
     return RobotDescription.model_validate(content)
 
@@ -277,11 +317,11 @@ def _rest_within_limits(robot: Robot) -> None:
     if outside.any():
         index = int(np.argmax(outside))
         name, low, high = robot.joint_names[index], limits.position_lower[index], limits.position_upper[index]
-        raise RobotError(
+        raise robot_error(
+            robot.source,
+            f"posture.joints.{name}",
             f"is {q[index]:.4g}, outside {low:.4g} … {high:.4g}",
-            source=robot.source,
-            field=f"posture.joints.{name}",
-            remedy="choose an angle inside the limits less their margin",
+            "choose an angle inside the limits less their margin",
         )
 
 
@@ -305,7 +345,7 @@ def _stated_changes(description: RobotDescription) -> Stated:
 def _build_model(root: ElementTree.Element, description: RobotDescription, model_path: Path) -> pin.Model:
     model = urdf_model(root, model_path, floating=description.base in FREE_BASES)
     if model.njoints == 1:
-        raise RobotError("has no joint that moves", source=model_path, remedy="describe at least one")
+        raise robot_error(model_path, None, "has no joint that moves", "describe at least one")
     model.gravity.linear = np.array(description.gravity)
     return model
 
@@ -504,20 +544,17 @@ def mimic_couplings(root: ElementTree.Element, path: Path) -> tuple[CouplingBloc
             continue
         where, master = f"joint {name!r}/mimic", mimic.get("joint", "")
         if master not in names or master == name:
-            raise RobotError(
+            raise robot_error(
+                path,
+                where,
                 f"follows joint {master!r}, " + ("itself" if master == name else "which is not there"),
-                source=path,
-                field=where,
-                remedy="name the joint that it follows, or hold it still under locked_joints in robot.yaml",
+                "name the joint that it follows, or hold it still under locked_joints in robot.yaml",
             )
         (factor,) = read_numbers(mimic, "multiplier", 1, path, where, default="1")
         (offset,) = read_numbers(mimic, "offset", 1, path, where, default="0")
         if not 1.0 / MAX_RATIO**2 < abs(factor) < MAX_RATIO**2:
-            raise RobotError(
-                f"follows by a factor of {factor:g}",
-                source=path,
-                field=where,
-                remedy=f"make {name!r} a fixed joint",
+            raise robot_error(
+                path, where, f"follows by a factor of {factor:g}", f"make {name!r} a fixed joint"
             )
         found.append(
             CouplingBlock(
@@ -559,20 +596,20 @@ def read_mechanism(
         for name in block.passive:
             _joint_column(model, name, f"{_block_field(block)}.passive", path)
     if not passive:
-        raise RobotError(
+        raise robot_error(
+            path,
+            "loops" if loops else "couplings",
             "leave every joint a motor of its own",
-            source=path,
-            field="loops" if loops else "couplings",
-            remedy="name under passive the joints that follow from the others",
+            "name under passive the joints that follow from the others",
         )
     try:
         return build_mechanism(model, closures, passive, rest, carrying)
     except MotionError as error:
-        raise RobotError(
+        raise robot_error(
+            path,
+            error.field,
             f"{error.what.replace(' at sample 0', '')}",
-            source=path,
-            field=error.field,
-            remedy="check ends, posture and passive joints: as many of these as the loops determine",
+            "check ends, posture and passive joints: as many of these as the loops determine",
         ) from error
 
 
@@ -587,11 +624,11 @@ def _read_loop(model: pin.Model, block: LoopBlock, path: Path) -> Closure:
         ends.append((joint, link * pin.SE3(pin.rpy.rpyToMatrix(*end.rpy), np.array(end.xyz))))
     joints, placements = (ends[0][0], ends[1][0]), (ends[0][1], ends[1][1])
     if joints[0] == joints[1]:
-        raise RobotError(
+        raise robot_error(
+            path,
+            _block_field(block),
             f"{block.ends[0].link!r} and {block.ends[1].link!r} do not move against each other",
-            source=path,
-            field=_block_field(block),
-            remedy="remove it",
+            "remove it",
         )
     if block.kind != "rod":
         return Loop(block.name, joints, placements, rigid=block.kind == "weld")
@@ -600,9 +637,7 @@ def _read_loop(model: pin.Model, block: LoopBlock, path: Path) -> Closure:
     points = [data.oMi[joint].act(place.translation) for joint, place in ends]
     length = float(np.linalg.norm(points[1] - points[0])) if block.length is None else block.length
     if length < 1e-6:
-        raise RobotError(
-            "has no length", source=path, field=_block_field(block), remedy="make it a loop of kind point"
-        )
+        raise robot_error(path, _block_field(block), "has no length", "make it a loop of kind point")
     return Rod(block.name, joints, placements, length)
 
 
@@ -617,9 +652,6 @@ def _read_coupling(model: pin.Model, block: CouplingBlock, path: Path) -> Coupli
 def _joint_column(model: pin.Model, name: str, field: str, path: Path) -> tuple[int, int]:
     """A joint's index into q and v."""
     if not model.existJointName(name) or model.joints[model.getJointId(name)].nq != 1:
-        moving = ", ".join(list(model.names)[1:])
-        raise RobotError(
-            f"no joint {name!r} that moves", source=path, field=field, remedy=f"the model has {moving}"
-        )
+        raise unknown_name(path, field, "moving joint", name, list(model.names)[1:])
     joint = model.getJointId(name)
     return int(model.idx_qs[joint]), int(model.idx_vs[joint])

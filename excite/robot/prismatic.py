@@ -1,4 +1,4 @@
-"""Which joints are prismatic."""
+"""Which joints are prismatic, and whether a robot is one chain of joints that turn."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import numpy as np
 import pinocchio as pin
 
 from excite.robot.robot import Robot
-
-# Which joints slide instead of turning.
 
 
 def is_prismatic(model: pin.Model, column: int) -> bool:
@@ -28,3 +26,11 @@ def sliding_joints(robot: Robot) -> frozenset[str]:
     """Names of a robot's joints that slide."""
     model = robot.model
     return frozenset(n for n in robot.joint_names if is_prismatic(model, model.idx_vs[model.getJointId(n)]))
+
+
+def is_serial(robot: Robot) -> bool:
+    """Whether every joint carries the next one and all of them turn, as in an arm; its base may be free or fixed."""
+    model, first = robot.model, 2 if robot.floating else 1
+    joints = range(first, model.njoints)
+    carried = all(model.parents[joint] == joint - 1 for joint in joints)
+    return carried and not any(is_prismatic(model, model.idx_vs[joint]) for joint in joints)

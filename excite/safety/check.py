@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
-from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.registry import add_installed
 from excite.robot.prismatic import sliding_joints
@@ -98,17 +96,6 @@ def check_motion(
         as_far_as=shape_conditions(robot) if readable else (),
         robust=found,
     )
-
-
-def check_file(robot: Robot, path: Path, *, rate_hz: float | None = None) -> Verdict:
-    """Load a motion file and judge it; the verdict's ``motion`` is the path as given.
-
-    Raises:
-        MotionError: the file cannot be read, or is no motion of this robot.
-        InputError: ``rate_hz`` is not positive.
-        RobotError: the robot's collision geometry cannot be read.
-    """
-    return check_motion(robot, load_motion(path, robot).renamed(str(path)), rate_hz=rate_hz)
 
 
 # The checks that make up a verdict, by name, in the order in which they run.

@@ -17,9 +17,8 @@ from excite.mujoco_warnings import has_diverged, without_log_file
 from excite.robot.robot import Robot
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
 from excite.simulation.mjcf import build_spec, watch_shapes
-from excite.simulation.recording import Recording
 from excite.simulation.sensing import sensor_wrenches
-from excite.simulation.virtual_robot import Plant, VirtualRobot
+from excite.simulation.virtual_robot import Plant, Recording, VirtualRobot
 
 if TYPE_CHECKING:
     import mujoco

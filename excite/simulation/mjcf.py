@@ -15,8 +15,7 @@ from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import collision_model, collision_shapes, links_below
 from excite.robot.shapes.shape import Shape
 from excite.simulation.coordinates import body_name
-from excite.simulation.drives import Drives
-from excite.simulation.true_parameters import PrincipalInertia, principal_inertia
+from excite.simulation.true_parameters import Drives, PrincipalInertia, principal_inertia
 
 if TYPE_CHECKING:
     import mujoco

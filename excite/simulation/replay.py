@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,7 @@ from excite.motion.motion import Motion, interpolate_motion
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot
 from excite.simulation.execution import Machine, Stop, execute_motion
-from excite.simulation.recording import Recording
-from excite.simulation.virtual_robot import Plant, VirtualRobot, nominal_robot
+from excite.simulation.virtual_robot import Plant, Recording, VirtualRobot
 
 # A robot whose base is tilted further than this against the motion when that ends is on its way down.
 FALL_END_TILT_RAD = 0.1
@@ -66,32 +65,6 @@ class Replay:
             f"{self.motion}: {end}{touch}, tilt {self.max_tilt_rad:.3f} rad, "
             f"slip {1e3 * self.max_slip_m:.1f} mm, tracking {self.max_tracking_error_rad:.4f} rad"
         )
-
-
-def replay_motion(
-    subject: Robot | VirtualRobot, motion: Motion, *, mass_error: float = 0.0, friction_error: float = 0.0
-) -> Replay:
-    """Run a motion once, with contacts between the robot's own parts, and say what became of it.
-
-    Args:
-        subject: a robot (then the model itself is simulated) or a virtual robot.
-        motion: the motion.
-        mass_error: relative change of the mass and inertia of all segments, 0.1 for a tenth more.
-        friction_error: relative change of the soles' friction, -0.3 for a floor a third more slippery.
-
-    Returns:
-        What happened.
-
-    Raises:
-        MotionError: the motion is not for this robot, or the simulation diverged.
-    """
-    virtual = nominal_robot(subject) if isinstance(subject, Robot) else subject
-    virtual = replace(
-        virtual,
-        truth=replace(virtual.truth, phi=(1.0 + mass_error) * virtual.truth.phi),
-        world=replace(virtual.world, sole_friction=virtual.world.sole_friction * (1.0 + friction_error)),
-    )
-    return watched_run(virtual, motion, forces=False).replay
 
 
 @dataclass(frozen=True, eq=False)

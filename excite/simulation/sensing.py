@@ -17,9 +17,8 @@ from excite.motion.motion import Motion
 from excite.robot.joint_values import per_joint
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
-from excite.simulation.drives import nominal_drives
-from excite.simulation.recording import Recording
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.true_parameters import nominal_drives
+from excite.simulation.virtual_robot import Recording, VirtualRobot
 
 # Share of the weight above which a foot counts as carrying: what it carries below that is lost in the torques' noise.
 CONTACT_SHARE = 0.005

@@ -46,19 +46,6 @@ class SimulatedRuns:
         return "\n".join(replay.summary() for replay in self.replays)
 
 
-def simulate(
-    virtual: VirtualRobot,
-    motions: Sequence[Motion],
-    *,
-    seed: int | np.random.SeedSequence,
-    roles: Mapping[str, Role] | None = None,
-    jobs: Jobs = 1,
-    progress: Progress = silent,
-) -> Log:
-    """The log of :func:`run_experiment`, same arguments and errors."""
-    return run_experiment(virtual, motions, seed=seed, roles=roles, jobs=jobs, progress=progress).log
-
-
 def run_experiment(
     virtual: VirtualRobot,
     motions: Sequence[Motion],

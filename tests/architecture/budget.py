@@ -171,7 +171,9 @@ def _is_small_part(name: str) -> bool:
     if set(name.split(".")) & set(PLUG_INS):
         return False
     (user,) = users
-    return modules()[user].room == module.room
+    # A member that a registry names, by a string, is no part of it.
+    named = all(item.by_name for item in modules()[user].imports if item.module == name)
+    return modules()[user].room == module.room and not named
 
 
 def main() -> int:

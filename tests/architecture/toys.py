@@ -156,7 +156,7 @@ class ToyEstimator(Estimator[WlsSettings]):
     "injected effect": Toy(
         "simulation/effects/toy.py",
         """
-from excite.simulation.effects.forces import SpringLaw
+from excite.simulation.effects.laws import SpringLaw
 
 ToyLaw = SpringLaw
 """,
@@ -294,7 +294,7 @@ def show_toy(findings):
 """,
         (
             ("report/page.py", "from excite.", "from excite.report.sections.toy import show_toy"),
-            ("report/page.py", "    show_stages,", "    show_toy,"),
+            ("report/page.py", "    answers.show_stages,", "    show_toy,"),
         ),
     ),
 }

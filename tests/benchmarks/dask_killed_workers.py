@@ -12,8 +12,7 @@ import time
 import numpy as np
 
 from excite.motion.generators.mixture import plan_proposals
-from excite.parallel.cluster import executor
-from excite.parallel.jobs import Jobs
+from excite.parallel.jobs import Jobs, executor
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidates

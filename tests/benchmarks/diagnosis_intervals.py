@@ -35,8 +35,8 @@ from excite.regressor.kernels import inverse_dynamics
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.execution import execute_motion
-from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
+from excite.simulation.virtual_robot import Recording
 from tests.benchmarks.table import Row
 
 SEED, CASES, PAIRS = 606707, 40, 8

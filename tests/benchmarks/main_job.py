@@ -13,8 +13,8 @@ from pathlib import Path
 from excite.campaign.experiment import virtual_robot
 from excite.campaign.journal import Journal
 from excite.robot.loading import load_robot
-from excite.simulation.replay import replay_motion
 from tests.benchmarks.table import Row
+from tests.simulation.motions import replay_motion
 
 
 def rows() -> list[Row]:

@@ -11,9 +11,8 @@ import numpy as np
 
 from excite.campaign.pool import Keeper
 from excite.motion.generators.mixture import plan_proposals
-from excite.parallel.cluster import executor
 from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs
+from excite.parallel.jobs import Jobs, executor
 from excite.parallel.worker import Answer
 from excite.robot.loading import load_robot
 from excite.safety.filter import FilterReport, filter_candidates

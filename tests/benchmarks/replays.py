@@ -6,8 +6,9 @@ from itertools import cycle
 
 from excite.campaign.plan import Plan, plan
 from excite.robot.loading import load_robot
-from excite.simulation.replay import Replay, replay_motion
+from excite.simulation.replay import Replay
 from tests.benchmarks.table import Row
+from tests.simulation.motions import replay_motion
 
 _ROBOTS = ("g1", "g1_no_ft", "talos", "hrp2like", "go2")
 _CANDIDATES, _SEED = 24, 5

@@ -9,7 +9,7 @@ import pytest
 from excite.campaign.journal import CampaignSettings
 from excite.campaign.loop import campaign
 from excite.campaign.plan import Plan, plan
-from excite.campaign.result import Campaign
+from excite.documents.campaign import Campaign
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from excite.campaign.experiment import simulate
-from excite.campaign.result import Campaign, force_comparison, save_findings
+from excite.campaign.result import findings_of, save_findings
+from excite.documents.campaign import Campaign
 from excite.identification.identify import identify
 from excite.identification.rollout import HORIZON_S
 from excite.logs.files import load_log
@@ -45,7 +46,7 @@ def test_a_joint_that_stands_in_the_trial_shown_is_left_out() -> None:
     held = log.trials[1]
     stopped = replace(held, q=np.column_stack([held.q[:, :5], np.zeros(len(held.q))]))
     log = replace(log, trials=(log.trials[0], stopped))
-    forces = force_comparison(robot, identify(robot, log, "wls"), log)
+    forces = findings_of(robot, identify(robot, log, "wls"), log).forces
     assert forces is not None and forces.channels == robot.joint_names[:5]
     assert forces.measured.shape == (len(forces.time), 5) and len(forces.units) == 5
 
@@ -66,7 +67,7 @@ def test_curves_are_those_of_what_was_identified() -> None:
     ill = replace(log, trials=tuple(spoilt(trial) for trial in log.trials), robot_text=robot.urdf)
     found = identify(robot, ill)
     assert {"torque_sign", "constant", "extension"} <= {finding.kind for finding in found.findings}
-    forces = force_comparison(robot, found, ill)
+    forces = findings_of(robot, found, ill).forces
     assert forces is not None
     for channel, measured, identified in zip(
         forces.channels, forces.measured.T, forces.identified.T, strict=True

@@ -13,7 +13,7 @@ from excite.campaign.experiment import simulate
 from excite.campaign.journal import CampaignSettings
 from excite.campaign.loop import campaign
 from excite.campaign.plan import plan
-from excite.campaign.result import Campaign
+from excite.documents.campaign import Campaign
 from excite.errors import InputError, NoSolutionError
 from excite.motion.collection import load_motions
 from excite.robot.robot import Robot

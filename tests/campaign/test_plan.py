@@ -20,8 +20,8 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Rejection
 from excite.simulation.rehearsal import loaded_robot, rehearse_motions
-from excite.simulation.replay import replay_motion
 from excite.simulation.virtual_robot import VirtualRobot
+from tests.simulation.motions import replay_motion
 
 FALLEN = Rejection("any", "fell_in_rehearsal", "base")
 

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from excite.campaign import applied as apply
-from excite.cli.diagnose import _next_command
+from excite.cli.identification import _next_of_diagnosis
 from excite.cli.main import app
 from excite.errors import RobotError
 from excite.logs.files import save_log
@@ -93,9 +93,9 @@ def test_a_diagnosis_outlives_a_robot_that_it_does_not_make(
 def test_a_second_diagnosis_that_would_say_the_same_is_not_proposed() -> None:
     effect = {"effect": "joint_spring"}
     found = {"verdict": "effect", "effects": [effect], "applied": {"left_out": ["joint spring at elbow: …"]}}
-    assert _next_command(None, Path("log"), Path("better"), found) == ""
+    assert _next_of_diagnosis(None, Path("log"), Path("better"), found) == ""
     both = found | {"effects": [effect, {"effect": "payload"}]}
-    assert "--robot" in _next_command(None, Path("log"), Path("better"), both)
+    assert "--robot" in _next_of_diagnosis(None, Path("log"), Path("better"), both)
 
 
 @pytest.mark.parametrize("named", ["", "log.yaml"])

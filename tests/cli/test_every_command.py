@@ -17,8 +17,8 @@ import excite
 from excite.campaign.schemas import schema_names
 from excite.campaign.searches import SEARCHES
 from excite.cli.main import _run, app
-from excite.cli.session.command_help import EXAMPLES
-from excite.cli.session.output import command_line, emit_result
+from excite.cli.options import EXAMPLES
+from excite.cli.output import command_line, emit_result
 from excite.excitation.optimisation.objective import CRITERIA
 from excite.excitation.selection import SELECTIONS
 from excite.export.registry import EXPORTERS, MODEL_FORMATS

@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
+from typer.testing import CliRunner
 
 import excite
 from excite.campaign.capture import sheet_text
 from excite.campaign.experiment import planned_roles
+from excite.cli.main import app
 from excite.conversion.capture_sheet import Capture, Run, read_capture
 from excite.errors import InputError, LogError
 
@@ -221,3 +224,15 @@ def test_a_plan_of_another_robot_and_no_sheet_are_one_line(plan, tmp_path):
     (tmp_path / "notes.md").write_text("nothing")
     with pytest.raises(LogError, match="holds no capture sheet"):
         read_capture(tmp_path / "notes.md")
+
+
+@pytest.mark.parametrize(
+    ("motions", "roles"),
+    [(["turn"], ["identification"]), (["swing", "turn"], ["identification", "validation"])],
+)
+def test_motions_that_judge_are_learnt_from_where_they_are_run_alone(plan, tmp_path, motions, roles):
+    files = [str(plan / "motions" / f"{name}.csv") for name in motions]
+    words = ["simulate", "ur10", *files, "--nominal", "--jobs", "1", "--out", str(tmp_path / "log")]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    header = yaml.safe_load((tmp_path / "log" / "log.yaml").read_text(encoding="utf-8"))
+    assert [trial["role"] for trial in header["trials"]] == roles

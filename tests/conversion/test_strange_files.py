@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -27,11 +26,6 @@ from tests.conversion.written import JOINTS
 @pytest.fixture(scope="module")
 def data() -> dict[str, np.ndarray]:
     return written.motion(N)
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
 
 
 def _xml(row: np.ndarray) -> str:

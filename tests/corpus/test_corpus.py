@@ -12,7 +12,7 @@ import pytest
 
 import tests.corpus
 from excite.cli.main import _run
-from excite.cli.session.outcome import EXIT_BAD_INPUT, EXIT_USAGE
+from excite.cli.outcome import EXIT_BAD_INPUT, EXIT_USAGE
 from tests.corpus.case import Case
 
 _LONGEST_SECONDS = 60.0

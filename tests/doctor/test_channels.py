@@ -12,7 +12,6 @@ from excite.finding import Finding
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
-from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log, changed
 
 
@@ -22,16 +21,6 @@ def suspicions(robot, log) -> tuple[Finding, ...]:
 
 
 JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return load_robot("panda")
-
-
-@pytest.fixture(scope="module")
-def log(panda):
-    return arm_log(panda)
 
 
 def signs(*flipped: int) -> np.ndarray:

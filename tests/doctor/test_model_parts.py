@@ -10,7 +10,7 @@ import pytest
 
 from excite.doctor.doctor import doctor
 from excite.doctor.examine import examine
-from excite.export.models.write import write_models
+from excite.export.models.simulator_model import write_models
 from excite.identification.identify import identify
 from excite.logs.files import load_log
 from excite.robot.loading import load_robot

@@ -10,20 +10,9 @@ import pytest
 from excite.doctor.doubt import Doubt
 from excite.doctor.examine import examine
 from excite.logs.log import Cleaning
-from excite.robot.loading import load_robot
-from tests.identification.practice_log import arm_log, changed
+from tests.identification.practice_log import changed
 
 NAMES = tuple(f"panda_joint{i}" for i in range(1, 8))
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return load_robot("panda")
-
-
-@pytest.fixture(scope="module")
-def log(panda):
-    return arm_log(panda)
 
 
 def kinds(log, robot) -> dict[str, tuple[str, ...]]:

@@ -15,7 +15,7 @@ from excite.doctor.channel_mapping import Reading
 from excite.doctor.doubt import Doubt
 from excite.doctor.examine import Chart, examine
 from excite.doctor.wrench_samples import wrench_samples
-from excite.logs.log import Log
+from excite.logs.log import Log, Trial
 from excite.motion.collection import load_motions
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -99,6 +99,26 @@ def test_a_weight_in_no_unit_is_said_and_left(g1: Robot, log: Log) -> None:
     assert chart.doubts == {Doubt.SIZE}
     sensor = next(iter(heavy.trials[0].wrenches))
     np.testing.assert_allclose(chart.log.trials[0].wrenches[sensor], heavy.trials[0].wrenches[sensor])
+
+
+def test_noise_of_positions_is_no_unit_of_wrenches(g1: Robot, log: Log) -> None:
+    """Accelerations that noise makes are larger than the weight, which is told by the mean."""
+    rng, stated = np.random.default_rng(1), Reading.as_stated(log)
+
+    def shaken(values: np.ndarray, by: float) -> np.ndarray:
+        return values + by * rng.standard_normal(values.shape)
+
+    def noisy(trial: Trial) -> Trial:
+        assert trial.base is not None
+        base = np.hstack([shaken(trial.base[:, :3], 0.03), trial.base[:, 3:]])
+        return replace(trial, q=shaken(trial.q, 0.1), base=base)
+
+    ratios = []
+    for trials in (log.trials, tuple(map(noisy, log.trials))):
+        samples = wrench_samples(g1, replace(log, trials=trials))
+        assert samples is not None
+        ratios.append(samples.weight_ratio(stated))
+    assert ratios[1] == pytest.approx(ratios[0], rel=0.02)
 
 
 def test_a_known_unit_leaves_no_doubt(examined: Callable[[str, int], Chart]) -> None:

@@ -12,8 +12,8 @@ from excite.arrays import Array
 from excite.campaign.gradient_search import GradientDesign, sets_within
 from excite.campaign.optimised_series import Asked
 from excite.errors import InputError, UnknownNameError
+from excite.excitation.design_rows import ArmRows, StandingRows, design_rows
 from excite.excitation.gradient_design import (
-    ArmRows,
     DesignProgram,
     design_motions,
     first_information,
@@ -21,11 +21,13 @@ from excite.excitation.gradient_design import (
 from excite.excitation.selection import Criterion, LogDeterminant
 from excite.excitation.targets import ReachedTargets, asked_parameters
 from excite.motion.collection import load_motions
+from excite.motion.generators.mixture import plan_proposals
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.filter import filter_candidate
+from excite.safety.filter import filter_candidate, filter_candidates
+from excite.safety.parameter_set import stated_parameters
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +38,50 @@ def ur10() -> Robot:
 @pytest.fixture(scope="module")
 def source(ur10: Robot) -> Motion:
     return load_motions("ur10")[0]
+
+
+@pytest.fixture(scope="module")
+def standing(g1: Robot) -> Motion:
+    proposals = plan_proposals(g1, 1, np.random.SeedSequence(0), mix={"random_joint": 1.0}, targets=())
+    return filter_candidates(g1, proposals).motions[0]
+
+
+def _known_before(rows: StandingRows, motion: Motion) -> Array:
+    """What makes all directions known: one motion leaves many in which differences would be of rounding."""
+    known = first_information(rows, [motion])
+    return np.asarray(known + 1e-2 * np.diag(np.diag(known)))
+
+
+def test_gradient_of_a_standing_robot_against_differences(g1: Robot, standing: Motion) -> None:
+    rows = StandingRows(g1)
+    known = _known_before(rows, standing)
+    program = DesignProgram(rows, standing, known, LogDeterminant())
+    x, way = 0.5 * np.random.default_rng(0).normal(size=(2, program.size))
+    program.watch(x)
+    for weight in (0.0, 5.0):
+        slope = program.evaluate(x, weight)[1] @ way
+        ends = [program.evaluate(x + step * way, weight)[0] for step in (1e-6, -1e-6)]
+        assert slope == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-5)
+
+
+def test_a_standing_robots_design_leaves_the_stated_set_no_less_room_and_says_more(
+    g1: Robot, standing: Motion
+) -> None:
+    rows = StandingRows(g1)
+    known = _known_before(rows, standing)
+    sampled = standing.resampled(g1, 24.0)
+    own = known + rows.information(sampled.q, sampled.v, sampled.a)
+    (design,) = design_motions(rows, [standing], known, LogDeterminant())
+    assert check_motion(g1, design.motion).safe
+    own_least, least = (
+        check_motion(g1, motion, parameters=stated_parameters(g1)).robust.worst["zmp_m"]
+        for motion in (standing, design.motion)
+    )
+    assert least.value >= min(own_least.value, own_least.limit)
+    legs = np.setdiff1d(np.arange(g1.model.nv), 6 + rows.moved)
+    assert np.array_equal(design.motion.v[:, legs], standing.v[:, legs])
+    gain = np.linalg.slogdet(known + design.information)[1] - np.linalg.slogdet(own)[1]
+    assert gain > 0.05 * len(known)
 
 
 def _some_targets(rows: ArmRows) -> Criterion:
@@ -79,9 +125,12 @@ def test_designed_motions_are_safe_and_each_adds_more_than_its_source(ur10: Robo
     assert max(speeds) > 0.9
 
 
-def test_a_standing_robot_is_refused(g1: Robot) -> None:
+def test_what_stands_without_force_sensors_is_refused(g1: Robot) -> None:
     with pytest.raises(InputError, match="arms with a motor"):
         ArmRows(g1)
+    for name in ("go2", "g1_no_ft"):
+        with pytest.raises(InputError, match="force sensors in its feet"):
+            design_rows(load_robot(name))
 
 
 def _random_information(rng: np.random.Generator) -> Array:

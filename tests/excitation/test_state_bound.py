@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.excitation.gradient_design import ArmRows, design_motions, first_information
+from excite.excitation.design_rows import ArmRows
+from excite.excitation.gradient_design import design_motions, first_information
 from excite.excitation.selection import LogDeterminant
 from excite.excitation.state_bound import bound_log_det, d_efficiency
 from excite.motion.collection import load_motions

@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from excite.export import clearance
+from excite.export import export as clearance
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, UnsafeMotionError
-from excite.export.clearance import with_approach
-from excite.export.export import export_motion
+from excite.export.export import export_motion, with_approach
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.check import check_file, check_motion
+from excite.safety.check import check_motion
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
 from excite.safety.repairs.collisions import find_route
 from excite.safety.repairs.retiming import plan_transfer
+from tests.safety.motions import check_file
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,8 @@ from excite.motion.files import load_motion, save_motion
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.check import check_file, check_motion
+from excite.safety.check import check_motion
+from tests.safety.motions import check_file
 
 pytestmark = pytest.mark.usefixtures("judged_once")
 

@@ -11,8 +11,7 @@ import pytest
 
 from excite.atomic import atomic_folder
 from excite.errors import InputError, MotionError, UnknownNameError
-from excite.export.clearance import on_grid
-from excite.export.export import export_motion, export_motions
+from excite.export.export import export_motion, export_motions, on_grid
 from excite.export.registry import EXPORTERS
 from excite.motion.collection import library_folder
 from excite.motion.files import load_motion, save_motion

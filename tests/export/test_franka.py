@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from excite.errors import MotionError, UnsafeMotionError
-from excite.export.arms import LIMITS, franka_violations
 from excite.export.export import export_motion
+from excite.export.makers import LIMITS, franka_violations
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.safety.check import check_file
+from tests.safety.motions import check_file
 
 ROBOT = "panda"
 

@@ -19,9 +19,9 @@ from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.check import check_file
 from tests.export.conftest import ready
 from tests.export.person import drawn_body, person_robot
+from tests.safety.motions import check_file
 
 
 def test_patterns_are_times_and_numbers_of_joints_base_and_zmp(

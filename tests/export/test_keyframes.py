@@ -14,8 +14,8 @@ from excite.export.export import export_motion
 from excite.export.models.mjcf import exact_text
 from excite.motion.files import load_motion
 from excite.robot.robot import Robot
-from excite.simulation.drives import nominal_drives
 from excite.simulation.mjcf import World, build_spec
+from excite.simulation.true_parameters import nominal_drives
 from tests.export.conftest import ready
 
 

@@ -15,7 +15,7 @@ from excite.export.export import export_motion
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.safety.check import check_file
+from tests.safety.motions import check_file
 
 ROBOT = "panda"
 

@@ -18,8 +18,8 @@ from excite.export.models import urdf as urdf_module
 from excite.export.models import xml_text
 from excite.export.models.mjcf import write_mjcf
 from excite.export.models.parameters import InconsistentModelError, Member, parameters_of, split_segment
+from excite.export.models.simulator_model import write_models
 from excite.export.models.urdf import write_urdf
-from excite.export.models.write import write_models
 from excite.export.models.xml_text import XmlText
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.robot.loading import build_robot, load_robot, model_file

@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 from excite.cli import main as command_line
-from excite.export.models.write import write_models
+from excite.export.models.simulator_model import write_models
 from excite.logs.files import save_log
 from excite.robot.catalogue import bundled_robots
 from excite.robot.init_robot.files import write_scaffold

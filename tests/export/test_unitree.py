@@ -13,9 +13,9 @@ from excite.export.export import export_motion
 from excite.formats.unitree import G1, H1, QUADRUPED
 from excite.motion.files import load_motion
 from excite.robot.loading import load_robot
-from excite.safety.check import check_file
 from tests.export.conftest import ready
 from tests.export.person import standing_still
+from tests.safety.motions import check_file
 
 GAINS = {"kp": 60, "kd": 2}
 

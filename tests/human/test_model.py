@@ -9,12 +9,19 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.virtual_person import pose_of
 from excite.errors import InputError
 from excite.human.body import body_of
 from excite.human.markers.inverse_kinematics import MarkerModel, solve_poses
 from excite.human.models import osim_text, robot_yaml, urdf_text
 from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS, Subject
-from excite.human.skeleton import base_pose, frame_turn, joint_angles, place_segments, point_jacobian, pose_of
+from excite.human.skeleton import (
+    base_pose,
+    frame_turn,
+    joint_angles,
+    place_segments,
+    point_jacobian,
+)
 from excite.robot.loading import load_robot
 
 BODY = body_of(Subject(70.0, 1.82, "male"), table="dumas")

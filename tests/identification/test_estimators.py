@@ -170,21 +170,3 @@ class TestConstraintsOfTheProgram:
         with pytest.raises(NoSolutionError, match="infeasible") as caught:
             QuadraticProgram().estimate(problem, QpSettings(total_mass=0.5 * frozen))
         assert np.isfinite(caught.value.best.parameters).all()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("alpha", 0.0),
-        ("alpha", float("nan")),
-        ("prior_spread", -1.0),
-        ("total_mass", 0.0),
-        ("inertia_floor", 1.5),
-        ("symmetry", -0.1),
-        ("alpha", "much"),
-        ("alpha", True),
-    ],
-)
-def test_bad_settings_are_refused_by_name(name, value):
-    with pytest.raises(InputError, match=name):
-        QpSettings(**{name: value})

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.estimator import SolveStatus
@@ -23,68 +22,6 @@ def random_rows(rng: np.random.Generator, n_rows: int, shift: float, n_equal: in
     matrix = rng.normal(size=(n_rows, N))
     matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
     return LinearConstraints(matrix, shift + 0.3 * rng.normal(size=n_rows), ("row",) * n_rows, n_equal)
-
-
-def generic(objective, gradient, start, constraints) -> np.ndarray:
-    """An optimum by sequential quadratic programming, which shares no code with what is tested."""
-    done = minimize(
-        objective,
-        start,
-        jac=gradient,
-        constraints=constraints,
-        method="SLSQP",
-        options={"maxiter": 500, "ftol": 1e-14},
-    )
-    return done.x
-
-
-def chain(first, second, matrix, measured):
-    """Slack norms of two levels and the residual norm of a fit, level by level with slacks held."""
-    held, slacks, x = [], [], np.zeros(N)
-    for rows in (first, second):
-        m = len(rows.bound)
-
-        def kept(v, held=tuple(held)):
-            return np.concatenate([part(v[:N]) for part in held]) if held else np.zeros(1)
-
-        def own(v, rows=rows):
-            return rows.matrix @ v[:N] + v[N:] - rows.bound
-
-        start = np.concatenate([x, np.maximum(rows.bound - rows.matrix @ x, 0.0)])
-        v = generic(
-            lambda v: 0.5 * v[N:] @ v[N:],
-            lambda v: np.concatenate([np.zeros(N), v[N:]]),
-            start,
-            [{"type": "ineq", "fun": own}, {"type": "ineq", "fun": kept}],
-        )
-        x, w = v[:N], np.where(np.abs(v[N:]) < 1e-6, 0.0, v[N:])
-        slacks.append(float(np.linalg.norm(w)))
-        held.append(lambda y, rows=rows, w=w: rows.matrix @ y - rows.bound + w + 1e-9)
-        assert m == len(w)
-    v = generic(
-        lambda y: 0.5 * np.sum((matrix @ y - measured) ** 2),
-        lambda y: matrix.T @ (matrix @ y - measured),
-        x,
-        [{"type": "ineq", "fun": part} for part in held],
-    )
-    return slacks, float(np.linalg.norm(matrix @ v - measured))
-
-
-@settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 10_000), shift=st.sampled_from([-0.5, 0.2, 1.0]))
-def test_levels_are_met_as_a_generic_chain_of_programs_meets_them(seed, shift):
-    """Eq. (7) of Jovic et al. 2016 on random rows, feasible or not."""
-    rng = np.random.default_rng(seed)
-    first, second = random_rows(rng, 5, shift), random_rows(rng, 8, 0.5 + shift)
-    matrix, measured = rng.normal(size=(3, N)), 3.0 * rng.normal(size=3)
-    found = solve_hierarchy((Level("1", first), Level("2", second)), matrix, measured, ActiveSetProjector())
-    slacks, residual = chain(first, second, matrix, measured)
-    assert found.status is SolveStatus.SOLVED
-    assert found.slacks == pytest.approx(slacks, abs=1e-4)
-    # No level is worse at the final point than at its own optimum.
-    for rows, reached in zip((first, second), found.slacks, strict=True):
-        assert np.linalg.norm(rows.violations(found.x)) <= reached + 1e-7
-    assert np.linalg.norm(matrix @ found.x - measured) <= residual + 1e-4 * (1.0 + residual)
 
 
 @settings(max_examples=30, deadline=None)

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.identification.constraints.linear import within_bounds
+from excite.identification.constraints.linear import mirrored_parameters, within_bounds
 from excite.identification.estimators.hqp import (
     BoundedNearBase,
     Cls1Settings,
@@ -19,7 +19,6 @@ from excite.identification.estimators.hqp import (
     icosphere_corners,
     masses_in_range,
     mirrored_pairs,
-    mirrored_parameters,
 )
 from excite.identification.estimators.least_squares import (
     Huber,
@@ -27,7 +26,6 @@ from excite.identification.estimators.least_squares import (
     WeightedLeastSquares,
     WlsSettings,
 )
-from excite.identification.estimators.method_settings import estimator_settings, methods_with
 from excite.identification.estimators.projection import ProjectionAnswer
 from excite.identification.inertia import inertia_matrices
 from excite.identification.problem import IdentificationProblem
@@ -232,19 +230,3 @@ class TestOutsideCone:
         wrong[20] = -1.0
         found = outside_cone(wrong, names, skipped=(1,))
         assert (found.outside, found.central, found.n_segments) == (("c",), ("c",), 6)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("ls_reference", "best"),
-        ("regulariser", ""),
-        ("huber", 0.0),
-        ("mirror", 2.0),
-        ("bound_width", 0.0),
-        ("mass_range", None),
-    ],
-)
-def test_bad_settings_are_refused_by_name(name, value):
-    with pytest.raises(InputError, match=name):
-        estimator_settings(methods_with(name)[0], **{name: value})

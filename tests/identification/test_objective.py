@@ -10,7 +10,6 @@ import pytest
 from excite.errors import InputError, UnknownNameError
 from excite.identification.constraints.cones import pseudo_inertia_cones
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
-from excite.identification.estimators.conic import LmiSettings
 from excite.identification.estimators.estimator import (
     Estimate,
     SolveStatus,
@@ -23,7 +22,6 @@ from excite.identification.estimators.estimator import (
     plain_models,
 )
 from excite.identification.estimators.hqp import HqpSettings
-from excite.identification.estimators.least_squares import LsSettings
 from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.scaled_problem import Ridge, pullback_metric, ridge, scaled_parameters
@@ -376,51 +374,6 @@ def test_numbers_keep_to_their_bounds(item):
     else:
         with pytest.raises(InputError, match=item.name):
             settings_with(item.name, None)
-
-
-DEFAULTS = {
-    "alpha": 1.0,
-    "prior_spread": 0.5,
-    "total_mass": None,
-    "inertia_floor": 0.01,
-    "sphere_subdivisions": 5,
-    "symmetry": None,
-    "weight_iterations": 10,
-    "huber": 1.345,
-    "sphere_epsilon": 0.01,
-    "mirror": 0.1,
-    "mass_range": 0.35,
-    "bound_width": 3.0,
-}
-RANGES = {
-    "alpha": (1e-12, 1e12),
-    "prior_spread": (1e-6, 1e6),
-    "total_mass": (1e-3, 1e4),
-    "inertia_floor": (0.0, 0.9),
-    "sphere_subdivisions": (0, 6),
-    "symmetry": (0.0, 1.0),
-    "weight_iterations": (0, 100),
-    "huber": (0.1, 100.0),
-    "sphere_epsilon": (0.0, 1e3),
-    "mirror": (0.0, 1.0),
-    "mass_range": (0.0, 1e6),
-    "bound_width": (1e-3, 1e6),
-}
-
-
-def test_defaults_and_ranges_are_those_that_are_documented():
-    assert {item.name: item.default for item in NUMBERS} == DEFAULTS
-    assert {item.name: (item.metadata["low"], item.metadata["high"]) for item in NUMBERS} == RANGES
-    assert (LsSettings().ls_reference, LmiSettings().regulariser) == ("zero", "euclidean")
-
-
-@pytest.mark.parametrize("name", ["ls_reference", "regulariser"])
-def test_words_are_among_those_allowed(name):
-    with pytest.raises(InputError, match=name) as caught:
-        settings_with(name, "other")
-    assert " or " in caught.value.remedy
-    with pytest.raises(InputError, match=name):
-        settings_with(name, None)
 
 
 def test_single_segments_have_their_own_spread_and_range(g1):

@@ -160,13 +160,6 @@ def test_base_rows_hold_exactly_at_the_true_parameters(g1: Robot) -> None:
     assert (problem.weights[problem.channel == 5] != problem.weights[problem.channel == 0]).all()
 
 
-def test_factor_is_that_of_the_weighted_rows(panda: Robot) -> None:
-    problem = build_problem(panda, arm_log(panda))
-    full = np.column_stack([problem.Y, problem.y]) * problem.weights[:, None]
-    r = problem.factor()
-    np.testing.assert_allclose(r.T @ r, full.T @ full, atol=1e-9 * np.abs(full.T @ full).max())
-
-
 def test_long_trials_in_blocks_give_the_same_rows(panda: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     log = arm_log(panda, friction=0.5)
     whole = build_problem(panda, log)

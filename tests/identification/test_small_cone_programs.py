@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from excite.errors import NoSolutionError
-from excite.identification.constraints.cones import Cones, triangle_of
+from excite.identification.constraints.cones import Cones
 from excite.identification.constraints.linear import LinearConstraints, stack_constraints
 from excite.identification.estimators import conic as module
 from excite.identification.estimators.conic import (
@@ -87,58 +87,6 @@ def test_bounds_that_are_reached_and_bounds_that_are_not():
         found = refine_answer(problem, start)
         assert found.z == pytest.approx([1.0, 0.0, 2.0, -3.0], abs=1e-12)
         assert found.multipliers == pytest.approx([1.0, 0.0, 3.0, 8.0], abs=1e-10)
-
-
-def test_rows_said_twice_are_met_once():
-    """Multipliers of redundant rows are not unique; the point is, and their sum."""
-    twice = rows([[1, 0, 0, 0]] * 3 + [[0, 1, 0, 0]] * 2, [2, 2, 2, 1, 1], 3)
-    problem = ConicProblem(np.array([-1.0, 0.0, 0.5, 0.0]), twice, (arrow(), arrow()))
-    found = refine_answer(problem, interior_point(problem))
-    assert found.z == pytest.approx([2.0, 1.0, 0.5, 0.0], abs=1e-8)
-    assert found.multipliers[:3].sum() == pytest.approx(3.0, abs=1e-7)
-    assert found.multipliers[3:5].sum() == pytest.approx(1.0, abs=1e-7)
-
-
-def test_the_nearest_positive_matrix_keeps_the_positive_eigenvalues():
-    rng, shape = np.random.default_rng(2), triangle_of(3)
-    basis = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    given, kept = (basis @ np.diag(values) @ basis.T for values in ([2.0, -1.0, 0.5], [2.0, 0.0, 0.5]))
-    cones = Cones(3, np.eye(6)[None], np.zeros((1, 6)), ("body:a",))
-    problem = ConicProblem(shape.vectors(given), stack_constraints([], 6), (cones,))
-    for start in (interior_point(problem), nothing(problem)):
-        found = refine_answer(problem, start)
-        assert np.allclose(shape.matrices(found.z), kept, atol=1e-12)
-    assert conic_violations(problem, problem.target) == {"body": pytest.approx(1.0)}
-
-
-def test_an_answer_is_never_made_worse():
-    problem = ConicProblem(np.array([1.0, 0.0, 3.0, 4.0]), FREE, (arrow(),))
-    best = refine_answer(problem, interior_point(problem))
-    again = refine_answer(problem, best)
-    assert conic_distance(problem, again) <= conic_distance(problem, best)
-    assert np.allclose(again.z, best.z, atol=1e-15)
-
-
-def test_the_distance_is_never_below_the_true_one():
-    """Any point with any multipliers; those that are no numbers say nothing, so the distance is infinite."""
-    rng = np.random.default_rng(5)
-    problem = ConicProblem(np.array([1.0, 0.0, 3.0, 4.0]), FREE, (arrow(),))
-    best = np.array([3.0, 0.0, 1.8, 2.4])
-    for _ in range(50):
-        inside = best + rng.uniform(0.0, 2.0) * np.array([2.0, *rng.uniform(-1.0, 1.0, 3)])
-        answer = ConicAnswer(inside, rng.normal(size=4))
-        assert conic_distance(problem, answer) >= np.linalg.norm(inside - best) - 1e-12
-    assert conic_distance(problem, ConicAnswer(best, np.full(4, np.nan))) == np.inf
-    assert conic_distance(problem, ConicAnswer(best, np.array([np.inf, 0.0, 0.0, 0.0]))) == np.inf
-
-
-def test_a_coarse_tolerance_is_coarser():
-    problem = ConicProblem(np.array([1.0, 0.0, 3.0, 4.0]), FREE, (arrow(),))
-    fine, coarse = (
-        np.linalg.norm(interior_point(problem, size).z - [3.0, 0.0, 1.8, 2.4]) for size in (1e-10, 1e-2)
-    )
-    assert fine < 1e-6 < coarse
-    assert fine == np.linalg.norm(interior_point(problem).z - [3.0, 0.0, 1.8, 2.4])
 
 
 # --- From a program to an estimate

@@ -127,17 +127,6 @@ def test_an_unconstrained_optimum_is_left_where_it_is():
     assert matrix.shape == (4 + 12 + 4, 9) and offset.shape == (20,)
 
 
-def test_weights_count_in_the_objective():
-    """``min ½ Σ w (z − t)²`` on a plane has a closed form."""
-    rng = np.random.default_rng(0)
-    target, weights, row = rng.normal(size=5), rng.uniform(0.5, 4.0, size=5), rng.normal(size=5)
-    row /= np.linalg.norm(row)
-    plane = LinearConstraints(row[None], np.array([2.0]), ("tie:x",), 1)
-    found = interior_point(ConicProblem(target, plane, (), weights)).z
-    across = row / weights
-    assert np.allclose(found, target + across * (2.0 - row @ target) / (row @ across), atol=1e-7)
-
-
 def test_violations_are_named_by_kind():
     problem = conic_problem(1)
     z = problem.target + 3.0
@@ -357,3 +346,24 @@ def test_after_a_failure_it_starts_anew():
     found = projector(np.zeros(5), one)
     assert found is not None and found.z == pytest.approx([1.0, 0.0, 0.0, 0.0, 0.0])
     assert projector(np.zeros(5), apart) is None
+
+
+def test_free_coordinates_move_to_the_nearest_point_with_room():
+    """``n₁ ≥ 1`` and ``n₁ + n₂ ≥ 4``: of all points of both the nearest to the start, not their corner."""
+    counted = np.array([[1.0], [0.0], [0.0]])
+    free = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    problem = SemiProjection(np.zeros(1), counted, free, np.array([2.0, 1.0, 4.0]), 0)
+    first = np.array([True, False, False])
+    for start, end in (([0.0, 0.0], [2.0, 2.0]), ([0.0, 5.0], [1.0, 5.0]), ([3.0, 3.0], [3.0, 3.0])):
+        found = pursue(problem, first, np.array(start))
+        assert found is not None
+        assert found.p == pytest.approx([2.0]) and found.n == pytest.approx(end, abs=1e-9)
+        assert found.multipliers == pytest.approx([2.0, 0.0, 0.0]) and found.violation < 1e-10
+
+
+def test_no_room_where_free_rows_exclude_each_other():
+    free = np.array([[1.0], [-1.0]])
+    shut = SemiProjection(np.zeros(1), np.zeros((2, 1)), free, np.array([1.0, 0.0]), 0)
+    assert pursue(shut, np.zeros(2, bool), np.zeros(1)) is None
+    assert semi_project(shut, np.zeros(1), project) is None
+    assert semi_project(shut, np.zeros(1), ActiveSetProjector()) is None

@@ -17,7 +17,6 @@ from excite.identification.estimators.conic import (
     QuadraticProgram,
 )
 from excite.identification.estimators.estimator import SolveStatus
-from excite.identification.estimators.hierarchy import SemiProjection, pursue, semi_project
 from excite.identification.estimators.hqp import (
     HierarchicalProgram,
     HqpSettings,
@@ -35,19 +34,18 @@ from excite.identification.estimators.least_squares import (
     WeightedLeastSquares,
     WlsSettings,
 )
-from excite.identification.estimators.method_settings import estimator_settings, methods_with
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings
 from excite.identification.estimators.projection import ActiveSetProjector
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS, method_summaries
 from excite.identification.estimators.scaled_problem import scaled_parameters
-from excite.identification.estimators.settings import EstimatorSettings, known_segments
+from excite.identification.estimators.settings import known_segments
 from excite.identification.inertia import inertia_matrices
 from excite.identification.physical.bounds import KnownBounds
 from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import condense_problem, iterate_weights, prior_std
 from excite.robot.loading import load_robot
-from tests.identification.dual_active_set import project
 from tests.identification.synthetic import arm_problem
 
 
@@ -119,14 +117,6 @@ def test_unknown_segments_are_named_with_those_that_have_a_mass(arm):
     assert all(link in str(caught.value) for link in heavy[:1])
 
 
-def test_settings_of_methods_are_found_by_name():
-    assert methods_with("alpha") == ("adaptive", "map", "qp", "cls2", "cls3", "lmi")
-    assert methods_with("nothing") == ()
-    with pytest.raises(UnknownNameError) as caught:
-        estimator_settings("ls", nothing=1)
-    assert "'nothing'" in str(caught.value)
-
-
 CONSISTENT = {"adaptive", "cls3", "lmi", "physical"}
 
 
@@ -177,14 +167,6 @@ def test_the_solution_of_ls_is_the_shortest(reference, arm):
     _, size, right = np.linalg.svd(arm.Y * scales, full_matrices=True)
     unseen = right[(size > 1e-9 * size[0]).sum() :]
     assert len(unseen) > 5 and np.abs(unseen @ moved).max() < 1e-6 * np.linalg.norm(moved)
-
-
-@pytest.mark.parametrize("kind", [LeastSquares, WeightedLeastSquares])
-def test_unseen_segments_stay_as_they_are(kind, arm):
-    blind = replace(arm, Y=np.where(np.arange(arm.n_params) // 10 == 3, 0.0, arm.Y), unmeasured=(3,))
-    found = kind().estimate(blind, kind.settings_class()).parameters
-    assert np.array_equal(found[30:40], arm.prior[30:40])
-    assert not np.allclose(found[40:50], arm.prior[40:50])
 
 
 @pytest.mark.parametrize("alpha", [1e-3, 1.0, 1e4])
@@ -279,42 +261,6 @@ def test_hqp_without_a_solver_hands_over_a_point_that_meets_level_one(arm, epsil
 # --- Coordinates that do not count
 
 
-def test_a_free_coordinate_takes_what_a_counted_one_need_not():
-    """``p + n ≥ 3`` costs nothing with ``n`` free; ``n ≤ 1`` leaves two for ``p``."""
-    open_ = SemiProjection(np.array([0.5]), np.array([[1.0]]), np.array([[1.0]]), np.array([3.0]), 0)
-    closed = open_.extended(np.array([[0.0]]), np.array([[-1.0]]), np.array([-1.0]))
-    for problem, p in ((open_, 0.5), (closed, 2.0)):
-        near = semi_project(problem, np.zeros(1), project)
-        assert near is not None and near.p == pytest.approx([p], abs=1e-3)
-        found = pursue(problem, near.multipliers > 0.0, near.n)
-        assert found is not None and found.p == pytest.approx([p], abs=1e-10)
-        assert found.p[0] + found.n[0] >= 3.0 - 1e-9 and found.gap < 1e-10
-    assert found.multipliers == pytest.approx([1.5, 1.5], abs=1e-9)
-
-
-@pytest.mark.parametrize("start", [-4.0, 0.0, 7.0])
-def test_a_free_coordinate_stays_near_where_it_was(start):
-    tied = SemiProjection(
-        np.zeros(1), np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]]), np.array([2.0, 1.0]), 1
-    )
-    near = semi_project(tied, np.array([start]), project)
-    assert near is not None
-    assert near.p == pytest.approx([2.0], abs=1e-9) and near.n == pytest.approx([max(start, 1.0)], abs=1e-6)
-    assert near.multipliers[0] == pytest.approx(2.0, abs=1e-6)
-    wrong = pursue(tied, np.array([False, True]), np.array([start]))
-    assert wrong is not None and wrong.p == pytest.approx([2.0], abs=1e-10)
-    assert wrong.n[0] >= 1.0 - 1e-9
-
-
-def test_rows_without_a_coordinate_are_passed_over():
-    blank = SemiProjection(
-        np.array([1.0, 2.0]), np.zeros((1, 2)), np.zeros((1, 1)), np.array([-1.0]), 0
-    ).extended(np.array([[1.0, 0.0]]), np.zeros((1, 1)), np.array([3.0]))
-    near = semi_project(blank, np.zeros(1), project)
-    assert near is not None and near.p == pytest.approx([3.0, 2.0], abs=1e-12)
-    assert near.multipliers == pytest.approx([0.0, 2.0], abs=1e-12) and near.violation < 1e-12
-
-
 # --- Distances between bodies, and bodies within bounds
 
 
@@ -356,8 +302,3 @@ class TestPhysical:
             str(caught.value)
             == f"there.yaml: bounds links a, b, c, d, e, f, g; the links of panda are {links}"
         )
-
-
-def test_shared_settings_have_the_stated_defaults():
-    settings = EstimatorSettings()
-    assert (settings.prior_spread, dict(settings.segment_spread), settings.total_mass) == (0.5, {}, None)

@@ -20,12 +20,11 @@ from excite.robot.robot import Robot
 from excite.rows.kinematics import imu_motion
 from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidate
-from excite.simulation.recording import Recording
 from excite.simulation.sensing import imu_readings, log_header
-from excite.simulation.simulate import simulate
 from excite.simulation.true_parameters import AddedPart, with_part
-from excite.simulation.virtual_robot import VirtualRobot, changed_robot, nominal_robot
+from excite.simulation.virtual_robot import Recording, VirtualRobot, changed_robot, nominal_robot
 from tests.quadruped import quadruped
+from tests.simulation.motions import simulate
 
 _LOAD = 1.5
 

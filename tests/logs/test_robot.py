@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from excite.errors import RobotError
+from excite.doctor.checks.clock import StatedRate
+from excite.errors import InputError, LogError, RobotError
 from excite.logs.files import load_log, save_log
 from excite.logs.header_blocks import TrialHeader
-from excite.logs.log import Log
+from excite.logs.load_with_robot import join_logs
+from excite.logs.log import Log, Trial
 from excite.logs.robot import bare_description, nominal_faults, nominal_robot, robot_for_log
 from excite.robot.loading import build_robot, load_robot
+from excite.robot.robot import Robot
 from excite.simulation.sensing import log_header
+from tests.diagnosis.two_joints import RATE_HZ, moved, two_joint_log
 from tests.logs.conftest import ARM
 
 FORE = '<inertia ixx="0.01" iyy="0.01" izz="0.004" ixy="0" ixz="0" iyz="0"/>'
@@ -81,3 +86,42 @@ def test_balls_of_feet_are_where_they_are_though_a_log_has_no_posture_at_rest(
     bare = build_robot(bare_description(file, header), file)
     for known, foot in zip(go2.feet, bare.feet, strict=True):
         np.testing.assert_allclose(foot.centre, known.centre, atol=1e-5)
+
+
+# Several logs as one.
+
+
+@pytest.fixture(scope="module")
+def trial() -> Trial:
+    return moved("run", "identification", 4.0, np.random.default_rng(0), np.eye(2))
+
+
+@pytest.fixture(scope="module")
+def robot(trial: Trial, tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return nominal_robot(load_log(save_log(two_joint_log((trial,)), tmp_path_factory.mktemp("log"))))
+
+
+def every_other(trial: Trial) -> Trial:
+    assert trial.tau is not None
+    return replace(trial, time=trial.time[::2], q=trial.q[::2], tau=trial.tau[::2])
+
+
+def rate_findings(robot: Robot, log: Log) -> list[str]:
+    return [finding.kind for finding in StatedRate().examine(robot, log).findings]
+
+
+def test_logs_of_several_rates_are_no_wrong_clock(trial: Trial, robot: Robot) -> None:
+    slow = two_joint_log((every_other(trial),), rate_hz=RATE_HZ / 2)
+    joined = join_logs([two_joint_log((trial,)), slow])
+    assert [one.name for one in joined.trials] == ["run", "run_2"]
+    assert rate_findings(robot, joined) == []
+    # A rate that is stated wrongly is found among several too.
+    wrong = two_joint_log((every_other(trial),), rate_hz=RATE_HZ)
+    assert rate_findings(robot, join_logs([two_joint_log((trial,)), wrong])) == ["rate"]
+
+
+def test_logs_of_different_machines_are_not_joined(trial: Trial, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="gravity: differs from the first log"):
+        join_logs([two_joint_log((trial,)), two_joint_log((trial,), gravity=[0.0, 0.0, -1.6])])
+    with pytest.raises(InputError, match="no log"):
+        join_logs([])

@@ -28,7 +28,7 @@ MAKERS = {
 TABLES = (
     "safety/checks/ground.py",
     "safety/checks/joints.py",
-    "export/arms.py",
+    "export/makers.py",
     "safety/repairs/time_scaling.py",
     "safety/repairs/rows.py",
 )

@@ -20,8 +20,8 @@ from excite.campaign.assessment import check
 from excite.cli.main import _run
 from excite.errors import InputError
 from excite.motion.generators.mixture import plan_candidates, plan_proposals
-from excite.parallel.cluster import executor
 from excite.parallel.engine import in_order
+from excite.parallel.jobs import executor
 from excite.robot.loading import load_robot
 from excite.safety.filter import FilterReport, filter_candidates
 from tests.parallel import work
@@ -80,7 +80,7 @@ def test_a_killed_worker_costs_time_and_no_result(cluster: Any, tmp_path: Path) 
 
 
 def test_a_wrong_address_is_one_line_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("excite.parallel.cluster.TIMEOUT_S", 2.0)
+    monkeypatch.setattr("excite.parallel.jobs.TIMEOUT_S", 2.0)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"

@@ -16,7 +16,6 @@ import pytest
 
 from excite import errors
 from excite.errors import ExciteError, InputError
-from excite.parallel import engine as local
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import MOST_JOBS, AtMost
 from excite.parallel.worker import Shared, SharedFile, load_shared
@@ -42,7 +41,9 @@ def test_several_jobs_are_several_processes_and_one_is_this_one() -> None:
 @pytest.fixture
 def cheap_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     """None of them waits, as in a command that has just begun, and their start is taken to cost 0.1 s of a core."""
-    local._IDLE.end()
+    results = in_order(work.identity, range(1000), jobs=2)
+    next(results)
+    results.close()  # type: ignore[attr-defined]
     monkeypatch.setattr("excite.parallel.engine._START_S", 0.1)
 
 

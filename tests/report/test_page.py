@@ -7,12 +7,17 @@ import re
 import shutil
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from excite.errors import InputError
 from excite.report.folder import read_folder
 from excite.report.page import SECTIONS, render_page, report
+from excite.report.person_figures import save_person_figures
+from excite.robot.loading import load_robot
+from tests.documents.small import SMALL
 from tests.report.sample import sample_folder
 from tests.report.scripts import strange_scripts, without_scripts
 
@@ -85,7 +90,7 @@ def test_every_section_and_every_figure_is_there(page):
     assert {part.identifier for part in SECTIONS} - {"person", "moving", "findings", "beside-model"} <= set(
         outline.ids
     )
-    assert outline.drawings == 10
+    assert outline.drawings == 9
     assert "Left out" not in page
 
 
@@ -183,3 +188,95 @@ def test_a_check_of_a_bare_model_says_what_the_model_lacks_for_pictures(tmp_path
     (tmp_path / "out" / "check.json").write_text(json.dumps(document))
     text = report(tmp_path / "out").read_text(encoding="utf-8")
     assert "mine.urdf: robot: has no &lt;link&gt;" in text and "unknown robot" not in text
+
+
+# What sessions agree on and what varies between them, on the page of an identification.
+
+
+def test_what_varies_between_sessions_stands_in_the_open(tmp_path):
+    ur10 = load_robot("ur10")
+    document = json.loads((sample_folder(tmp_path / "all", ur10) / "campaign.json").read_text())[
+        "identification"
+    ]
+    folder = tmp_path / "days"
+    folder.mkdir()
+    file = folder / "identification.json"
+    session = {"value": 20.0, "std": 0.1}
+    steady = {
+        "name": "mx(upper_arm_link)",
+        "expression": "mx(upper_arm_link)",
+        "value": 0.5,
+        "between_std": 0.0,
+        "varies": False,
+        "low": 0.4,
+        "high": 0.6,
+        "by_session": {"mon": {"value": 0.5, "std": 0.02}, "tue<b>": {"value": 0.5, "std": 0.02}},
+    }
+    friction = {
+        **steady,
+        "name": "viscous(elbow_joint)",
+        "varies": True,
+        "low": 0.0,
+        "high": 67.0,
+        "by_session": {"mon": session, "tue<b>": {"value": 25.0, "std": 0.1}},
+    }
+    names = ["mon", "tue<b>"]
+    document["sessions"] = {"names": names, "left_out": {}, "level": 0.95, "parameters": [steady, friction]}
+    file.write_text(json.dumps(document))
+    page = report(folder).read_text()
+    block = page[page.index('id="sessions"') :]
+    open_part, folded = block[: block.index("<details")], block[block.index("<details") :]
+    assert "1 of 2 of the base parameters differs between 2 sessions (mon, tue&lt;b&gt;)" in open_part
+    assert "viscous(elbow_joint)" in open_part and "20.0 ± 0.10" in open_part and "0 … 67.0" in open_part
+    assert (
+        "mx(upper_arm_link)" not in open_part and "mx(upper_arm_link)" in folded[: folded.index("</details>")]
+    )
+    friction["varies"] = False
+    file.write_text(json.dumps(document))
+    assert "None of the base parameters differ between 2 sessions" in report(folder).read_text()
+
+
+# The page of a person holds both tables beside what was identified, and the ground reaction.
+
+FIT = {"unit": "N", "rmse": 14.1, "cc": 0.97, "reference_rmse": 130.0, "reference_cc": 0.9, "std": 700.0}
+
+
+def test_tables_and_ground_reaction_stand_on_the_page(tmp_path):
+    human = {
+        "schema": "excite.human/1",
+        "table": "de_leva",
+        "segments": [{"segment": "pelvis", "de_leva_kg": 8.3775, "dumas_kg": 10.6287}],
+        "ground_reaction": {"validation": {"fz": FIT}},
+    }
+    (tmp_path / "human.json").write_text(json.dumps(human))
+    page = report(tmp_path).read_text(encoding="utf-8")
+    text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page))
+    assert "de Leva 1996 [kg]" in text and "Dumas 2007 [kg]" in text
+    assert "pelvis 8.38 10.6" in text
+    assert "Ground reaction, trials that were left out" in text and "fz [N] 14.1 0.970 130 0.900" in text
+
+
+def test_masses_have_intervals_and_what_wrenches_are_of_is_said(tmp_path):
+    """A table of forces in the pelvis' axes beside one in the laboratory's gave other figures of the same trial."""
+    time = np.linspace(0.0, 1.0, 20)
+    curves = np.sin(np.add.outer(6.0 * time, np.arange(6.0)))
+    reaction = SimpleNamespace(
+        trial="walk", role="validation", time=time, measured=curves, nominal=0.9 * curves, identified=curves
+    )
+    rows = [
+        SimpleNamespace(segment=name, nominal={"de_leva": 8.0}, identified=7.0, std=std)
+        for name, std in (("pelvis", 0.5), ("head", 0.25))
+    ]
+    found = SimpleNamespace(table=SimpleNamespace(rows=rows), reactions=[reaction])
+    save_person_figures(found, None, "de_leva", tmp_path)
+    human = {
+        "schema": "excite.human/1",
+        "table": "de_leva",
+        "segments": [{"segment": "pelvis", "de_leva_kg": 8.0, "dumas_kg": 10.0}],
+        "ground_reaction": {"validation": {"fz": FIT}},
+    }
+    (tmp_path / "human.json").write_text(json.dumps(human))
+    (tmp_path / "identification.json").write_text(json.dumps(SMALL["identification"]))
+    text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", report(tmp_path).read_text(encoding="utf-8")))
+    assert "± 95 % [kg]" in text and "pelvis 8.00 7.00 0.980" in text and "head 8.00 7.00 0.490" in text
+    assert "the tables are of the same wrench in the pelvis" in text

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import subprocess
+import sys
 from io import BytesIO
 
 import numpy as np
@@ -11,21 +13,23 @@ import pinocchio as pin
 import pytest
 from defusedxml.ElementTree import fromstring
 from PIL import Image
+from scipy.spatial import ConvexHull
 
 from excite.report.comparisons import ForceComparison
-from excite.report.plots.body import draw_posture, front_view, shape_points
-from excite.report.plots.forces import plot_forces
-from excite.report.plots.sketch import Outlines, Words, text_length
-from excite.report.sections.answers import plot_rsd
-from excite.report.sections.identified import plot_masses
-from excite.report.sections.motions import (
+from excite.report.plots.curves import channel_panels, draw_panels
+from excite.report.plots.postures import (
     choose_motions,
     different_instants,
-    draw_activity,
+    draw_posture,
     draw_snapshots,
-    peak_speed_share,
+    hull_outline,
+    project,
+    shape_points,
 )
-from excite.report.sections.planned import draw_conditioning
+from excite.report.plots.sketch import Outlines, Words, text_length
+from excite.report.sections.answers import plot_rsd
+from excite.report.sections.identified import draw_masses
+from excite.report.sections.motions import activity_table, draw_conditioning
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion
@@ -34,6 +38,10 @@ from tests.report.sample import sample_data, sample_motion
 @pytest.fixture(scope="module")
 def data(g1):
     return sample_data(g1)
+
+
+def _curves(data):
+    return draw_panels(data.time, channel_panels(data))
 
 
 def _outlines(sketch):
@@ -45,14 +53,16 @@ def _outlines(sketch):
     ]
 
 
-def test_activity_of_motions_far_below_the_speed_limits_is_an_empty_grid(g1):
-    generous = dataclasses.replace(g1.limits, velocity=1e4 * g1.limits.velocity)
-    key, names = 3, {name.removesuffix("_joint") for name in g1.joint_names}
-    empty = draw_activity(dataclasses.replace(g1, limits=generous), [sample_motion(g1, 0)])
-    assert len(_outlines(empty)) == key
-    assert names < {shape.text for shape in empty.shapes if isinstance(shape, Words)}
-    squares = _outlines(draw_activity(g1, [sample_motion(g1, 0)]))[key:]
-    assert len(squares) == int((peak_speed_share(g1, [sample_motion(g1, 0)]) >= 0.01).sum()) > 0
+def test_joints_that_move_are_shaded_by_their_share_of_the_speed_limit(g1):
+    motion = sample_motion(g1, 0)
+    slow = dataclasses.replace(motion, v=motion.v * 0.0 + 0.5 * g1.limits.velocity.min())
+    shown = activity_table(g1, [motion, slow])
+    cells = np.array(re.findall(r'data-v="([^"]+)">([^<]*)<', shown)).reshape(g1.n_joints, 2, 2)
+    share = np.abs(motion.joint_velocities()).max(axis=0) / g1.limits.velocity
+    np.testing.assert_allclose(cells[:, 0, 0].astype(float), share, rtol=1e-6)
+    assert [text == "" for text in cells[:, 0, 1]] == (share < 0.01).tolist()
+    assert cells[:, 1, 0].astype(float).max() == pytest.approx(0.5) and "50 %" in cells[:, 1, 1]
+    assert {f"<td>{name.removesuffix('_joint')}</td>" in shown for name in g1.joint_names} == {True}
 
 
 def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):
@@ -76,9 +86,7 @@ def test_numbers_of_a_figure_are_not_rounded_with_the_places_of_its_lines():
     """Torques of a thousandth of a newton metre had the scale 0.00, 0.00, -0.00, and 0.125 stood there as 0.12."""
     time = np.linspace(0.0, 1.0, 50)
     measured = 0.004 * np.sin(9.0 * time)[:, None]
-    figure = plot_forces(
-        ForceComparison("one", ("a",), ("N·m",), time, measured, 0.5 * measured, 0.9 * measured)
-    )
+    figure = _curves(ForceComparison("one", ("a",), ("N·m",), time, measured, 0.5 * measured, 0.9 * measured))
     root = fromstring(to_svg(figure, "small", "what it shows"))
     texts = [
         "".join(item.itertext()).strip().replace("−", "-")
@@ -92,18 +100,29 @@ def test_numbers_of_a_figure_are_not_rounded_with_the_places_of_its_lines():
 
 
 def test_masses_show_all_three_and_mark_what_changed(data):
-    axes = plot_masses(data.masses).axes[0]
-    nominal, identified, intervals = axes.containers
-    (lines,) = intervals.lines[2]
-    ends = np.array([segment[:, 0] for segment in lines.get_segments()])
-    np.testing.assert_allclose(ends.mean(axis=1), data.masses.identified)
-    np.testing.assert_allclose(np.ptp(ends, axis=1), 2.0 * data.masses.half_width)
-    np.testing.assert_allclose([bar.get_width() for bar in nominal], data.masses.nominal)
-    np.testing.assert_allclose([bar.get_width() for bar in identified], data.masses.identified)
-    np.testing.assert_allclose(axes.lines[0].get_xdata(), data.masses.true)
-    bold = [label.get_text() for label in axes.get_yticklabels() if label.get_fontweight() == "bold"]
-    assert bold == [name for name, flag in zip(data.masses.names, data.masses.changed, strict=True) if flag]
-    assert not plot_masses(dataclasses.replace(data.masses, true=None)).axes[0].lines
+    masses = data.masses
+    sketch, n = draw_masses(masses), len(masses.names)
+    words = {shape.text: shape for shape in sketch.shapes if isinstance(shape, Words)}
+    marks = sorted(
+        (float(text), shape.place[0]) for text, shape in words.items() if text.replace(".", "").isdigit()
+    )
+    (zero, left), (most, right) = marks[0], marks[-1]
+
+    def kilograms(places):
+        return zero + (np.array(places) - left) / (right - left) * (most - zero)
+
+    bars = np.array(_outlines(sketch)[-2 * n :])[:, 1, 0]
+    np.testing.assert_allclose(kilograms(bars[:n]), masses.nominal, atol=1e-9)
+    np.testing.assert_allclose(kilograms(bars[n:]), masses.identified, atol=1e-9)
+    lines = [shape for shape in sketch.shapes if isinstance(shape, Outlines) and not shape.closed]
+    spans, ticks = (kilograms(np.array(shape.parts)[:, :, 0]) for shape in lines[-2:])
+    np.testing.assert_allclose(spans.mean(axis=1), masses.identified, atol=1e-9)
+    np.testing.assert_allclose(np.ptp(spans, axis=1), 2.0 * masses.half_width, atol=1e-9)
+    np.testing.assert_allclose(ticks[:, 0], masses.true, atol=1e-9)
+    bold = [text for text, shape in words.items() if shape.bold]
+    assert bold == [name for name, flag in zip(masses.names, masses.changed, strict=True) if flag]
+    untold = draw_masses(dataclasses.replace(masses, true=None)).shapes
+    assert "true" in words and "true" not in {one.text for one in untold if isinstance(one, Words)}
 
 
 @pytest.mark.parametrize("n_channels", [1, 6, 7])
@@ -112,7 +131,7 @@ def test_forces_have_a_panel_a_channel_with_unit_and_rmse(n_channels):
     measured = np.zeros((len(time), n_channels))
     names = tuple(f"joint{i}" for i in range(n_channels))
     data = ForceComparison("t", names, ("N·m",) * n_channels, time, measured, measured + 2.0, measured - 0.5)
-    panels = [axes for axes in plot_forces(data).axes if axes.get_visible()]
+    panels = [axes for axes in _curves(data).axes if axes.get_visible()]
     assert [axes.get_title("left") for axes in panels] == [f"{name}, RMSE 2 → 0.5 N·m" for name in names]
     assert {axes.get_ylabel() for axes in panels} == {"[N·m]"}
     assert all(len(line.get_xdata()) <= 3000 for axes in panels for line in axes.lines)
@@ -129,14 +148,13 @@ def test_rsd_points_fall_where_they_belong():
 
 
 def test_a_picture_stands_on_the_ground_with_its_mass_over_its_feet(g1):
-    view = front_view()
-    drawn = draw_posture(g1, g1.rest, frozenset(foot.name for foot in g1.feet), view)
+    drawn = draw_posture(g1, g1.rest, frozenset(foot.name for foot in g1.feet))
     com = pin.centerOfMass(g1.model, g1.model.createData(), g1.rest) * [1.0, 1.0, 0.0]
-    np.testing.assert_allclose(drawn.com, view.flat((com - [*g1.rest[:2], 0.0])[None])[0])
+    np.testing.assert_allclose(drawn.com, project((com - [*g1.rest[:2], 0.0])[None])[0])
     low, high = drawn.support.min(axis=0), drawn.support.max(axis=0)
     assert (low < drawn.com).all() and (drawn.com < high).all()
     assert len(drawn.soles) == 2 and len(drawn.bones) >= g1.n_joints // 2 and len(drawn.hulls) > 15
-    assert draw_posture(g1, g1.rest, frozenset(), view).support is None
+    assert draw_posture(g1, g1.rest, frozenset()).support is None
 
 
 @pytest.mark.parametrize(
@@ -170,15 +188,8 @@ def test_each_generator_is_shown_first(g1):
     assert choose_motions(motions, 10) == motions
 
 
-def test_speed_share_is_of_the_limit(g1):
-    motion = sample_motion(g1, 0)
-    scaled = dataclasses.replace(motion, v=motion.v * 0.0 + 0.5 * g1.limits.velocity.min())
-    share = peak_speed_share(g1, [scaled])
-    assert share.shape == (g1.n_joints, 1) and share.max() == pytest.approx(0.5)
-
-
 def test_drawings_follow_the_page_and_pictures_are_light(data):
-    figure = plot_masses(data.masses)
+    figure = _curves(data.forces)
     svg = to_svg(figure, "one", "what it shows")
     assert 'aria-label="what it shows"' in svg and "var(--identified)" in svg
     assert not any(role.light in svg for role in ROLES)
@@ -195,7 +206,7 @@ def test_a_row_of_postures_is_drawn_in_full_on_the_page_and_as_a_picture(g1):
     outlines = [path.get("d") for path in root.iter("{http://www.w3.org/2000/svg}path")]
     ends = np.array([[float(part) for part in re.findall(r"[-.\d]+", outline)][:2] for outline in outlines])
     assert (ends >= 0.0).all() and (ends <= [width, height]).all()
-    drawn = draw_posture(g1, motion.q[0], frozenset(), front_view())
+    drawn = draw_posture(g1, motion.q[0], frozenset())
     assert len(outlines) >= 3 * (len(drawn.hulls) + len(drawn.bones) + len(drawn.soles))
     words = [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")]
     assert words[0].startswith("a < b & c") and words[1] == "0.0 s" and len(words) == 4
@@ -205,3 +216,33 @@ def test_a_row_of_postures_is_drawn_in_full_on_the_page_and_as_a_picture(g1):
         assert {(0, 114, 178), (28, 33, 39)} & {
             colour for _, colour in image.convert("RGB").getcolors(1 << 20)
         }
+
+
+# Outlines of shapes in pictures of a robot.
+
+
+def test_an_outline_has_the_corners_of_the_hull_anticlockwise() -> None:
+    corners = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.0, 0.1], [0.1, 0.05]])
+    found = hull_outline(corners).tolist()
+    assert found[found.index(0) :] + found[: found.index(0)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_nothing_sticks_out_that_could_be_seen(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ball = rng.normal(size=(96, 3))
+    points = (ball / np.linalg.norm(ball, axis=1)[:, None] * rng.uniform(0.02, 0.3, 3))[:, :2]
+    found = points[hull_outline(points)]
+    area = 0.5 * np.sum(found[:, 0] * np.roll(found[:, 1], -1) - found[:, 1] * np.roll(found[:, 0], -1))
+    assert 0.995 * ConvexHull(points).volume < area <= ConvexHull(points).volume + 1e-12
+
+
+@pytest.mark.parametrize("points", [np.zeros((4, 2)), np.outer(np.arange(3.0), [1.0, 2.0])])
+def test_what_has_no_area_has_no_outline(points: np.ndarray) -> None:
+    assert len(hull_outline(points)) < 3
+
+
+def test_pictures_are_drawn_without_the_hulls_of_scipy() -> None:
+    code = "import sys, excite.report.sections.motions; print(*({'scipy.spatial', 'scipy.linalg'} & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []

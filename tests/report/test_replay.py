@@ -33,6 +33,8 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model, geometry_data
 from excite.safety.check import check_motion
+from excite.safety.checks.collision import Distances
+from excite.safety.checks.sweep import Sweep
 from tests.report.kinematics import poses
 
 
@@ -211,41 +213,17 @@ def test_a_ghost_has_a_base_of_its_own_where_that_was_simulated():
 
 
 @pytest.mark.parametrize("name", ["ur10", "g1", "go2"])
-def test_the_nearest_pair_is_the_one_of_all_distances(name):
-    """After leaps, after which nothing that was kept holds, and after small steps, after which it does."""
-    robot = load_robot(name)
-    geometry = collision_model(robot)
-    data, ours, theirs = robot.model.createData(), geometry_data(geometry), geometry_data(geometry)
-    rng, postures = np.random.default_rng(0), []
-    q = robot.rest
-    for k in range(80):
-        if k % 20 == 0:
-            q = np.concatenate(
-                [
-                    robot.rest[: robot.n_base_q],
-                    rng.uniform(robot.limits.position_lower, robot.limits.position_upper),
-                ]
-            )
-        q = pin.integrate(robot.model, q, rng.normal(scale=0.02, size=robot.model.nv))
-        postures.append(q)
-    for q, pair in zip(postures, nearest_pairs(robot, data, ours, np.array(postures)), strict=True):
-        pin.updateGeometryPlacements(robot.model, data, geometry, theirs, q)
+def test_the_nearest_pair_is_the_one_of_all_distances_and_few_are_computed(name, monkeypatch):
+    robot, asked, compute = load_robot(name), [], pin.computeDistance
+    motion = load_motions(name)[0].resampled(robot, FRAMES_HZ)
+    sweep, geometry = Sweep(robot, motion, 1.0), collision_model(robot)
+    times = sweep.fine.time[::3]
+    data, theirs = robot.model.createData(), geometry_data(geometry)
+    monkeypatch.setattr(pin, "computeDistance", lambda *given: asked.append(given) or compute(*given))
+    for k, (pair, least) in enumerate(nearest_pairs(Distances(sweep), times)):
+        pin.updateGeometryPlacements(robot.model, data, geometry, theirs, sweep.fine.q[3 * k])
         all_pairs = int(pin.computeDistances(geometry, theirs))
-        least = theirs.distanceResults[all_pairs].min_distance
-        assert ours.distanceResults[pair].min_distance == pytest.approx(least, abs=1e-9)
-
-
-def test_few_distances_are_computed_of_a_posture_like_the_last(g1, monkeypatch):
-    found, asked, compute = geometry_data(collision_model(g1)), [], pin.computeDistance
-
-    def counted(*arguments):
-        asked.append(arguments)
-        return compute(*arguments)
-
-    monkeypatch.setattr(pin, "computeDistance", counted)
-    counts = []
-    for _ in nearest_pairs(g1, g1.model.createData(), found, np.array([g1.rest, g1.rest])):
-        counts.append(len(asked))
-        asked.clear()
-    # Spheres leave some thirty pairs open; of where they were a moment ago, one and those as near.
-    assert counts[0] > 20 and counts[1] < 5
+        assert least == pytest.approx(theirs.distanceResults[all_pairs].min_distance, abs=1e-6)
+        assert theirs.distanceResults[pair].min_distance == pytest.approx(least, abs=1e-6)
+    # Of 505 pairs of G1 balls leave some thirty, and where they were a moment ago fewer.
+    assert len(asked) < 40 * len(times)

@@ -40,7 +40,11 @@ def log(tmp_path_factory: pytest.TempPathFactory, motion: Path) -> Path:
 def test_a_motion_knows_its_robot(motion: Path) -> None:
     thing = read_thing(motion)
     assert thing.robot.name == "ur10" and len(thing.clips) == 1
-    assert [one["title"] for one in thing.clips[0].content["signals"]] == ["position", "velocity", "torque"]
+    assert [one["title"] for clip in thing.clips.values() for one in clip["signals"]] == [
+        "position",
+        "velocity",
+        "torque",
+    ]
 
 
 def test_a_folder_of_results_holds_no_motion(tmp_path: Path) -> None:
@@ -54,7 +58,7 @@ def test_a_folder_of_results_holds_no_motion(tmp_path: Path) -> None:
 
 def test_a_log_has_the_command_as_a_ghost(log: Path) -> None:
     thing = read_thing(log)
-    clip, trial = thing.clips[0].content, load_log(log).trials[0]
+    clip, trial = next(iter(thing.clips.values())), load_log(log).trials[0]
     assert clip["ghost"]["label"] == "commanded"
     time = trial.time - trial.time[0]
     at = np.searchsorted(time, unpack_table(clip["time"])[30, 0])
@@ -71,7 +75,7 @@ def test_a_diagnosis_has_the_simulator_as_a_ghost_and_residuals(log: Path, tmp_p
     write_json(document, tmp_path / "diagnosis.json")
     save_report_data(ReportData(path=path), tmp_path / "report_data.npz")
     thing = read_thing(tmp_path)
-    clips = [clip.content for clip in thing.clips]
+    clips = list(thing.clips.values())
     assert [clip["ghost"]["label"] for clip in clips] == [
         "the simulator as it was",
         "the simulator with the effects",

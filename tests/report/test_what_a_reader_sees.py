@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import json
 import re
 from dataclasses import replace
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from excite.provenance import made_by
+from excite.report import html
 from excite.report.comparisons import Record, load_report_data, save_report_data
 from excite.report.html import html_table
 from excite.report.page import report
@@ -100,3 +102,47 @@ def test_a_mass_that_is_right_is_not_off_by_minus_nothing(folder: Path, tmp_path
         replace(data, masses=replace(near, true=None, determined=told)), tmp_path / "report_data.npz"
     )
     assert "not all of it is told by the data" in plain(report(tmp_path).read_text(encoding="utf-8"))
+
+
+# Numbers and cells as a reader sees them.
+
+
+def test_examples_in_docstrings():
+    assert doctest.testmod(html).failed == 0
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (-0.00123, "−0.00123"),
+        (99999.0, "99999"),
+        (123456.0, "1.23 · 10⁵"),
+        (-2.5e-7, "−2.50 · 10⁻⁷"),
+        (float("nan"), "–"),
+    ],
+)
+def test_numbers(value, text):
+    assert html.format_number(value) == text
+
+
+def test_text_is_escaped_and_numeric_columns_stand_right():
+    page = html.html_table(("<name>", "value"), [("a & b", 1.0), ("c", None)])
+    assert "&lt;name&gt;" in page and "a &amp; b" in page and "<name>" not in page
+    assert page.count('class="number"') == 3
+
+
+def test_commands_in_a_sentence_are_typed() -> None:
+    assert (
+        html.html_paragraph("`excite diagnose` tells < more")
+        == "<p><code>excite diagnose</code> tells &lt; more</p>"
+    )
+
+
+def test_a_number_in_words_sorts_as_the_number_that_it_is() -> None:
+    text = html.html_table(
+        ("RSD",), [(html.Said(4e9, "not shown"),), (html.Said(None, "not shown"),), (3.0,)]
+    )
+    assert '<td class="number" data-v="4e+09">not shown</td>' in text
+    assert '<td class="number">not shown</td>' in text
+    assert '<th class="number">' in text

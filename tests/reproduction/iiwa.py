@@ -14,9 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.physical.bounds import PhysicalBounds
-from excite.identification.physical.bounds_file import load_physical_bounds, load_physical_values
+from excite.formats.documents import read_yaml
+from excite.identification.estimators.settings import BodySettings
+from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
+from excite.identification.physical.bounds_file import load_bounds
 from excite.identification.physical.coordinates import NAMES, physical_parameters, standard_parameters
+from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.problem import IdentificationProblem
 from excite.regressor.base_parameters import BaseParameters, base_parameters, r_factor
@@ -123,14 +126,16 @@ def grouping() -> Array:
 
 
 @cache
-def bounds() -> PhysicalBounds:
+def bounds(path: Path = BOUNDS) -> PhysicalBounds:
     """LB and UB of Tables 6 and 7, eq. (17) and (18)."""
-    return load_physical_bounds(BOUNDS, tuple(segment.link for segment in iiwa().segments))
+    usual = replace(default_bounds(iiwa(), BodySettings()), rules=InertiaRules())
+    return load_bounds(path, iiwa()).over(usual)
 
 
 def published_parameters(which: str) -> Array:
     """Standard parameters and friction ``(84,)`` of Tables 6 and 7: ``xu2020`` (theirs) or ``ref37``."""
-    values = load_physical_values(BOUNDS, which)
+    stated = read_yaml(BOUNDS)["parameters"]
+    values = {name: float(entry[which]) for name, entry in stated.items()}
     links = [segment.link for segment in iiwa().segments]
     physical = np.array([[values[f"{link}.{name}"] for name in NAMES] for link in links])
     return np.concatenate([standard_parameters(physical), [values[name] for name in DRIVES]])

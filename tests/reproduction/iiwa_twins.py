@@ -12,9 +12,7 @@ from excite.arrays import Array
 from excite.logs.signals.butterworth import lowpass, periodic_derivatives
 from excite.logs.signals.resample import average_periods
 from excite.motion.motion import Motion
-from excite.simulation.drives import nominal_drives
-from excite.simulation.simulate import simulate
-from excite.simulation.true_parameters import TrueParameters
+from excite.simulation.true_parameters import TrueParameters, nominal_drives
 from excite.simulation.virtual_robot import VirtualRobot
 from tests.reproduction.iiwa import (
     CUTOFF_HZ,
@@ -31,6 +29,7 @@ from tests.reproduction.iiwa import (
     rows,
 )
 from tests.reproduction.iiwa_excitation import excitation
+from tests.simulation.motions import simulate
 
 # Table 8, columns of the base parameters: what they leave, for reference trajectories 1, 2 and 3 [N·m].
 UNEXPLAINED = {

@@ -20,11 +20,11 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.com_box import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidates
-from excite.simulation.simulate import simulate
 from excite.simulation.virtual_robot import VirtualRobot
 from tests.identification.estimated import estimated
 from tests.reproduction.jaco2 import TABLE_5_CONSISTENCY
 from tests.reproduction.twins import virtual_twin
+from tests.simulation.motions import simulate
 
 METHODS = {"CAD": None, "ULS": "ls", "CLS-1": "cls1", "CLS-2": "cls2", "CLS-3": "cls3"}
 # "Data Filtering": second-order Butterworth, 5 Hz; the model has no friction ("The Considered Robot Model").

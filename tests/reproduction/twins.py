@@ -8,16 +8,15 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.robot.robot import Robot
-from excite.simulation.drives import scattered_drives
-from excite.simulation.recording import Recording
 from excite.simulation.true_parameters import (
     AddedPart,
     TrueParameters,
     hrp2_like_changes,
+    scattered_drives,
     scattered_parameters,
     with_part,
 )
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.virtual_robot import Recording, VirtualRobot
 
 # Of an arm: scatter of its links (see scattered_parameters), mass of cables and screws as a share of each link's,
 # and what fingers, a plug or a plate add to the last link, as a share of the arm's mass.

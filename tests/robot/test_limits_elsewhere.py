@@ -12,6 +12,7 @@ from excite.errors import RobotError
 from excite.robot.init_robot.source import Source
 from excite.robot.robot import Robot
 from tests.robot.small import ARM, ELBOW_LIMIT
+from tests.safety.motions import joint_motion, smooth
 
 MARGIN = 0.03
 CONTROL = (
@@ -46,6 +47,8 @@ def said(robot: Robot) -> str:
         ('soft_lower_limit="-3.0" soft_upper_limit="0.5"', (-2.0, 0.5)),
         ('soft_lower_limit="-3.0" soft_upper_limit="3.0"', (-2.0, 2.0)),
         ('soft_lower_limit="0" soft_upper_limit="0"', (-2.0, 2.0)),
+        ('soft_upper_limit="0.5"', (-2.0, 0.5)),
+        ('soft_lower_limit="-0.5"', (-0.5, 2.0)),
         ("", (-2.0, 2.0)),
     ],
 )
@@ -69,6 +72,34 @@ def test_limits_of_commands_of_ros2_control(tmp_path: Path) -> None:
     # 20 N·m of <limit> are less than 90.
     assert robot.limits.torque[1] == 20.0
     assert "limits of <ros2_control>: position of elbow; velocity of elbow" in said(robot)
+
+
+@pytest.mark.parametrize(("end", "value", "left"), [("min", -0.5, (-0.5, 2.0)), ("max", 0.5, (-2.0, 0.5))])
+@pytest.mark.parametrize("form", ["command", "file"])
+def test_one_end_alone_is_a_limit(
+    form: str, end: str, value: float, left: tuple[float, float], tmp_path: Path
+) -> None:
+    text, file = ARM, tmp_path / "limits.yaml"
+    if form == "command":
+        other = {"min": '<param name="max">3.0</param>', "max": '<param name="min">-0.5</param>'}[end]
+        stated = CONTROL.replace(other, "").replace(">3.0<", f">{value}<")
+        text = ARM.replace("</robot>", stated)
+    file.write_text(f"joint_limits: {{elbow: {{{end}_position: {value}}}}}")
+    robot = arm(tmp_path / "arm.urdf", text, Source(limits=file) if form == "file" else None)
+    assert elbow(robot) == pytest.approx(left)
+
+
+@pytest.mark.parametrize(
+    ("stated", "left"), [("max_position: 0.5", (0.5 - 2 * np.pi, 0.5)), ("min_position: -4.0", (-4.0, np.pi))]
+)
+def test_one_end_of_a_joint_that_turns_without_end(
+    stated: str, left: tuple[float, float], tmp_path: Path
+) -> None:
+    file = tmp_path / "limits.yaml"
+    file.write_text(f"joint_limits: {{elbow: {{{stated}}}}}")
+    text = ARM.replace('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">')
+    text = text.replace(ELBOW_LIMIT, '<limit velocity="3.0" effort="20"/>')
+    assert elbow(arm(tmp_path / "arm.urdf", text, Source(limits=file))) == pytest.approx(left)
 
 
 def test_a_joint_that_robot_yaml_states_keeps_what_it_states(tmp_path: Path) -> None:
@@ -147,6 +178,15 @@ def test_joint_limits_that_are_given_hold_for_a_model_and_for_a_robot_yaml(tmp_p
         ("limits: {}", "has no mapping joint_limits"),
         ("joint_limits: {elbow: {max_velocity: fast}}", "is 'fast', no number"),
         (
+            "by_position: [{joint: wrist, quantity: torque, at: [0, 1], limit: [1, 2]}]",
+            "no joint 'wrist' in the model",
+        ),
+        (
+            "by_position: [{joint: elbow, quantity: torque, at: [0, 1], limit: [1]}]",
+            "limit has to have 2 values",
+        ),
+        ("by_position: {elbow: 1.0}", "is no list of tables"),
+        (
             "joint_limits: {elbow: {min_position: 1.0, max_position: -1.0}}",
             "min_position 1 is not below max_position -1; exchange",
         ),
@@ -157,6 +197,43 @@ def test_a_file_that_is_none_is_refused(text: str, said: str, tmp_path: Path) ->
     file.write_text(text)
     with pytest.raises(RobotError, match=said):
         arm(tmp_path / "arm.urdf", ARM, Source(limits=file))
+
+
+def test_limits_by_position_hold_for_a_model_and_for_a_robot_yaml(tmp_path: Path) -> None:
+    """Slow near the end: the elbow's velocity there is judged by the table, elsewhere by its own 3 rad/s."""
+    file = tmp_path / "slow.yaml"
+    table = "{joint: elbow, quantity: velocity, at: [0.1, 0.11], limit: [3.0, 0.05]}"
+    file.write_text(f"by_position: [{table}]")
+    model = tmp_path / "arm.urdf"
+    model.write_text(ARM, encoding="utf-8")
+    described = excite.write_scaffold(model, tmp_path).description
+    limited = excite.write_scaffold(model, tmp_path / "limited", source=Source(limits=file)).description
+    time = np.linspace(0.0, 4.0, 801)
+    there_and_back = (smooth(time / 2.0) - smooth((time - 2.0) / 2.0))[:, None]
+    for path, source in ((model, Source(limits=file)), (described, Source(limits=file)), (limited, None)):
+        robot = excite.load_robot(path, source)
+        assert "limits of slow.yaml: velocity by position of elbow" in said(robot)
+        for height, safe in ((0.1, True), (0.2, False)):
+            motion = joint_motion(robot, time, there_and_back * [0.0, height])
+            assert excite.check(robot, [motion]).safe == safe, (path, height)
+
+
+def test_limits_that_who_described_a_robot_chose_are_assumed() -> None:
+    found = {one.what: one.value for one in excite.load_robot("ur10").description.assumed}
+    assert found["jerk limits"].startswith("160 rad/s³") and "acceleration limits" in found
+    assert "jerk limits" not in {one.what for one in excite.load_robot("panda").description.assumed}
+    time = np.linspace(0.0, 1.0, 201)
+    robot = excite.load_robot("ur10")
+    still = joint_motion(robot, time, np.tile(robot.rest, (201, 1)))
+    assert "jerk limits" in excite.check(robot, [still]).summary().splitlines()[-1]
+
+
+def test_jerk_limits_that_a_file_states_are_not_assumed(tmp_path: Path) -> None:
+    file = tmp_path / "limits.yaml"
+    file.write_text("joint_limits: {shoulder: {max_jerk: 5.0}, elbow: {max_jerk: 6.0}}")
+    robot = arm(tmp_path / "arm.urdf", ARM, Source(limits=file))
+    assert robot.limits.jerk.tolist() == [5.0, 6.0]
+    assert "jerk limits" not in {one.what for one in robot.description.assumed}
 
 
 def test_a_joint_without_position_limits_has_an_assumed_one(tmp_path: Path) -> None:

@@ -30,9 +30,8 @@ from excite.robot.shapes.collision import (
     geometry_data,
     pair_distance,
 )
-from excite.simulation.replay import replay_motion
 from tests.robot.small import ARM
-from tests.simulation.motions import standing
+from tests.simulation.motions import replay_motion, standing
 
 INERTIAL = (
     '<inertial><mass value="{m}"/><inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial>'

@@ -102,7 +102,8 @@ def test_a_fixed_root_gets_a_box_and_a_limb_does_not_pass_through_it(tmp_path: P
 
 def test_a_verdict_says_under_what_it_holds(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
-    path.write_text(ARM.replace('<geometry><box size="0.06 0.06 0.25"/></geometry>', MESH))
+    text = ARM.replace('<origin xyz="0 0 0.1"', '<origin xyz="0 0 0"')
+    path.write_text(text.replace('<geometry><box size="0.06 0.06 0.25"/></geometry>', MESH))
     robot = excite.load_robot(path)
     time = np.linspace(0.0, 4.0, 801)
     there_and_back = (smooth(time / 2.0) - smooth((time - 2.0) / 2.0))[:, None]
@@ -154,3 +155,40 @@ def test_what_rests_near_each_other_does_not_pass_through(tmp_path: Path) -> Non
     geometry, kept = watched_model(robot)
     margin = robot.description.collision.margin
     assert len(kept) == len(geometry.collisionPairs) and (kept < margin).sum() >= len(near)
+
+
+CAMERA = (
+    '<link name="camera"><collision><geometry><box size="0.03 0.03 0.03"/></geometry></collision></link>'
+    '<joint name="clamp" type="fixed"><parent link="world"/><child link="camera"/><origin xyz="0.5 0 0"/></joint>'
+)
+
+
+@pytest.mark.parametrize(
+    ("base", "at", "said"),
+    [
+        (f'<link name="world"><visual>{MESH}</visual></link>', "0 0 0.4", "boxes stand for"),
+        (f'<link name="world"><visual>{MESH}</visual></link>{CAMERA}', "0 0 0.4", "boxes stand for"),
+        ('<link name="world"/>', "0 0 0.4", "nothing touches"),
+        (f'<link name="world"><visual>{MESH}</visual></link>', "0 0 0", "nothing touches"),
+        ('<link name="world"/>', "0 0 0", ""),
+        (
+            '<link name="world"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>',
+            "0 0 0.4",
+            "",
+        ),
+    ],
+)
+def test_a_root_without_mass_is_a_link_too(tmp_path: Path, base: str, at: str, said: str) -> None:
+    path = tmp_path / "arm.urdf"
+    text = ARM.replace('<link name="world"/>', base).replace('<origin xyz="0 0 0.1"', f'<origin xyz="{at}"')
+    path.write_text(text, encoding="utf-8")
+    robot = excite.load_robot(path)
+    boxes = {shape.link for shape in robot.description.collision.shapes}
+    assert boxes == ({"world"} if said.startswith("boxes") else set())
+    time = np.linspace(0.0, 4.0, 801)
+    there_and_back = (smooth(time / 2.0) - smooth((time - 2.0) / 2.0))[:, None]
+    report = excite.check(robot, [joint_motion(robot, time, robot.rest + there_and_back * [0.0, 0.2])])
+    (verdict,) = report.to_json()["motions"]
+    assert report.safe and [said in one and "world" in one for one in verdict["as_far_as"]] == [True] * bool(
+        said
+    )

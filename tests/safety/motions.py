@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from scipy.interpolate import make_interp_spline
 
+from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Foot, Robot
+from excite.safety.check import check_motion
+from excite.safety.verdict import Verdict
 
 RATE_HZ = 200.0
 
@@ -117,3 +121,14 @@ def squat(robot: Robot, depth: float = 0.08, sway: float = 0.03, duration: float
     side = sway * shape * np.sin(2.0 * np.pi * time / duration)
     pelvis = np.column_stack([0.0 * shape, side, -depth * shape])
     return standing_motion(robot, pelvis, {"right_elbow_joint": 0.3 * shape})
+
+
+def check_file(robot: Robot, path: Path, *, rate_hz: float | None = None) -> Verdict:
+    """Load a motion file and judge it; the verdict's ``motion`` is the path as given.
+
+    Raises:
+        MotionError: the file cannot be read, or is no motion of this robot.
+        InputError: ``rate_hz`` is not positive.
+        RobotError: the robot's collision geometry cannot be read.
+    """
+    return check_motion(robot, load_motion(path, robot).renamed(str(path)), rate_hz=rate_hz)

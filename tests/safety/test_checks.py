@@ -11,13 +11,21 @@ from excite.errors import InputError, MotionError
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.safety.check import CHECKS, check_file, check_motion
+from excite.safety.check import CHECKS, check_motion
 from excite.safety.checks.base import Check
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.motion import SamplingCheck
 from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import MARGIN_FIELDS, CheckReport
-from tests.safety.motions import arm_motion, moved_base, moved_joint, smooth, squat, standing_motion
+from tests.safety.motions import (
+    arm_motion,
+    check_file,
+    moved_base,
+    moved_joint,
+    smooth,
+    squat,
+    standing_motion,
+)
 
 
 def kinds(robot: Robot, motion: Motion) -> set[str]:

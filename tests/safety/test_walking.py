@@ -17,7 +17,7 @@ from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.checks.sweep import Sweep
 from excite.safety.filter import SafetyFilter
-from excite.simulation.replay import replay_motion
+from tests.simulation.motions import replay_motion
 
 
 @pytest.fixture(scope="module")

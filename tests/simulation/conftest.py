@@ -7,8 +7,7 @@ import pytest
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.execution import execute_motion
-from excite.simulation.recording import Recording
-from excite.simulation.virtual_robot import VirtualRobot, changed_robot
+from excite.simulation.virtual_robot import Recording, VirtualRobot, changed_robot
 from tests.simulation.motions import generator, squatting, waving
 
 

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
+from excite.logs.log import Log
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
+from excite.simulation.replay import Replay, watched_run
+from excite.simulation.simulate import run_experiment
+from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 
 RATE_HZ = 200.0
 
@@ -91,3 +99,34 @@ def _step(model: pin.Model, data: pin.Data, q: Array, targets: dict[int, pin.SE3
 def generator(seed: int) -> np.random.Generator:
     """A random generator."""
     return np.random.default_rng(seed)
+
+
+def replay_motion(
+    subject: Robot | VirtualRobot, motion: Motion, *, mass_error: float = 0.0, friction_error: float = 0.0
+) -> Replay:
+    """Run a motion once, with contacts between the robot's own parts, and say what became of it.
+
+    Args:
+        subject: a robot (then the model itself is simulated) or a virtual robot.
+        motion: the motion.
+        mass_error: relative change of the mass and inertia of all segments, 0.1 for a tenth more.
+        friction_error: relative change of the soles' friction, -0.3 for a floor a third more slippery.
+
+    Returns:
+        What happened.
+
+    Raises:
+        MotionError: the motion is not for this robot, or the simulation diverged.
+    """
+    virtual = nominal_robot(subject) if isinstance(subject, Robot) else subject
+    virtual = replace(
+        virtual,
+        truth=replace(virtual.truth, phi=(1.0 + mass_error) * virtual.truth.phi),
+        world=replace(virtual.world, sole_friction=virtual.world.sole_friction * (1.0 + friction_error)),
+    )
+    return watched_run(virtual, motion, forces=False).replay
+
+
+def simulate(virtual: VirtualRobot, motions: Sequence[Motion], **options: Any) -> Log:
+    """The log of :func:`~excite.simulation.simulate.run_experiment`, same arguments and errors."""
+    return run_experiment(virtual, motions, **options).log

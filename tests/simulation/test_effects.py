@@ -13,10 +13,8 @@ from excite.logs.vocabulary import EFFECTS
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import INJECTED_EFFECTS, inject_effects
 from excite.simulation.execution import execute_motion
-from excite.simulation.recording import Recording
-from excite.simulation.simulate import simulate
-from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
-from tests.simulation.motions import waving
+from excite.simulation.virtual_robot import Recording, VirtualRobot, nominal_robot
+from tests.simulation.motions import simulate, waving
 
 NAMES = sorted(INJECTED_EFFECTS)
 

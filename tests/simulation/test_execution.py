@@ -15,9 +15,8 @@ from excite.arrays import Array
 from excite.errors import MotionError
 from excite.robot.robot import Robot
 from excite.simulation.execution import Machine, execute_motion
-from excite.simulation.recording import Recording
 from excite.simulation.replay import watched_run
-from excite.simulation.virtual_robot import Plant, VirtualRobot, nominal_robot
+from excite.simulation.virtual_robot import Plant, Recording, VirtualRobot, nominal_robot
 from tests.simulation.motions import squatting, standing, waving
 
 

@@ -12,11 +12,11 @@ from excite.errors import InputError
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
-from excite.simulation.drives import nominal_drives
 from excite.simulation.mjcf import World, build_spec
 from excite.simulation.true_parameters import (
     UnphysicalParametersError,
     box_parameters,
+    nominal_drives,
     principal_inertia,
     scattered_parameters,
 )

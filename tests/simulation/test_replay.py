@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from excite.robot.robot import Robot
-from excite.simulation.replay import replay_motion, watched_run
+from excite.simulation.replay import watched_run
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
-from tests.simulation.motions import squatting, standing, waving
+from tests.simulation.motions import replay_motion, squatting, standing, waving
 
 
 def test_a_quiet_stand_passes(g1: Robot) -> None:

@@ -11,10 +11,9 @@ from excite.errors import InputError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.robot.robot import Robot
-from excite.simulation.recording import Recording
-from excite.simulation.simulate import run_experiment, simulate
-from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
-from tests.simulation.motions import squatting, standing, waving
+from excite.simulation.simulate import run_experiment
+from excite.simulation.virtual_robot import Recording, VirtualRobot, nominal_robot
+from tests.simulation.motions import simulate, squatting, standing, waving
 
 
 def _motions(robot: Robot) -> list:

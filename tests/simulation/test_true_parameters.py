@@ -12,13 +12,14 @@ from excite.errors import InputError
 from excite.robot import load as bringing
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.drives import nominal_drives, scattered_drives
 from excite.simulation.true_parameters import (
     AddedPart,
     TrueParameters,
     hrp2_like_changes,
+    nominal_drives,
     nominal_truth,
     principal_inertia,
+    scattered_drives,
     scattered_parameters,
     with_part,
 )

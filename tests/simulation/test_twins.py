@@ -9,8 +9,7 @@ import pytest
 
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.drives import nominal_drives
-from excite.simulation.true_parameters import principal_inertia
+from excite.simulation.true_parameters import nominal_drives, principal_inertia
 from tests.reproduction.twins import TorqueCalibration, virtual_twin
 from tests.simulation.motions import generator
 

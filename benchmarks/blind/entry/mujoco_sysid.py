@@ -17,8 +17,8 @@ from excite.arrays import Array
 from excite.errors import InputError, LogError
 from excite.logs.log import Trial
 from excite.rows.kinematics import positions_on_grid, trial_grid, trial_rate
-from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
+from excite.simulation.true_parameters import Drives, nominal_drives
 
 # Evaluations of scipy's trust region with sysid's Jacobian. Tried on one UR10 before the torques were those that the
 # integrator applies: twelve on 5 s took the cost from 49472 to 119, eight of its own Levenberg-Marquardt on 10 s from

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.conversion.columns.units import derivative_of
 from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
@@ -29,8 +30,8 @@ _FORWARD = 0.9
 _RESET_ROWS = 50.0
 # A run has more rows than this; of more late rows the order is not known.
 _FEWEST_ROWS, _LATE = 20, 0.4
-# Velocities are slopes where they are so alike, smoothed over so many rows, and of one rate where they differ by less.
-_SLOPE, _SMOOTHED, _ONE_RATE = 0.95, 5, 0.1
+# Velocities are slopes where they are so alike, and of one rate where they differ by less.
+_SLOPE, _ONE_RATE = 0.95, 0.1
 # Steps longer than this many usual ones are pauses.
 _PAUSE = 5.0
 
@@ -171,20 +172,13 @@ def rate_by_velocities(positions: Array, velocities: Array) -> float | None:
         positions: ``(n, m)``, of the joints.
         velocities: ``(n, m)``, the same angles or lengths a second.
     """
-    if len(positions) < 2 * _SMOOTHED:
+    if len(positions) < _FEWEST_ROWS:
         return None
-    kernel = np.ones(_SMOOTHED) / _SMOOTHED
-    even = [
-        np.column_stack([np.convolve(c, kernel, mode="valid") for c in block.T])
-        for block in (positions, velocities)
-    ]
-    slope, speed = np.gradient(even[0], axis=0), even[1]
-    power = (slope**2).sum(axis=0)
-    alike = (slope * speed).sum(axis=0) / np.sqrt(np.maximum(power * (speed**2).sum(axis=0), 1e-300))
-    told = alike > _SLOPE
-    if 2 * told.sum() <= len(told):
+    slopes = [derivative_of(q, v, 1.0) for q, v in zip(positions.T, velocities.T, strict=True)]
+    # What is regressed on the slope, as encoders have less noise than the velocities of drives.
+    rates = np.array([alike**2 / slope for slope, alike in slopes if slope > 0.0 and alike > _SLOPE])
+    if 2 * len(rates) <= len(slopes):
         return None
-    rates = (slope * speed).sum(axis=0)[told] / power[told]
     rate = float(np.median(rates))
     same = np.abs(rates / rate - 1.0).max() < _ONE_RATE
     return rate if same and SLOWEST_HZ <= rate <= FASTEST_HZ else None

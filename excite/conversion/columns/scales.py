@@ -62,7 +62,11 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
                 for unit, why in dict.fromkeys(angles[item.target] for item in items):
                     part = [item for item in items if angles[item.target] == (unit, why)]
                     because = found.stated_because if stated else why
-                    done += _of_positions(found, part, columns, machine, mapping, unit, because)
+                    done += (
+                        of_ranges(found, part, mapping, machine)
+                        if unit == SHARE
+                        else _scaled_as(part, mapping, unit, because)
+                    )
                 continue
             if stated:
                 unit, because = stated, "unit stated in the map"
@@ -100,29 +104,6 @@ def _left_out(
     return False
 
 
-def _of_positions(
-    found: Guesses,
-    items: list[Mapped],
-    columns: dict[str, Column],
-    machine: Machine,
-    mapping: Map,
-    unit: str,
-    because: str,
-) -> list[Mapped]:
-    """Positions of one unit, with whole turns that bring them into their ranges."""
-    if unit == SHARE:
-        return of_ranges(found, items, mapping, machine)
-    factor, zero = _FACTORS.get(unit, 1.0), zero_of(unit)
-    turning = unit in ("rad", "deg") and not mapping.motors
-    zeros = whole_turns(items, columns, machine, factor) if turning else [zero] * len(items)
-    return [
-        scale_channel(
-            item, mapping, factor, at, f"{item.because}; {because}{_describe_turn(at) if at != zero else ''}"
-        )
-        for item, at in zip(items, zeros, strict=True)
-    ]
-
-
 def _ask_for_sign(
     found: Guesses, channel: str, items: list[Mapped], columns: dict[str, Column], mapping: Map
 ) -> None:
@@ -135,10 +116,6 @@ def _ask_for_sign(
             f"{items[0].source} … are never negative: magnitudes, whose sign was not recorded",
             f'ignore: ["{common_beginning(items)}*"] and log: {{torque: none}}',
         )
-
-
-def _describe_turn(zero: float) -> str:
-    return f"; {zero / (2.0 * np.pi):+.0f} turn, which brings the joint into its range"
 
 
 def _of_one_sign(items: list[Mapped], columns: dict[str, Column]) -> bool:
@@ -712,33 +689,3 @@ def _ask_for_shares(found: Guesses, items: list[Mapped], values: Array) -> None:
             'units: {q: deg, q_cmd: deg}, or units: {q: "±100", q_cmd: "±100"} for shares of the ranges in the model '
             "(other ones by scale and offset of each joint)",
         )
-
-
-def whole_turns(
-    items: list[Mapped], columns: dict[str, Column], machine: Machine, factor: float
-) -> list[float]:
-    """By column, whole turns that bring a joint into its range, where nothing else does [rad]; zero for none.
-
-    Drivers that count angles from 0 to 360 degrees report a joint at -10 as 350.
-
-    Args:
-        items: columns of positions.
-        columns: by name.
-        machine: the robot.
-        factor: from the columns' numbers to radians.
-    """
-    found = []
-    for item in items:
-        at = machine.joints.index(item.target.partition(".")[2])
-        lower, upper = float(machine.lower[at]), float(machine.upper[at])
-        values = columns[item.source].values * factor
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        turns = 0.0
-        # Damaged numbers may be so large that no sum of two is a number.
-        known = np.isfinite([upper - lower, high - low, high + low]).all() and not machine.slides[at]
-        if known and max(lower - low, high - upper) > BEYOND:
-            turns = 2.0 * np.pi * round((0.5 * (lower + upper) - 0.5 * (low + high)) / (2.0 * np.pi))
-            if max(lower - low - turns, high + turns - upper) > BEYOND:
-                turns = 0.0
-        found.append(float(turns))
-    return found

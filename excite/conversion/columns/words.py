@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 from excite.conversion.columns.units import of_both, trailing_unit, without_brackets, without_compound
 from excite.conversion.columns.vocabulary import (
@@ -62,6 +62,12 @@ def read_clue(
 
     ``letters`` stand for joints where a number follows them, as w of ``w1`` for a wrist.
     """
+    return _read_clue(name, tuple(joints), unit, letters)
+
+
+# Names stand again in every episode of a data set, and are asked about by several rules.
+@lru_cache(maxsize=10_000)
+def _read_clue(name: str, joints: tuple[str, ...], unit: str, letters: frozenset[str]) -> Clue:
     text, bracketed = without_brackets(name)
     exact, rest = _without_joint(text, joints)
     if not bracketed:

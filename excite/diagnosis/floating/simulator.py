@@ -42,9 +42,8 @@ from excite.logs.signals.butterworth import lowpass
 from excite.progress import step
 from excite.robot.robot import Robot
 from excite.simulation.coordinates import body_name
-from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec, mujoco_quaternion
-from excite.simulation.true_parameters import MASSLESS_KG
+from excite.simulation.true_parameters import MASSLESS_KG, Drives, nominal_drives
 
 if TYPE_CHECKING:
     import mujoco

@@ -48,8 +48,8 @@ from excite.logs.signals.butterworth import lowpass, noise_bandwidth
 from excite.logs.signals.spectrum import welch_spectrum
 from excite.progress import step
 from excite.robot.robot import Robot
-from excite.simulation.drives import Drives
 from excite.simulation.mjcf import World, build_spec
+from excite.simulation.true_parameters import Drives
 
 if TYPE_CHECKING:
     import mujoco

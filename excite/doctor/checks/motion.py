@@ -16,7 +16,7 @@ from excite.doctor.torque_samples import torque_samples
 from excite.finding import Finding, list_names
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.logs.signals.seams import without_seams
+from excite.logs.signals.resample import without_seams
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
 

@@ -82,9 +82,11 @@ class MjcfFormat(ModelFormat):
     def load(self, subject: Subject, rendered: Rendered, states: States) -> LoadedModel:
         """Read by MuJoCo, where paths in it start at the folder that it is for."""
         content, robot = rendered.files[rendered.main], subject.robot
-        model = compile_text(content, None) if subject.template is None else bodies_alone(content)
-        if model is None:
-            model = compile_mjcf(content, subject.folder / rendered.main)
+        model = (
+            compile_text(content, None)
+            if subject.template is None
+            else compile_mjcf(content, subject.folder / rendered.main)
+        )
         place = mujoco_places(robot, model).v[robot.n_base_v :]
         own = {
             "viscous": model.dof_damping,
@@ -236,40 +238,3 @@ def _move_paths(text: XmlText, old: Path, new: Path) -> None:
 
 def _file_names(text: XmlText, tag: str) -> list[Element]:
     return [element for element in text.root.everywhere(tag) if "file" in element.attributes]
-
-
-# Kinds of elements that no inverse dynamics without contacts, limits and drives depends on, what names others first.
-_ASIDE = (
-    *("keys", "sensors", "actuators", "equalities", "excludes", "pairs", "tendons", "skins", "flexes"),
-    *("cameras", "lights", "geoms", "sites", "meshes", "hfields", "materials", "textures"),
-)
-
-
-def bodies_alone(content: bytes) -> mujoco.MjModel | None:
-    """The bodies, joints and inertials of a MuJoCo text: without shapes they compile in a millisecond.
-
-    None where its dynamics depend on more: where it includes other texts, where the inertia of a body that moves is
-    that of its shapes, or where a tendon acts without being driven.
-    """
-    import mujoco
-
-    try:
-        spec = mujoco.MjSpec.from_string(content.decode())
-    except ValueError:
-        return None
-    moving: list[mujoco.MjsBody] = []
-    for body in spec.bodies[1:]:
-        if body.joints or any(body.parent is other for other in moving):
-            moving.append(body)
-    acting = any(np.any([tendon.stiffness, tendon.damping, tendon.armature]) for tendon in spec.tendons)
-    by_shape = any(len(body.geoms) and not body.explicitinertial for body in moving)
-    if (
-        acting
-        or by_shape
-        or spec.compiler.inertiafromgeom != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
-    ):
-        return None
-    for kind in _ASIDE:
-        for element in list(getattr(spec, kind)):
-            spec.delete(element)
-    return spec.compile()

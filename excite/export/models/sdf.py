@@ -14,13 +14,16 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.export.models.model_format import (
     SERVO_TERMS,
+    Body,
+    Joint,
     LoadedModel,
     ModelFormat,
     Rendered,
     Subject,
+    Tree,
+    described_tree,
     load_urdf,
 )
-from excite.export.models.tree import Body, Joint, Tree, described_tree
 from excite.export.models.verification import States
 from excite.export.models.xml_text import moment_texts, number_text
 from excite.formats.documents import elements_of

@@ -14,7 +14,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.units import unit_at
 from excite.diagnosis.simulator.augmented_plant import in_no_description
 from excite.documents.campaign import Campaign
-from excite.documents.document import read_document, schema_of
+from excite.documents.document import model_of, read_document
 from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
 from excite.export.models.model_format import JOINT_TERMS, Lost, Subject
@@ -28,7 +28,7 @@ from excite.results import Name, Stated, Unbounded, stated
 from excite.robot.load import load_robot
 from excite.robot.mjcf.conversion import is_mjcf
 from excite.robot.robot import Robot
-from excite.simulation.drives import nominal_drives
+from excite.simulation.true_parameters import nominal_drives
 
 _FILES = ("identification.json", "campaign.json", "diagnosis.json")
 _AGAIN = "write it again with excite identify … --out DIR"
@@ -80,8 +80,9 @@ def read_subject(
     schema = read_json(file, remedy=_AGAIN).get("schema")
     if schema == Diagnosis.SCHEMA:
         return diagnosed_subject(file, folder, robot)
-    if schema == schema_of(Campaign):
-        document = read_document(file, Campaign, remedy=_AGAIN).identification
+    if schema == Campaign.SCHEMA:
+        campaign: Any = read_document(file, model_of(Campaign), remedy=_AGAIN)
+        document = campaign.identification
     else:
         document = read_document(file, Identification, remedy=_AGAIN)
     if template is not None and not template.is_file():

@@ -13,8 +13,17 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError
-from excite.export.models.model_format import LoadedModel, ModelFormat, Rendered, Subject, with_friction
-from excite.export.models.tree import Body, Joint, Tree, described_tree
+from excite.export.models.model_format import (
+    Body,
+    Joint,
+    LoadedModel,
+    ModelFormat,
+    Rendered,
+    Subject,
+    Tree,
+    described_tree,
+    with_friction,
+)
 from excite.export.models.verification import States, pinocchio_torques
 from excite.export.models.xml_text import moment_texts, number_text
 from excite.robot.shapes.shape import Shape

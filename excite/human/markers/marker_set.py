@@ -19,7 +19,7 @@ from excite.human.body import DIMENSIONS, Dimensions, joint_offsets, stature_dim
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, first_poses, solve_poses
 from excite.human.segment_tables import DUMAS_PELVIS
 from excite.human.segments import NAMES, PARENTS, SIDES, Subject
-from excite.human.skeleton import N_SEGMENTS, N_VELOCITY, Pose, place_segments, point_jacobian
+from excite.human.skeleton import DESCENDANTS, N_SEGMENTS, N_VELOCITY, Pose, place_segments, point_jacobian
 
 # Where bony landmarks lie on the segments: first guesses, which calibration refines.
 
@@ -534,7 +534,7 @@ def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Arra
     shared = np.zeros((n, m, 3, basis.shape[2] + 3 * m))
     for k in range(1, N_SEGMENTS):
         moved = placed.rotation[:, PARENTS[k]] @ basis[k]
-        carried = [i for i in range(m) if _joint_carries(k, int(model.segment[i]))]
+        carried = np.flatnonzero(np.isin(model.segment, DESCENDANTS[k]))
         shared[..., : basis.shape[2]][:, carried] += moved[:, None]
     for i in range(m):
         start = basis.shape[2] + 3 * i
@@ -550,11 +550,3 @@ def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Arra
     h = flat.T @ flat - np.tensordot(mixed, eliminated, ((0, 1), (0, 1)))
     g = flat.T @ right.ravel() - np.einsum("nji,nj->i", eliminated, np.einsum("nij,ni->nj", own, right))
     return _Normal(h, g, float((right**2).sum()))
-
-
-def _joint_carries(joint: int, segment: int) -> bool:
-    while segment > 0:
-        if segment == joint:
-            return True
-        segment = PARENTS[segment]
-    return False

@@ -47,6 +47,11 @@ class Triangle:
         full[..., self.columns, self.rows] = values
         return full
 
+    def nearest_positive(self, vectors: Array) -> Array:
+        """Vectors of the nearest positive semidefinite matrices, ``(…, size)``."""
+        eigen, turn = np.linalg.eigh(self.matrices(vectors))
+        return self.vectors((turn * np.maximum(eigen, 0.0)[..., None, :]) @ turn.swapaxes(-1, -2))
+
 
 @cache
 def triangle_of(order: int) -> Triangle:
@@ -91,9 +96,7 @@ class Cones:
     def projected(self, values: Array) -> Array:
         """Nearest points of the cone, ``(n_blocks, size)``."""
         if self.order:
-            shape = triangle_of(self.order)
-            eigen, vectors = np.linalg.eigh(shape.matrices(values))
-            return shape.vectors((vectors * np.maximum(eigen, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1))
+            return triangle_of(self.order).nearest_positive(values)
         head, length = values[:, 0], np.linalg.norm(values[:, 1:], axis=1)
         half = 0.5 * (head + length)
         share = np.clip(half / np.where(length > 0.0, length, 1.0), 0.0, None)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 import pinocchio as pin
@@ -12,9 +13,15 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.estimators.settings import BoxSettings, EstimatorSettings, SymmetrySettings
-from excite.identification.inertia import central_inertia_matrices
+from excite.identification.inertia import (
+    COLUMNS,
+    ROWS,
+    central_inertia_matrices,
+    parameters_of_pseudo_inertia,
+    pseudo_inertia_matrices,
+)
 from excite.identification.physical.bounds import Interval, KnownBounds, PhysicalBounds
-from excite.identification.physical.coordinates import COLUMNS, NAMES, ROWS, STEINER
+from excite.identification.physical.coordinates import NAMES, STEINER
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, least_squares, minimum_norm
 from excite.robot.robot import Robot
@@ -48,8 +55,43 @@ class LinearConstraints:
 
     def only(self, mask: NDArray[np.bool_]) -> LinearConstraints:
         """The rows of a mask ``(n_rows,)``, all as inequalities."""
-        labels = tuple(label for label, keep in zip(self.labels, mask, strict=True) if keep)
-        return LinearConstraints(self.matrix[mask], self.bound[mask], labels)
+        return LinearConstraints(self.matrix[mask], self.bound[mask], tuple(compress(self.labels, mask)))
+
+    def worst_violations(self, parameters: Array) -> dict[str, float]:
+        """Largest violation of each kind of row."""
+        found: dict[str, float] = {}
+        for label, value in zip(self.labels, self.violations(parameters), strict=True):
+            kind = label.partition(":")[0]
+            found[kind] = max(found.get(kind, 0.0), float(value))
+        return found
+
+    def labels_reached(self, parameters: Array, tolerance: float) -> tuple[str, ...]:
+        """Labels of the rows that hold with no more than ``tolerance`` to spare."""
+        near = self.matrix @ parameters - self.bound < tolerance
+        return tuple(dict.fromkeys(compress(self.labels, near)))
+
+
+def unit_rows(
+    matrix: Array, bound: Array, labels: Sequence[str] | None = None, n_equal: int = 0, least: float = 0.0
+) -> LinearConstraints:
+    """Constraints with rows of unit length; rows that are no longer than ``least`` are left out.
+
+    Args:
+        matrix: ``(n_rows, n)``.
+        bound: ``(n_rows,)``.
+        labels: what each row says; nothing if None.
+        n_equal: number of leading rows that are equalities.
+        least: length of a row that says nothing.
+    """
+    length = np.linalg.norm(matrix, axis=1)
+    kept = length > least
+    names = [""] * len(bound) if labels is None else labels
+    return LinearConstraints(
+        matrix[kept] / length[kept, None],
+        bound[kept] / length[kept],
+        tuple(compress(names, kept)),
+        int(kept[:n_equal].sum()),
+    )
 
 
 def stack_constraints(parts: Sequence[LinearConstraints], n_params: int) -> LinearConstraints:
@@ -87,13 +129,7 @@ def bounds_about_nominal(problem: IdentificationProblem, spread: Array, width: f
         ``(2, n_params)``.
     """
     bounds = problem.prior + width * spread * np.array([[-1.0], [1.0]])
-    drives = ("viscous.", "coulomb.", "armature.")
-    positive = [*range(0, problem.n_inertial, 10)]
-    positive += [
-        j
-        for j in range(problem.n_inertial, problem.n_params)
-        if problem.parameter_names[j].startswith(drives)
-    ]
+    positive = problem.non_negative
     bounds[0, positive] = np.maximum(bounds[0, positive], 0.0)
     return np.asarray(bounds)
 
@@ -194,15 +230,9 @@ _IN_ROW_SPACE = 1e-6
 
 def non_negative_masses(problem: IdentificationProblem) -> LinearConstraints:
     """``m_i ≥ 0`` for every segment, and every drive's friction and armature ≥ 0."""
-    names = problem.parameter_names
-    columns = [*range(0, problem.n_inertial, 10)]
-    # An offset may have either sign; a drive cannot feed energy or have negative inertia.
-    kinds = ("viscous.", "coulomb.", "armature.")
-    columns += [j for j in range(problem.n_inertial, problem.n_params) if names[j].startswith(kinds)]
-    matrix = np.zeros((len(columns), problem.n_params))
-    matrix[np.arange(len(columns)), columns] = 1.0
-    labels = tuple(f"non_negative:{names[j]}" for j in columns)
-    return LinearConstraints(matrix, np.zeros(len(columns)), labels)
+    columns = problem.non_negative
+    labels = tuple(f"non_negative:{problem.parameter_names[j]}" for j in columns)
+    return LinearConstraints(np.eye(problem.n_params)[columns], np.zeros(len(columns)), labels)
 
 
 @dataclass(frozen=True)
@@ -229,10 +259,7 @@ def measured_total_mass(rows: Regression) -> TotalMass:
     problem = rows.problem
     total = np.zeros(problem.n_params)
     total[: problem.n_inertial : 10] = 1.0
-    unmeasured = np.zeros(problem.n_params, dtype=bool)
-    for segment in problem.unmeasured:
-        unmeasured[10 * segment : 10 * segment + 10] = True
-    seen = np.where(unmeasured, 0.0, total)
+    seen = np.where(problem.is_moving, total, 0.0)
     a = rows.factor[:, :-1]
     norms = np.linalg.norm(a, axis=0)
     used = norms > 1e-12 * max(float(norms.max()), 1e-300)
@@ -438,6 +465,21 @@ class _Rows:
 _MIRROR = np.diag([1.0, -1.0, 1.0])
 
 
+def mirrored_segments(
+    problem: IdentificationProblem, free: Collection[int] = ()
+) -> Iterator[tuple[int, int, Array]]:
+    """Left and right segment of each pair that has to be symmetric, and the way from one's parameters to the other's.
+
+    Args:
+        problem: the problem; its robot says which segments are pairs.
+        free: segments whose pairs are left out.
+    """
+    for index, segment in enumerate(problem.robot.segments):
+        other = segment.pair
+        if other is not None and other >= index and index not in free and other not in free:
+            yield index, other, mirrored_parameters(problem.robot, index, other)
+
+
 def symmetric_pairs(
     problem: IdentificationProblem, tolerance: float, free: Collection[int] = ()
 ) -> LinearConstraints:
@@ -454,44 +496,37 @@ def symmetric_pairs(
     rows: list[Array] = []
     bounds: list[float] = []
     labels: list[str] = []
+    signs = (1.0, -1.0) if tolerance > 0.0 else (1.0,)
     ten = problem.prior[: problem.n_inertial].reshape(-1, 10)
-    for index, segment in enumerate(problem.robot.segments):
-        if segment.pair is None or segment.pair < index:
-            continue
-        other = segment.pair
-        if index in free or other in free:
-            continue
-        mirror = _mirror_of_first_moment(problem.robot, index, other)
-        nominal = ten[other, :4] - mirror @ ten[index, :4]
-        mass = 0.5 * (ten[index, 0] + ten[other, 0])
-        length = 0.5 * (np.linalg.norm(ten[index, 1:4]) + np.linalg.norm(ten[other, 1:4]))
+    for index, other, mirror in mirrored_segments(problem, free):
+        nominal = ten[other, :4] - mirror[:4, :4] @ ten[index, :4]
+        sizes = (
+            0.5 * (ten[index, 0] + ten[other, 0]),
+            0.5 * np.linalg.norm(ten[[index, other], 1:4], axis=1).sum(),
+        )
         for axis in range(4):
             row = np.zeros(problem.n_params)
             row[10 * other + axis] = 1.0
-            row[10 * index : 10 * index + 4] -= mirror[axis]
-            allowed = tolerance * (mass if axis == 0 else length)
-            label = f"symmetry:{segment.link}"
-            if tolerance == 0.0:
-                rows, bounds, labels = [*rows, row], [*bounds, nominal[axis]], [*labels, label]
-            else:
-                rows += [row, -row]
-                bounds += [nominal[axis] - allowed, -nominal[axis] - allowed]
-                labels += [label, label]
-    matrix = np.array(rows) if rows else np.zeros((0, problem.n_params))
-    n_equal = len(rows) if tolerance == 0.0 else 0
-    return LinearConstraints(matrix, np.array(bounds), tuple(labels), n_equal)
+            row[10 * index : 10 * index + 4] -= mirror[axis, :4]
+            rows += [sign * row for sign in signs]
+            bounds += [sign * nominal[axis] - tolerance * sizes[axis > 0] for sign in signs]
+            labels += [f"symmetry:{problem.robot.segments[index].link}"] * len(signs)
+    matrix = np.array(rows).reshape(-1, problem.n_params)
+    return LinearConstraints(matrix, np.array(bounds), tuple(labels), len(rows) if tolerance == 0.0 else 0)
 
 
-def _mirror_of_first_moment(robot: Robot, left: int, right: int) -> Array:
-    """``(4, 4)``: mass and first moment of a right segment whose left twin has these."""
+def mirrored_parameters(robot: Robot, left: int, right: int) -> Array:
+    """``(10, 10)``: parameters of a right segment that is the mirror image of a left one.
+
+    With the mirror image ``x ↦ T x`` of homogeneous points the pseudo-inertia becomes ``T J Tᵀ``.
+    """
     data = robot.model.createData()
-    q = pin.neutral(robot.model)
-    pin.forwardKinematics(robot.model, data, q)
+    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
     a, b = data.oMi[robot.segments[left].joint], data.oMi[robot.segments[right].joint]
     base = data.oMi[1] if robot.floating else pin.SE3.Identity()
     a, b = base.actInv(a), base.actInv(b)
-    matrix = np.zeros((4, 4))
-    matrix[0, 0] = 1.0
-    matrix[1:, 0] = b.rotation.T @ (_MIRROR @ a.translation - b.translation)
-    matrix[1:, 1:] = b.rotation.T @ _MIRROR @ a.rotation
-    return matrix
+    transform = np.eye(4)
+    transform[:3, :3] = b.rotation.T @ _MIRROR @ a.rotation
+    transform[:3, 3] = b.rotation.T @ (_MIRROR @ a.translation - b.translation)
+    unit = pseudo_inertia_matrices(np.eye(10).ravel())
+    return np.column_stack([parameters_of_pseudo_inertia(transform @ j @ transform.T) for j in unit])

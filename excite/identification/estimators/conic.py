@@ -6,7 +6,6 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import ClassVar
 
 import clarabel
 import numpy as np
@@ -59,6 +58,7 @@ from excite.identification.estimators.settings import (
     word,
 )
 from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.physical.cone_program import solve_clarabel
 from excite.identification.physical.default_bounds import bound_rows, default_bounds
 from excite.identification.regression import Regression, prior_std
 
@@ -73,19 +73,17 @@ _SHARES = (1.0, 0.3, 0.1, 0.03)
 
 @dataclass(frozen=True, eq=False)
 class ConicProblem:
-    """``min ½ Σ w (z − target)²`` with linear constraints and cones.
+    """``min ½ ‖z − target‖²`` with linear constraints and cones.
 
     Attributes:
         target: ``(n,)``.
         linear: rows on ``z``, of unit length.
         cones: blocks on ``z``.
-        weights: ``w``, ``(n,)``; ones where None.
     """
 
     target: Array
     linear: LinearConstraints
     cones: tuple[Cones, ...]
-    weights: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +115,7 @@ def stack_rows(problem: ConicProblem) -> tuple[Array, Array]:
 
 
 def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> ConicAnswer:
-    """Clarabel (Goulart and Chen 2024) on one thread.
+    """Clarabel on one thread.
 
     Centred at the unconstrained optimum, where the objective is small: relative tolerances then mean
     something.
@@ -131,26 +129,15 @@ def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> Coni
     for cones in problem.cones:
         kind = clarabel.PSDTriangleConeT(cones.order) if cones.order else clarabel.SecondOrderConeT(4)
         kinds += [kind] * len(cones.bound)
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    # Rows and blocks have unit length already; another scaling makes multipliers of redundant rows diverge.
-    settings.equilibrate_enable = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    settings.tol_infeas_abs = settings.tol_infeas_rel = tolerance
-    weights = np.ones(n) if problem.weights is None else problem.weights
-    solver = clarabel.DefaultSolver(
-        sparse.diags(weights, format="csc"),
+    found = solve_clarabel(
+        np.ones(n),
         np.zeros(n),
         sparse.csc_matrix(-matrix),
         matrix @ problem.target + offset,
         kinds,
-        settings,
+        tolerance,
     )
-    solution = solver.solve()
-    return ConicAnswer(
-        problem.target + np.array(solution.x), np.array(solution.z), "Infeasible" in str(solution.status)
-    )
+    return ConicAnswer(problem.target + found.x, found.dual, found.infeasible)
 
 
 def refine_answer(problem: ConicProblem, answer: ConicAnswer) -> ConicAnswer:
@@ -229,18 +216,16 @@ def _projection_jacobian(problem: ConicProblem, vector: Array, gram: Array) -> A
 
 def conic_violations(problem: ConicProblem, z: Array) -> dict[str, float]:
     """Largest violation of each kind of constraint at a point, from the point alone."""
-    worst: dict[str, float] = {}
-    values = list(zip(problem.linear.labels, problem.linear.violations(z), strict=True))
+    worst = problem.linear.worst_violations(z)
     for cones in problem.cones:
-        values += list(zip(cones.labels, np.maximum(-cones.margin(cones.values(z)), 0.0), strict=True))
-    for label, value in values:
-        kind = label.split(":")[0]
-        worst[kind] = max(worst.get(kind, 0.0), float(value))
+        for label, margin in zip(cones.labels, cones.margin(cones.values(z)), strict=True):
+            kind = label.partition(":")[0]
+            worst[kind] = max(worst.get(kind, 0.0), -float(margin))
     return worst
 
 
 def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
-    """Bound on the distance from an answer to the optimum, from its duality gap; ``weights`` must be None.
+    """Bound on the distance from an answer to the optimum, from its duality gap.
 
     Multipliers are put into their cones first; nothing that the solver says of itself is used. Infinite where they are
     not finite.
@@ -409,18 +394,19 @@ class Adaptive(ConicEstimator[AdaptiveSettings]):
     exist predict worse than least squares, and bodies that cannot take their place.
     """
 
-    name: ClassVar[str] = "adaptive"
-    title: ClassVar[str] = (
-        "bodies that can exist, with the nominal model's weight and terms of drives and sensors that the log asks for"
+    name = "adaptive"
+    title = (
+        "bodies that can exist, with the nominal model's weight and terms of drives and "
+        "sensors that the log asks for"
     )
-    consistent: ClassVar[bool] = True
-    adapts: ClassVar[bool] = True
-    use: ClassVar[str] = (
+    consistent = True
+    adapts = True
+    use = (
         "most logs: bodies that can exist, so that a model is always written, and predictions at least as good as "
         "least squares'"
     )
-    settings_class: ClassVar[type[EstimatorSettings]] = AdaptiveSettings
-    guarantees: ClassVar[str] = (
+    settings_class = AdaptiveSettings
+    guarantees = (
         "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
         "pseudo-inertia at least -1e-9, recomputed), and the total mass holds where it was weighed or the "
         "record tells it"
@@ -458,14 +444,14 @@ class PhysicallyFeasible(ConicEstimator[Cls2Settings]):
     that the paper asks for is the pull of eq. (4) of Jovic et al. 2015, weight ``alpha``.
     """
 
-    name: ClassVar[str] = "cls2"
-    title: ClassVar[str] = "physically feasible inertias, bounded masses and first moments (CLS-2)"
-    use: ClassVar[str] = (
+    name = "cls2"
+    title = "physically feasible inertias, bounded masses and first moments (CLS-2)"
+    use = (
         "comparison with published CLS-2 results: masses and first moments within bounds; bodies may break the "
         "triangle inequality"
     )
-    settings_class: ClassVar[type[EstimatorSettings]] = Cls2Settings
-    guarantees: ClassVar[str] = (
+    settings_class = Cls2Settings
+    guarantees = (
         "within the stated distance of the global optimum; masses positive, inertias about the centres of mass "
         "positive definite, masses and first moments within their bounds; the triangle inequality need not hold"
     )
@@ -506,15 +492,15 @@ class DensityRealisable(ConicEstimator[Cls3Settings]):
     for the bodies, each grown until the nominal model fits.
     """
 
-    name: ClassVar[str] = "cls3"
-    title: ClassVar[str] = "physically consistent bodies inside ellipsoids (CLS-3)"
-    consistent: ClassVar[bool] = True
-    use: ClassVar[str] = (
+    name = "cls3"
+    title = "physically consistent bodies inside ellipsoids (CLS-3)"
+    consistent = True
+    use = (
         "models to simulate or to hand over: every body can exist with its mass inside its ellipsoid; keeps stated "
         "bounds"
     )
-    settings_class: ClassVar[type[EstimatorSettings]] = Cls3Settings
-    guarantees: ClassVar[str] = (
+    settings_class = Cls3Settings
+    guarantees = (
         "within the stated distance of the global optimum; every body can exist with its mass inside its ellipsoid "
         "(least eigenvalue of its pseudo-inertia at least -1e-9, recomputed) and its centre of mass in its own"
     )
@@ -560,14 +546,14 @@ class QuadraticProgram(ConicEstimator[QpSettings]):
     :class:`~excite.identification.estimators.scaled_problem.Ridge`.
     """
 
-    name: ClassVar[str] = "qp"
-    title: ClassVar[str] = "constrained quadratic program of Jovic et al. 2015"
-    use: ClassVar[str] = (
+    name = "qp"
+    title = "constrained quadratic program of Jovic et al. 2015"
+    use = (
         "comparison with the paper: standard parameters near the nominal model, from short motions too; bodies that "
         "cannot exist are named in the result"
     )
-    settings_class: ClassVar[type[EstimatorSettings]] = QpSettings
-    guarantees: ClassVar[str] = (
+    settings_class = QpSettings
+    guarantees = (
         "within the stated distance of the global optimum; masses not negative, boxes of the centres of mass and "
         "positive definite inertias about the joint frames hold, the total mass where it was weighed or the record "
         "tells it, symmetry where it is asked for; the triangle inequality need not"
@@ -604,14 +590,12 @@ class PhysicallyConsistent(ConicEstimator[LmiSettings]):
     ``regulariser`` chooses the distance from the nominal model: ``euclidean`` in units of the spreads, or ``pullback``.
     """
 
-    name: ClassVar[str] = "lmi"
-    title: ClassVar[str] = "as qp, with physically consistent bodies (pseudo-inertia cones)"
-    consistent: ClassVar[bool] = True
-    use: ClassVar[str] = (
-        "models to simulate or to control with: near the nominal model, and every body can exist"
-    )
-    settings_class: ClassVar[type[EstimatorSettings]] = LmiSettings
-    guarantees: ClassVar[str] = (
+    name = "lmi"
+    title = "as qp, with physically consistent bodies (pseudo-inertia cones)"
+    consistent = True
+    use = "models to simulate or to control with: near the nominal model, and every body can exist"
+    settings_class = LmiSettings
+    guarantees = (
         "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
         "pseudo-inertia at least -1e-9, recomputed), and masses and boxes hold, the total mass where it "
         "was weighed or the record tells it, symmetry where it is asked for"

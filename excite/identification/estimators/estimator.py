@@ -148,11 +148,7 @@ def checked_estimate(
         constraints: what it should meet, rows of unit length on ``z``.
     """
     parameters = objective.parameters(z)
-    violation = constraints.violations(z)
-    kinds = [label.split(":")[0] for label in constraints.labels]
-    worst = dict.fromkeys(kinds, 0.0)
-    for kind, value in zip(kinds, violation, strict=True):
-        worst[kind] = max(worst[kind], float(value))
+    worst = constraints.worst_violations(z)
     status = SolveStatus.SOLVED
     if not np.isfinite(parameters).all() or not np.isfinite(distance):
         status = SolveStatus.NOT_FINITE
@@ -160,12 +156,10 @@ def checked_estimate(
         status = SolveStatus.VIOLATED
     elif distance > DISTANCE_TOLERANCE * max(1.0, float(np.linalg.norm(z - objective.target))):
         status = SolveStatus.NOT_OPTIMAL
-    slack = constraints.matrix @ z - constraints.bound
-    active = [label for label, s in zip(constraints.labels, slack, strict=True) if s < VIOLATION_TOLERANCE]
     return replace(
         estimate_at(method, rows, parameters, status, worst),
         distance=distance,
-        active=tuple(dict.fromkeys(active)),
+        active=constraints.labels_reached(z, VIOLATION_TOLERANCE),
     )
 
 
@@ -249,10 +243,8 @@ def plain_models(problem: IdentificationProblem, linear: LinearConstraints) -> l
         Parameters, ``(n_params,)`` each.
     """
     models = [problem.prior.copy()]
-    moving = np.zeros(problem.n_params, dtype=bool)
-    moving[: problem.n_inertial] = True
-    for segment in problem.unmeasured:
-        moving[problem.robot.parameter_columns(segment)] = False
+    moving = problem.is_moving
+    moving[problem.n_inertial :] = False
     for row, bound, label in zip(linear.matrix, linear.bound, linear.labels, strict=True):
         weight = float(row[moving] @ problem.prior[moving])
         if not label.startswith("total_mass") or weight == 0.0:

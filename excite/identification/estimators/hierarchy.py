@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.identification.constraints.linear import LinearConstraints, stack_constraints
+from excite.identification.constraints.linear import LinearConstraints, stack_constraints, unit_rows
 from excite.identification.estimators.estimator import SolveStatus
 from excite.identification.estimators.projection import (
     ActiveSetProjector,
@@ -80,13 +80,7 @@ def _meet(state: HierarchyState, level: Level, projector: Projector) -> float:
         length = np.linalg.norm(matrix, axis=1)
         if np.abs(bound[length <= EMPTY]).max(initial=0.0) > _FEASIBLE and both.n_equal:
             break
-        kept = length > EMPTY
-        listed = LinearConstraints(
-            matrix[kept] / length[kept, None],
-            bound[kept] / length[kept],
-            ("",) * int(kept.sum()),
-            int(kept[: both.n_equal].sum()),
-        )
+        listed = unit_rows(matrix, bound, n_equal=both.n_equal, least=EMPTY)
         answer = projector(np.zeros(matrix.shape[1]), listed)
         if answer is None or not _finite(answer):
             break
@@ -211,14 +205,8 @@ def _nearest(state: HierarchyState, projector: Projector) -> float:
     """``min ‖x‖²`` in what is left; returns the distance bound."""
     target = -state.basis.T @ state.x
     for _ in range(_MAX_ROUNDS):
-        matrix = state.hard.matrix @ state.basis
-        length = np.linalg.norm(matrix, axis=1)
-        kept = length > EMPTY
-        rows = LinearConstraints(
-            matrix[kept] / length[kept, None],
-            (state.hard.bound - state.hard.matrix @ state.x)[kept] / length[kept],
-            ("",) * int(kept.sum()),
-        )
+        bound = state.hard.bound - state.hard.matrix @ state.x
+        rows = unit_rows(state.hard.matrix @ state.basis, bound, least=EMPTY)
         answer = projector(target, rows)
         if answer is None:
             raise LevelFailed(SolveStatus.INFEASIBLE)
@@ -330,7 +318,6 @@ class HierarchyState:
 # rows are then solved exactly, without the term; where that answer is optimal it is the answer.
 
 WEAK = 1e-8
-_EMPTY = 1e-9
 _DEPENDENT = 1e-8
 _TOUCH = 1e-11
 _EXCHANGES = 20
@@ -366,11 +353,8 @@ class SemiProjection:
     @property
     def sizes(self) -> Array:
         """Length by which a violation of each row is divided, ``(m,)``."""
-        return np.asarray(
-            np.maximum(
-                np.hypot(*(np.linalg.norm(part, axis=1) for part in (self.counted, self.free))), _EMPTY
-            )
-        )
+        length = np.hypot(*(np.linalg.norm(part, axis=1) for part in (self.counted, self.free)))
+        return np.asarray(np.maximum(length, EMPTY))
 
 
 @dataclass(frozen=True, eq=False)
@@ -427,16 +411,13 @@ def semi_project(
     rows = np.hstack([problem.counted, problem.free / root])
     bound = problem.bound - problem.free @ start
     length = np.linalg.norm(rows, axis=1)
-    kept = length > _EMPTY
-    size = length[kept]
-    listed = LinearConstraints(
-        rows[kept] / size[:, None], bound[kept] / size, ("",) * len(size), int(kept[: problem.n_equal].sum())
-    )
+    kept = length > EMPTY
+    listed = unit_rows(rows, bound, n_equal=problem.n_equal, least=EMPTY)
     answer = projector(np.concatenate([problem.target, np.zeros(len(start))]), listed)
     if answer is None:
         return None
     multipliers = np.zeros(len(kept))
-    multipliers[kept] = answer.multipliers / size
+    multipliers[kept] = answer.multipliers / length[kept]
     return judged(problem, answer.z[:k], start + answer.z[k:] / root, multipliers)
 
 
@@ -486,10 +467,8 @@ def _with_room(problem: SemiProjection, answer: SemiAnswer, active: NDArray[np.b
     loaded[: problem.n_equal] = True
     space = row_space(problem.free[loaded], _DEPENDENT)
     rows = problem.free[~loaded] @ space.null
-    length = np.linalg.norm(rows, axis=1)
-    kept = length > _EMPTY
-    bound = (problem.bound - problem.counted @ answer.p - problem.free @ answer.n)[~loaded][kept]
-    listed = LinearConstraints(rows[kept] / length[kept, None], bound / length[kept], ("",) * int(kept.sum()))
+    bound = (problem.bound - problem.counted @ answer.p - problem.free @ answer.n)[~loaded]
+    listed = unit_rows(rows, bound, least=EMPTY)
     moved = ActiveSetProjector()(np.zeros(rows.shape[1]), listed)
     if moved is None:
         return None

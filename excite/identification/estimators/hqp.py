@@ -8,11 +8,15 @@ from functools import cache, cached_property
 from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.identification.constraints.linear import LinearConstraints, body_constraints, stack_constraints
+from excite.identification.constraints.linear import (
+    LinearConstraints,
+    body_constraints,
+    mirrored_segments,
+    stack_constraints,
+)
 from excite.identification.estimators.estimator import (
     Estimate,
     Estimator,
@@ -27,14 +31,12 @@ from excite.identification.estimators.projection import ActiveSetProjector, Proj
 from excite.identification.estimators.scaled_problem import Scaled, scaled_parameters
 from excite.identification.estimators.settings import (
     BoxSettings,
-    EstimatorSettings,
     PairSettings,
     ParameterBoundsSettings,
     known_segments,
     number,
     shares_by_link,
 )
-from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.physical.default_bounds import bound_rows, parameter_bounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares
@@ -64,7 +66,6 @@ def masses_in_range(problem: IdentificationProblem, shares: Array) -> LinearCons
 
 # Left and right masses and moments of inertia differ by a share of each other (eq. 15, Jovic et al. 2016).
 
-_MIRROR = np.diag([1.0, -1.0, 1.0])
 _DIAGONAL = (4, 6, 9)
 
 
@@ -84,11 +85,7 @@ def mirrored_pairs(
     """
     rows: list[Array] = []
     labels: list[str] = []
-    for index, segment in enumerate(problem.robot.segments):
-        other = segment.pair
-        if other is None or other < index or index in free or other in free:
-            continue
-        mirror = mirrored_parameters(problem.robot, index, other)
+    for index, other, mirror in mirrored_segments(problem, free):
         for place in (0, *_DIAGONAL):
             left, right = np.zeros(problem.n_params), np.zeros(problem.n_params)
             left[10 * index : 10 * index + 10] = mirror[place]
@@ -99,34 +96,9 @@ def mirrored_pairs(
                 left - (1.0 - share) * right,
                 (1.0 + share) * right - left,
             ]
-            labels += [f"mirror:{segment.link}"] * 4
-    matrix = np.array(rows) if rows else np.zeros((0, problem.n_params))
+            labels += [f"mirror:{problem.robot.segments[index].link}"] * 4
+    matrix = np.array(rows).reshape(-1, problem.n_params)
     return LinearConstraints(matrix, np.zeros(len(rows)), tuple(labels))
-
-
-def mirrored_parameters(robot: Robot, left: int, right: int) -> Array:
-    """``(10, 10)``: parameters of a right segment that is the mirror image of a left one.
-
-    With the mirror image ``x ↦ T x`` of homogeneous points the pseudo-inertia becomes ``T J Tᵀ``.
-    """
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
-    a, b = data.oMi[robot.segments[left].joint], data.oMi[robot.segments[right].joint]
-    base = data.oMi[1] if robot.floating else pin.SE3.Identity()
-    a, b = base.actInv(a), base.actInv(b)
-    transform = np.eye(4)
-    transform[:3, :3] = b.rotation.T @ _MIRROR @ a.rotation
-    transform[:3, 3] = b.rotation.T @ (_MIRROR @ a.translation - b.translation)
-    unit = np.vstack([pseudo_inertia_matrices(row)[0][None] for row in np.eye(10)])
-    return np.column_stack([parameters_of_pseudo_inertia(transform @ j @ transform.T) for j in unit])
-
-
-def parameters_of_pseudo_inertia(pseudo: Array) -> Array:
-    """Ten parameters in pinocchio's order of a pseudo-inertia ``(4, 4)``."""
-    sigma = pseudo[:3, :3]
-    inertia = np.trace(sigma) * np.eye(3) - sigma
-    six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-    return np.concatenate([[pseudo[3, 3]], pseudo[:3, 3], six])
 
 
 # ``vᵀ I v ≥ ε`` on every vector of an icosphere (eq. 13 and 14 of Jovic et al., T-RO 2016), ε absolute.
@@ -320,14 +292,14 @@ class HierarchicalProgram(Estimator[HqpSettings]):
     centre of mass: some of the bodies that come out cannot exist.
     """
 
-    name: ClassVar[str] = "hqp"
-    title: ClassVar[str] = "hierarchical quadratic program of Jovic et al. 2016"
-    use: ClassVar[str] = (
+    name = "hqp"
+    title = "hierarchical quadratic program of Jovic et al. 2016"
+    use = (
         "people and humanoids on force plates, as in the paper: constraints come before the data, sides mirror each "
         "other where they are not said to be asymmetric, masses keep a range"
     )
-    settings_class: ClassVar[type[EstimatorSettings]] = HqpSettings
-    guarantees: ClassVar[str] = (
+    settings_class = HqpSettings
+    guarantees = (
         "no level's least sum of squared violations is made worse for a lower one; level one (masses, total mass, "
         "boxes, inertias on every vector of the sphere) holds or there is no result; level two holds as far as it "
         "can; the triangle inequality need not"
@@ -376,25 +348,17 @@ class HierarchicalProgram(Estimator[HqpSettings]):
     ) -> Estimate:
         """The answer with everything recomputed from the parameters."""
         parameters = scaled.parameters(answer.x)
-        worst: dict[str, float] = {}
-        active: list[str] = []
-        for level in levels:
-            violation = level.constraints.violations(answer.x)
-            slack = level.constraints.matrix @ answer.x - level.constraints.bound
-            for label, value, left in zip(level.constraints.labels, violation, slack, strict=True):
-                kind = label.split(":")[0]
-                worst[kind] = max(worst.get(kind, 0.0), float(value))
-                if left < _VIOLATION:
-                    active.append(label)
+        rows_met = stack_constraints([level.constraints for level in levels], len(answer.x))
+        worst = rows_met.worst_violations(answer.x)
         status = answer.status
         if status is SolveStatus.SOLVED:
-            status = _recomputed_status(levels, answer, worst)
+            status = _recomputed_status(levels, answer)
         if not np.isfinite(parameters).all():
             status = SolveStatus.NOT_FINITE
         return replace(
             estimate_at(self.name, rows, parameters, status, worst),
             distance=answer.fit_distance,
-            active=tuple(dict.fromkeys(active)),
+            active=rows_met.labels_reached(answer.x, _VIOLATION),
             total_mass=settings.total_mass,
         )
 
@@ -426,9 +390,7 @@ def _best_known(
     )
 
 
-def _recomputed_status(
-    levels: tuple[Level, ...], answer: HierarchyAnswer, worst: dict[str, float]
-) -> SolveStatus:
+def _recomputed_status(levels: tuple[Level, ...], answer: HierarchyAnswer) -> SolveStatus:
     if levels and answer.slacks[0] > _VIOLATION:
         return SolveStatus.INFEASIBLE
     for level, reached in zip(levels, answer.slacks, strict=True):
@@ -493,13 +455,13 @@ class BoundedNearBase(Estimator[Cls1Settings]):
     parameters nearest to nominal are given, in units of the spreads.
     """
 
-    name: ClassVar[str] = "cls1"
-    title: ClassVar[str] = "bounded parameters nearest to the unconstrained base solution (CLS-1)"
-    use: ClassVar[str] = (
+    name = "cls1"
+    title = "bounded parameters nearest to the unconstrained base solution (CLS-1)"
+    use = (
         "comparison with published CLS-1 results: parameters within bounds; bodies need not be able to exist"
     )
-    settings_class: ClassVar[type[EstimatorSettings]] = Cls1Settings
-    guarantees: ClassVar[str] = (
+    settings_class = Cls1Settings
+    guarantees = (
         "every parameter within its bounds, and no others within them have base parameters nearer to the "
         "least-squares ones; bodies need not be able to exist"
     )
@@ -534,22 +496,17 @@ class BoundedNearBase(Estimator[Cls1Settings]):
             self._projector or ActiveSetProjector(),
             ((start - scaled.center) / scaled.scales)[scaled.free],
         )
-        violation = level.constraints.violations(answer.x)
-        slack = level.constraints.matrix @ answer.x - level.constraints.bound
-        status = answer.status
-        if status is SolveStatus.SOLVED and violation.max(initial=0.0) > _VIOLATION:
+        worst, status = level.constraints.worst_violations(answer.x), answer.status
+        if status is SolveStatus.SOLVED and max(worst.values(), default=0.0) > _VIOLATION:
             status = SolveStatus.VIOLATED
         parameters = scaled.parameters(answer.x)
         # What rounding leaves outside a bound is put onto it.
         if status is SolveStatus.SOLVED:
             parameters[scaled.free] = np.clip(parameters, *bounds)[scaled.free]
-        active = [
-            label for label, left in zip(level.constraints.labels, slack, strict=True) if left < _VIOLATION
-        ]
         best = replace(
-            estimate_at(self.name, rows, parameters, status, {"bounds": float(violation.max(initial=0.0))}),
+            estimate_at(self.name, rows, parameters, status, worst),
             distance=answer.fit_distance,
-            active=tuple(active),
+            active=level.constraints.labels_reached(answer.x, _VIOLATION),
         )
         if status is not SolveStatus.SOLVED:
             raise no_solution(status, best)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from excite.identification.estimators.scaled_problem import ridge, scaled_parame
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings, number, word
 from excite.identification.noise import estimate_noise
 from excite.identification.orthogonal import row_space
-from excite.identification.problem import IdentificationProblem
+from excite.identification.problem import IdentificationProblem, row_blocks
 from excite.identification.regression import (
     Regression,
     iterate_weights,
@@ -51,16 +50,12 @@ class LeastSquares(Estimator[LsSettings]):
     Only its base parameters mean anything: which of the solutions is given is a convention.
     """
 
-    name: ClassVar[str] = "ls"
-    title: ClassVar[str] = "least squares, minimum norm"
-    weighted: ClassVar[bool] = False
-    use: ClassVar[str] = (
-        "comparison with textbooks: channels of one unit and equal noise, base parameters alone"
-    )
-    settings_class: ClassVar[type[EstimatorSettings]] = LsSettings
-    guarantees: ClassVar[str] = (
-        "no parameters fit the unweighted rows better; bodies need not be able to exist"
-    )
+    name = "ls"
+    title = "least squares, minimum norm"
+    weighted = False
+    use = "comparison with textbooks: channels of one unit and equal noise, base parameters alone"
+    settings_class = LsSettings
+    guarantees = "no parameters fit the unweighted rows better; bodies need not be able to exist"
 
     def solve(self, rows: Regression, settings: LsSettings) -> Estimate:
         """See :meth:`Estimator.solve`. Unmeasured segments keep nominal values."""
@@ -70,9 +65,7 @@ class LeastSquares(Estimator[LsSettings]):
             parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
         else:
             parameters = least_squares(rows.factor)
-        for segment in problem.unmeasured:
-            columns = problem.robot.parameter_columns(segment)
-            parameters[columns] = problem.prior[columns]
+        parameters = np.where(problem.is_moving, parameters, problem.prior)
         return finite_or_raised(
             replace(estimate_at(self.name, rows, parameters, SolveStatus.SOLVED), distance=0.0)
         )
@@ -92,11 +85,11 @@ class MaximumAPosteriori(Estimator[MapSettings]):
     Predicts better than plain least squares where the motion is short; its bodies need not be able to exist.
     """
 
-    name: ClassVar[str] = "map"
-    title: ClassVar[str] = "least squares, pulled to the nominal model where the data say little"
-    use: ClassVar[str] = "short motions of which only predictions matter: bodies need not be able to exist"
-    settings_class: ClassVar[type[EstimatorSettings]] = MapSettings
-    guarantees: ClassVar[str] = (
+    name = "map"
+    title = "least squares, pulled to the nominal model where the data say little"
+    use = "short motions of which only predictions matter: bodies need not be able to exist"
+    settings_class = MapSettings
+    guarantees = (
         "the global minimum of the weighted residual plus the weighted distance from the nominal model, in closed "
         "form; bodies need not be able to exist"
     )
@@ -104,13 +97,12 @@ class MaximumAPosteriori(Estimator[MapSettings]):
     def solve(self, rows: Regression, settings: MapSettings) -> Estimate:
         """See :meth:`Estimator.solve`."""
         objective = ridge(rows, settings)
-        nothing = stack_constraints([], len(objective.free))
+        nothing = stack_constraints([], len(objective.target))
         return finite_or_raised(checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing))
 
 
 # Least squares that outlying rows cannot pull far (Huber 1964), by iteratively reweighted rows.
 
-_BLOCK = 4096
 _ROUNDS = 100
 # Rounds in which the scale still follows the residuals; afterwards the objective is fixed and convex.
 _SCALE_ROUNDS = 20
@@ -142,13 +134,11 @@ class Huber(Estimator[RobustSettings]):
     given, as in ``wls``.
     """
 
-    name: ClassVar[str] = "robust"
-    title: ClassVar[str] = "least squares on which outliers have bounded influence (Huber)"
-    use: ClassVar[str] = (
-        "what wls is for, in logs with impacts, spikes or stuck readings that cannot be cut out"
-    )
-    settings_class: ClassVar[type[EstimatorSettings]] = RobustSettings
-    guarantees: ClassVar[str] = (
+    name = "robust"
+    title = "least squares on which outliers have bounded influence (Huber)"
+    use = "what wls is for, in logs with impacts, spikes or stuck readings that cannot be cut out"
+    settings_class = RobustSettings
+    guarantees = (
         "the global minimum of Huber's convex objective at the final robust deviations, its gradient recomputed; "
         "no single row has more influence than one that is `huber` deviations off; bodies need not be able to exist"
     )
@@ -215,8 +205,7 @@ def _step(rows: Regression, basis: Array, residual: Array, bound: float) -> _Ste
     gram, gradient = np.zeros((rank, rank)), np.zeros(rank)
     scaled = residual / rows.std[problem.channel]
     weight = bound / np.maximum(np.abs(scaled), bound)
-    for start in range(0, problem.n_rows, _BLOCK):
-        part = slice(start, start + _BLOCK)
+    for part in row_blocks(problem.n_rows):
         q = (problem.Y[part] / rows.std[problem.channel[part], None]) @ basis
         weighted = q * weight[part, None]
         gram += weighted.T @ q
@@ -246,15 +235,15 @@ class WeightedLeastSquares(Estimator[WlsSettings]):
     in units of :func:`~excite.identification.regression.prior_std`.
     """
 
-    name: ClassVar[str] = "wls"
-    title: ClassVar[str] = "least squares, channels weighted by their residuals"
-    weighted: ClassVar[bool] = False
-    use: ClassVar[str] = (
+    name = "wls"
+    title = "least squares, channels weighted by their residuals"
+    weighted = False
+    use = (
         "base parameters and standard deviations as the data alone give them; where the nominal model is not to be "
         "trusted"
     )
-    settings_class: ClassVar[type[EstimatorSettings]] = WlsSettings
-    guarantees: ClassVar[str] = (
+    settings_class = WlsSettings
+    guarantees = (
         "no parameters fit the weighted rows better, and none that fit as well are nearer to the nominal model; "
         "bodies need not be able to exist"
     )

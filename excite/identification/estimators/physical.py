@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError
-from excite.identification.estimators.estimator import Estimate, Estimator, SolveStatus, no_solution
+from excite.identification.estimators.estimator import (
+    Estimate,
+    Estimator,
+    SolveStatus,
+    estimate_at,
+    no_solution,
+)
 from excite.identification.estimators.settings import EstimatorSettings, StatedBoundsSettings
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.coordinates import NAMES, physical_parameters
@@ -40,17 +45,6 @@ _UNITS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class PhysicalEstimate(Estimate):
-    """An estimate with a certificate of global optimality: objective of eq. (15) and its proven lower bound.
-
-    Attributes:
-        essential: names of the base parameters that the objective contains.
-    """
-
-    essential: tuple[str, ...] = ()
-
-
 @dataclass(frozen=True)
 class PhysicalSettings(StatedBoundsSettings):
     """Settings of ``physical``: stated bounds, and what bounds the bodies where nothing is stated."""
@@ -72,16 +66,16 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
             parameters matter together, thresholds that were chosen for an arm cost accuracy.
     """
 
-    name: ClassVar[str] = "physical"
-    title: ClassVar[str] = "physical parameters within bounds, globally optimal (Xu et al. 2020)"
-    weighted: ClassVar[bool] = False
-    consistent: ClassVar[bool] = True
-    use: ClassVar[str] = (
+    name = "physical"
+    title = "physical parameters within bounds, globally optimal (Xu et al. 2020)"
+    weighted = False
+    consistent = True
+    use = (
         "arms of which much is known beforehand, from data sheets or a scale: keeps stated bounds exactly, and proves "
         "that nothing within them explains the torques better"
     )
-    settings_class: ClassVar[type[EstimatorSettings]] = PhysicalSettings
-    guarantees: ClassVar[str] = (
+    settings_class = PhysicalSettings
+    guarantees = (
         "bounds, total mass and rules of the inertias hold exactly; no other parameters that meet them have an "
         "objective below the certificate's lower bound"
     )
@@ -95,7 +89,7 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
     ):
         self._bounds, self._effort, self._essential = bounds, effort or RetrievalSettings(), essential
 
-    def solve(self, rows: Regression, settings: PhysicalSettings) -> PhysicalEstimate:
+    def solve(self, rows: Regression, settings: PhysicalSettings) -> Estimate:
         """See :meth:`Estimator.solve`.
 
         Raises:
@@ -107,9 +101,10 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         n = problem.n_inertial
         base = base_parameters(rows.factor[:, :-1], parameter_labels(problem), RANK_TOLERANCE)
         factor = square_factor(rows.factor[:, [*base.independent, problem.n_params]])
+        leaves_out = problem.channel_names[0] != "fx" if self._essential is None else self._essential
         objective = (
             essential_objective(factor, base.matrix, problem.n_rows)
-            if self._leaves_out(problem)
+            if leaves_out
             else base_objective(factor, base.matrix)
         )
         nominal = np.nan_to_num(physical_parameters(problem.prior[:n]))
@@ -123,18 +118,12 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         violations = _violations(problem, allowed, parameters)
         noise = objective.floor / np.sqrt(max(problem.n_rows - len(objective.kept), 1))
         missing = np.sqrt(max(certificate.objective**2 - certificate.lower_bound**2, 0.0))
-        best = PhysicalEstimate(
-            method=self.name,
-            parameters=parameters,
-            status=SolveStatus.SOLVED,
-            regression=rows,
-            residual=float(np.sqrt(np.mean(problem.residual(parameters) ** 2))),
+        best = replace(
+            estimate_at(self.name, rows, parameters, SolveStatus.SOLVED, violations),
             distance=missing / noise if noise > 0.0 else 0.0,
-            violations=violations,
             active=_active(allowed, parameters[:n]),
             total_mass=settings.total_mass,
             certificate=certificate,
-            essential=tuple(base.labels[k] for k in objective.kept),
         )
         if not np.isfinite(parameters).all():
             raise no_solution(SolveStatus.NOT_FINITE, best)
@@ -152,21 +141,10 @@ class PhysicalRetrieval(Estimator[PhysicalSettings]):
         parameters = allowed.standard(np.asarray(error.best))
         violations = _violations(problem, allowed, parameters)
         broken = {kind: value for kind, value in violations.items() if not value <= _ROUNDING}
-        best = PhysicalEstimate(
-            method=self.name,
-            parameters=parameters,
-            status=SolveStatus.INFEASIBLE,
-            regression=rows,
-            residual=float(np.sqrt(np.mean(problem.residual(parameters) ** 2))),
-            distance=float("inf"),
-            violations=violations,
-        )
+        best = estimate_at(self.name, rows, parameters, SolveStatus.INFEASIBLE, violations)
         missed = ", ".join(f"{kind} by {value:.3g} {_UNITS[kind]}" for kind, value in broken.items())
         what = f"{error.what}: at best {missed or 'nothing is left'} outside"
         return NoSolutionError(what, best=best, remedy=error.remedy)
-
-    def _leaves_out(self, problem: IdentificationProblem) -> bool:
-        return problem.channel_names[0] != "fx" if self._essential is None else self._essential
 
     def _bounds_for(self, problem: IdentificationProblem, settings: PhysicalSettings) -> PhysicalBounds:
         links = tuple(segment.link for segment in problem.robot.segments)

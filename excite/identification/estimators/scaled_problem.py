@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
 from excite.identification.constraints.cones import Cones, ParameterCones, segment_scales, triangle_of
-from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.constraints.linear import LinearConstraints, unit_rows
 from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
@@ -49,25 +49,15 @@ class Scaled:
 
     def constraints(self, rows: LinearConstraints) -> LinearConstraints:
         """The same constraints on ``x``, rows of unit length; rows without a free parameter left out."""
-        matrix = self.columns(rows.matrix)
         bound = rows.bound - rows.matrix @ self.center
-        length = np.linalg.norm(matrix, axis=1)
-        kept = length > 0.0
-        labels = tuple(label for label, keep in zip(rows.labels, kept, strict=True) if keep)
-        n_equal = int(kept[: rows.n_equal].sum())
-        return LinearConstraints(
-            matrix[kept] / length[kept, None], bound[kept] / length[kept], labels, n_equal
-        )
+        return unit_rows(self.columns(rows.matrix), bound, rows.labels, rows.n_equal)
 
 
 def scaled_parameters(rows: Regression, settings: EstimatorSettings) -> Scaled:
     """Scales from the spreads; parameters of unmeasured segments are not free."""
     problem = rows.problem
-    frozen = np.zeros(problem.n_params, dtype=bool)
-    for segment in problem.unmeasured:
-        frozen[problem.robot.parameter_columns(segment)] = True
     scales = prior_std(problem, settings.spreads(problem.robot))
-    return Scaled(problem.prior.copy(), scales, np.flatnonzero(~frozen))
+    return Scaled(problem.prior.copy(), scales, np.flatnonzero(problem.is_moving))
 
 
 # The objective of eq. (4) of Jovic et al. 2015 as a distance, in scaled and rotated parameters.
@@ -83,51 +73,37 @@ class Ridge:
     gap bounds the distance to the optimum in standard deviations.
 
     Attributes:
-        center: ``θ₀``, ``(n_params,)``.
-        scales: ``s``, ``(n_params,)``.
-        free: ``(n_free,)`` indices of the parameters that may move.
+        scaled: ``θ₀``, ``s`` and the parameters that may move.
         factor: ``R``, upper triangular ``(n_free, n_free)``.
         target: ``d``, ``(n_free,)``: the unconstrained optimum.
     """
 
-    center: Array
-    scales: Array
-    free: NDArray[np.int64]
+    scaled: Scaled
     factor: Array
     target: Array
 
     def parameters(self, z: Array) -> Array:
         """``θ`` of ``z``, ``(n_params,)``."""
-        theta = self.center.copy()
-        theta[self.free] += self.scales[self.free] * solve_triangular(self.factor, z, check_finite=False)
-        return theta
+        return self.scaled.parameters(solve_triangular(self.factor, z, check_finite=False))
 
     def coordinates(self, parameters: Array) -> Array:
         """``z`` of ``θ``, ``(n_free,)``."""
-        return self.factor @ ((parameters - self.center) / self.scales)[self.free]
+        return self.factor @ self.scaled.coordinates(parameters)
 
     def rotate(self, rows: Array) -> Array:
         """Rows that act on ``θ`` made to act on ``z``, ``(n_rows, n_free)``."""
-        scaled = (rows[:, self.free] * self.scales[self.free]).T
-        return np.asarray(solve_triangular(self.factor, scaled, trans="T").T)
+        return np.asarray(solve_triangular(self.factor, self.scaled.columns(rows).T, trans="T").T)
 
     def constraints(self, constraints: LinearConstraints) -> LinearConstraints:
         """The same constraints on ``z``, each row of unit length; rows without a free parameter left out."""
-        matrix = self.rotate(constraints.matrix)
-        bound = constraints.bound - constraints.matrix @ self.center
-        length = np.linalg.norm(matrix, axis=1)
-        kept = length > 0.0
-        n_equal = int(kept[: constraints.n_equal].sum())
-        labels = tuple(label for label, keep in zip(constraints.labels, kept, strict=True) if keep)
-        return LinearConstraints(
-            matrix[kept] / length[kept, None], bound[kept] / length[kept], labels, n_equal
-        )
+        bound = constraints.bound - constraints.matrix @ self.scaled.center
+        return unit_rows(self.rotate(constraints.matrix), bound, constraints.labels, constraints.n_equal)
 
     def cones(self, cones: ParameterCones) -> Cones:
         """The same cones on ``z``, each block divided by its own size."""
         blocks, size, _ = cones.matrix.shape
         flat = cones.matrix.reshape(blocks * size, -1)
-        bound = cones.bound + (flat @ self.center).reshape(blocks, size)
+        bound = cones.bound + (flat @ self.scaled.center).reshape(blocks, size)
         matrix = self.rotate(flat).reshape(blocks, size, -1)
         length = np.maximum(np.linalg.norm(matrix, axis=(1, 2)), 1e-300)
         return Cones(cones.order, matrix / length[:, None, None], bound / length[:, None], cones.labels)
@@ -142,20 +118,17 @@ def ridge(rows: Regression, settings: PullSettings, metric: Array | None = None)
         metric: ``(n_params, n_params)``, ``B`` with ``‖B (θ − θ₀)/s‖²`` in place of ``‖(θ − θ₀)/s‖²``.
     """
     problem = rows.problem
-    scales = prior_std(problem, settings.spreads(problem.robot))
-    frozen = np.zeros(problem.n_params, dtype=bool)
-    for segment in problem.unmeasured:
-        frozen[problem.robot.parameter_columns(segment)] = True
-    free = np.flatnonzero(~frozen)
+    scaled = scaled_parameters(rows, settings)
+    free = scaled.free
     data = rows.independent_factor
     data[:, -1] -= data[:, :-1] @ problem.prior
     tall = np.zeros((len(data) + len(free), len(free) + 1))
-    tall[: len(data), :-1] = data[:, free] * scales[free]
+    tall[: len(data), :-1] = scaled.columns(data[:, :-1])
     tall[: len(data), -1] = data[:, -1]
     pull = np.eye(problem.n_params) if metric is None else metric
     tall[len(data) :, :-1] = np.sqrt(settings.alpha) * pull[np.ix_(free, free)]
     r = square_factor(tall)
-    return Ridge(problem.prior.copy(), scales, free, r[:-1, :-1], r[:-1, -1])
+    return Ridge(scaled, r[:-1, :-1], r[:-1, -1])
 
 
 # Distances between bodies that depend on neither units nor frames (Lee, Wensing and Park 2020).

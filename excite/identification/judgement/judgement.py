@@ -133,15 +133,20 @@ def channel_fits(
         if not rows.any():
             continue
         measured = problem.y[rows]
-        fits[name] = ChannelFit(
-            unit=unit,
-            rmse=_rms(measured - predicted[rows]),
-            cc=correlation(measured, predicted[rows]),
-            reference_rmse=_rms(measured - nominal[rows]),
-            reference_cc=correlation(measured, nominal[rows]),
-            std=float(measured.std()),
-        )
+        fits[name] = channel_fit(unit, measured, predicted[rows], nominal[rows])
     return fits
+
+
+def channel_fit(unit: str, measured: Array, predicted: Array, nominal: Array) -> ChannelFit:
+    """Agreement of a measured signal ``(n,)`` with what two models predict."""
+    return ChannelFit(
+        unit=unit,
+        rmse=_rms(measured - predicted),
+        cc=correlation(measured, predicted),
+        reference_rmse=_rms(measured - nominal),
+        reference_cc=correlation(measured, nominal),
+        std=float(measured.std()),
+    )
 
 
 def correlation(a: Array, b: Array) -> float | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from excite.errors import InputError, RobotError
 from excite.formats.documents import read_yaml
 from excite.identification.constraints.linear import equivalent_boxes
 from excite.identification.estimators.settings import BodySettings
-from excite.identification.physical.bounds import InertiaRules, Interval, KnownBounds, PhysicalBounds
+from excite.identification.physical.bounds import InertiaRules, Interval, KnownBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.default_bounds import default_bounds
 from excite.robot.quantities import MAX_INERTIA
@@ -62,62 +63,24 @@ def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
     return known
 
 
-def load_physical_bounds(path: str | Path, links: tuple[str, ...]) -> PhysicalBounds:
-    """Read a file ``excite.physical_bounds/1`` that bounds every parameter of every link.
-
-    Args:
-        path: the YAML file; ``robots/iiwa14/physical_bounds.yaml`` is an example.
-        links: links of the robot's segments, in its order; each needs all ten bounds.
-
-    Raises:
-        InputError: the file is malformed, a link is missing or unknown, or a bound is empty.
-    """
-    path = Path(path)
-    known = _known_bounds(path, _read_bounds_document(path), links)
-    for name in (f"{link}.{name}" for link in links for name in NAMES):
-        if name not in known.parameters:
-            raise InputError(
-                "has no bounds", source=path, field=name, remedy="bound every parameter of every link"
-            )
-    lower, upper = (
-        np.array([[known.parameters[f"{link}.{name}"][side] for name in NAMES] for link in links])
-        for side in (0, 1)
-    )
-    total = (float(lower[:, 0].sum()), float(upper[:, 0].sum()))
-    return known.over(PhysicalBounds(links, lower, upper, {}, total, InertiaRules()))
-
-
-def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
-    """One column of values of a bounds file, by parameter name (published solutions, for example).
-
-    Raises:
-        InputError: the file is malformed, or a parameter has no such value.
-    """
-    values: dict[str, float] = {}
-    for name, entry in (_read_bounds_document(Path(path)).get("parameters") or {}).items():
-        if not isinstance(entry, dict) or column not in entry:
-            raise InputError(f"has no value {column!r}", source=path, field=name)
-        value = _read_number(entry[column])
-        if value is None or not math.isfinite(value):
-            raise InputError(
-                f"is {entry[column]!r}", source=path, field=f"{name}.{column}", remedy="give a number"
-            )
-        values[name] = value
-    return values
-
-
 def _read_bounds_document(path: Path) -> dict[str, Any]:
-    document = read_yaml(path, remedy=f"start it with schema: {SCHEMA}")
+    begin = f"start it with schema: {SCHEMA}"
+    document = read_yaml(path, remedy=begin)
     if document.get("schema") != SCHEMA:
-        raise InputError(
-            "is not a bounds file", source=path, field="schema", remedy=f"start it with schema: {SCHEMA}"
-        )
+        raise InputError("is not a bounds file", source=path, field="schema", remedy=begin)
     for key in document:
-        if key not in _FIELDS:
-            raise InputError("is unknown", source=path, field=str(key), remedy="choose " + ", ".join(_FIELDS))
+        _check_among(path, str(key), key, _FIELDS)
     if not any(document.get(key) for key in _FIELDS[2:]):
         raise InputError("bounds nothing", source=path, remedy="give links, drives or total_mass")
     return document
+
+
+def _check_among(
+    path: Path, field: str, name: Any, known: Collection[str], what: str = "is unknown", which: str = "choose"
+) -> None:
+    """Refuse a name that is none of those known."""
+    if name not in known:
+        raise InputError(what, source=path, field=field, remedy=f"{which} {', '.join(known)}")
 
 
 def _known_bounds(path: Path, document: dict[str, Any], links: tuple[str, ...]) -> KnownBounds:
@@ -126,23 +89,19 @@ def _known_bounds(path: Path, document: dict[str, Any], links: tuple[str, ...]) 
     for field, name, value in _bound_entries(path, document):
         pair = _read_pair(path, field, value)
         link, _, kind = name.rpartition(".")
-        if link in links and kind in NAMES:
-            if kind in _POSITIVE and pair[1] <= 0.0:
-                raise InputError(
-                    f"has bounds {value!r} and nothing positive between",
-                    source=path,
-                    field=field,
-                    remedy="masses and moments of inertia are positive",
-                )
-            target = parameters
-        elif link in links:
-            raise InputError("is unknown", source=path, field=field, remedy="choose " + ", ".join(NAMES))
+        inside = link in links
+        if inside:
+            _check_among(path, field, kind, NAMES)
         elif kind in NAMES:
+            _check_among(path, field, link, links, "is of no link of the robot", "links are")
+        if inside and kind in _POSITIVE and pair[1] <= 0.0:
             raise InputError(
-                "is of no link of the robot", source=path, field=field, remedy="links are " + ", ".join(links)
+                f"has bounds {value!r} and nothing positive between",
+                source=path,
+                field=field,
+                remedy="masses and moments of inertia are positive",
             )
-        else:
-            target = drives
+        target = parameters if inside else drives
         if name in target:
             raise InputError("is bounded twice", source=path, field=field, remedy="keep one of them")
         target[name] = pair
@@ -158,49 +117,40 @@ def _known_bounds(path: Path, document: dict[str, Any], links: tuple[str, ...]) 
 
 def _bound_entries(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, str, Any]]:
     """Place in the file, name of the parameter and its entry."""
-    for link, block in _field_mapping(path, document, "links").items():
-        if not isinstance(block, dict):
-            raise InputError(
-                f"is {block!r}", source=path, field=f"links.{link}", remedy="write {m: [lower, upper], …}"
-            )
+    for link, stated in _check_mapping(path, "links", document.get("links") or {}).items():
+        block = _check_mapping(path, f"links.{link}", stated, "write {m: [lower, upper], …}")
         # A name that is no parameter must not pass for a drive's.
         for name, value in block.items():
             yield f"links.{link}.{name}", f"{link}.{name}" if name in NAMES else f"{link}.", value
-    for name, value in _field_mapping(path, document, "drives").items():
+    for name, value in _check_mapping(path, "drives", document.get("drives") or {}).items():
         yield f"drives.{name}", str(name), value
-    for name, entry in _field_mapping(path, document, "parameters").items():
+    for name, entry in _check_mapping(path, "parameters", document.get("parameters") or {}).items():
         yield str(name), str(name), entry.get("bounds") if isinstance(entry, dict) else entry
 
 
-def _field_mapping(path: Path, document: dict[str, Any], field: str) -> dict[str, Any]:
-    block = document.get(field) or {}
+def _check_mapping(
+    path: Path, field: str, block: Any, remedy: str = "write NAME: […], a line each"
+) -> dict[str, Any]:
+    """Refuse a block that is no table of names."""
     if not isinstance(block, dict):
-        raise InputError(f"is {block!r}", source=path, field=field, remedy="write NAME: […], a line each")
+        raise InputError(f"is {block!r}", source=path, field=field, remedy=remedy)
     return block
 
 
 def _read_pair(path: Path, name: str, value: Any) -> Interval:
     numbers = [_read_number(entry) for entry in value] if isinstance(value, list | tuple) else []
-    if len(numbers) != 2 or any(number is None for number in numbers):
-        raise InputError(
-            f"has bounds {value!r}", source=path, field=name, remedy="write [lower, upper], two numbers in SI"
-        )
-    low, high = float(numbers[0] or 0.0), float(numbers[1] or 0.0)
-    if not (abs(low) <= MAX_INERTIA and abs(high) <= MAX_INERTIA):
-        raise InputError(
-            f"has bounds [{low:g}, {high:g}]",
-            source=path,
-            field=name,
-            remedy=f"write numbers up to {MAX_INERTIA:g}, or leave the line out",
-        )
-    if not low < high:
-        raise InputError(
-            f"has bounds [{low:g}, {high:g}] with nothing between",
-            source=path,
-            field=name,
-            remedy="put the lower one below the upper",
-        )
-    return low, high
+    found = [number for number in numbers if number is not None]
+    what, remedy = f"has bounds {value!r}", "write [lower, upper], two numbers in SI"
+    if len(found) == len(numbers) == 2:
+        low, high = found
+        what = f"has bounds [{low:g}, {high:g}]"
+        if not (abs(low) <= MAX_INERTIA and abs(high) <= MAX_INERTIA):
+            remedy = f"write numbers up to {MAX_INERTIA:g}, or leave the line out"
+        elif low < high:
+            return low, high
+        else:
+            what, remedy = f"{what} with nothing between", "put the lower one below the upper"
+    raise InputError(what, source=path, field=name, remedy=remedy)
 
 
 def _read_number(value: Any) -> float | None:
@@ -216,23 +166,19 @@ def _read_number(value: Any) -> float | None:
 
 
 def _read_rules(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, Any]:
-    known = {"diagonal_ratio", "off_diagonal_share", "slenderness", "slender", "principal_triangle"}
-    if not isinstance(block, dict):
-        raise InputError(f"is {block!r}", source=path, field="rules", remedy="write " + ", ".join(known))
-    for key, value in block.items():
-        field = f"rules.{key}"
-        if key not in known:
-            raise InputError(
-                "is unknown", source=path, field=field, remedy="choose " + ", ".join(sorted(known))
-            )
+    known = sorted(item.name for item in fields(InertiaRules))
+    rules = dict(_check_mapping(path, "rules", block, f"write {', '.join(known)}"))
+    for key, value in rules.items():
+        field, wanted = f"rules.{key}", ""
+        _check_among(path, field, key, known)
         if key == "principal_triangle":
-            if not isinstance(value, bool):
-                raise InputError(f"is {value!r}", source=path, field=field, remedy="write true or false")
+            wanted = "" if isinstance(value, bool) else "write true or false"
         elif key != "slender" and not (value is None and key != "slenderness"):
             number = _read_number(value)
-            if number is None or not (math.isfinite(number) and number > 0.0):
-                raise InputError(f"is {value!r}", source=path, field=field, remedy="write a positive number")
-    rules = {key: _read_number(value) if isinstance(value, str) else value for key, value in block.items()}
+            wanted = "" if number is not None and 0.0 < number < math.inf else "write a positive number"
+        if wanted:
+            raise InputError(f"is {value!r}", source=path, field=field, remedy=wanted)
+        rules[key] = _read_number(value) if isinstance(value, str) else value
     if "slender" in rules:
         rules["slender"] = _read_slender(path, rules["slender"] or {}, links)
     return rules
@@ -242,12 +188,8 @@ def _read_slender(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, i
     found = {}
     for link, axis in (block if isinstance(block, dict) else {"": block}).items():
         field = f"rules.slender.{link}"
-        if axis not in _AXES:
-            raise InputError(f"is {axis!r}", source=path, field=field, remedy="choose x, y or z")
-        if link not in links:
-            raise InputError(
-                "is no link of the robot", source=path, field=field, remedy="links are " + ", ".join(links)
-            )
+        _check_among(path, field, axis, _AXES, f"is {axis!r}")
+        _check_among(path, field, link, links, "is no link of the robot", "links are")
         found[link] = _AXES.index(axis)
     return found
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import clarabel
 import numpy as np
 from scipy import sparse
 
 from excite.arrays import Array
+from excite.identification.constraints.cones import Triangle, triangle_of
 
 # Upper triangle by columns, clarabel's order; the first six are also pinocchio's order of an inertia.
 TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))
@@ -63,7 +65,7 @@ def solve_cone_program(program: ConeProgram) -> ConeAnswer | None:
     """
     k, m = len(program.target), len(program.bound)
     start = _unconstrained_optimum(program)
-    stacked = [np.sqrt(_entry_counts(cone.shape[1]))[:, None] * cone for cone in program.cones]
+    stacked = [_layout_of(cone).root[:, None] * cone for cone in program.cones]
     blocks = [program.matrix, -program.rows, *(-cone.reshape(-1, cone.shape[2]) for cone in stacked)]
     left = np.vstack(blocks) * program.scale
     right = np.zeros((len(left), k))
@@ -71,31 +73,65 @@ def solve_cone_program(program: ConeProgram) -> ConeAnswer | None:
     bound = np.concatenate([program.target, -program.bound, np.zeros(len(left) - k - m)])
     bound -= np.vstack(blocks) @ start
     squares = (program.weight * program.scale) ** 2
+    kinds = [clarabel.ZeroConeT(k), clarabel.NonnegativeConeT(m)]
+    for cone in program.cones:
+        kinds += [clarabel.PSDTriangleConeT(3 if cone.shape[1] == 6 else 4)] * len(cone)
+    found = solve_clarabel(
+        np.concatenate([squares, np.ones(k)]),
+        np.concatenate([-squares * (program.center - start) / program.scale, np.zeros(k)]),
+        sparse.hstack([sparse.csc_matrix(left), sparse.csc_matrix(right)], format="csc"),
+        bound,
+        kinds,
+    )
+    z, dual = start + found.x[: len(program.scale)] * program.scale, found.dual
+    if found.infeasible or not (np.isfinite(z).all() and np.isfinite(dual).all()):
+        return None
+    cones, at = [], k + m
+    for cone in stacked:
+        length = cone.shape[0] * cone.shape[1]
+        layout, values = _layout_of(cone), dual[at : at + length].reshape(cone.shape[:2])
+        # Entries off the diagonal count twice.
+        cones.append(layout.nearest_positive(values) * layout.root)
+        at += length
+    return ConeAnswer(z, np.maximum(dual[k : k + m], 0.0), tuple(cones))
+
+
+class ClarabelAnswer(NamedTuple):
+    """What clarabel says: the variables, the multipliers of all rows, whether it calls the problem infeasible."""
+
+    x: Array
+    dual: Array
+    infeasible: bool
+
+
+def solve_clarabel(
+    squares: Array, linear: Array, matrix: Any, bound: Array, kinds: list[Any], tolerance: float | None = None
+) -> ClarabelAnswer:
+    """``min ½ Σ squares·x² + linear·x`` with ``bound − matrix·x`` in cones, by clarabel (Goulart and Chen 2024).
+
+    Args:
+        squares: ``(n,)``.
+        linear: ``(n,)``.
+        matrix: sparse, ``(m, n)``.
+        bound: ``(m,)``.
+        kinds: clarabel's cones, in the order of the rows.
+        tolerance: of gap and feasibility; clarabel's own if None.
+    """
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
     # Rows and cones have unit length already; another scaling makes multipliers of redundant rows diverge.
     settings.equilibrate_enable = False
-    kinds = [clarabel.ZeroConeT(k), clarabel.NonnegativeConeT(m)]
-    for cone in program.cones:
-        kinds += [clarabel.PSDTriangleConeT(3 if cone.shape[1] == 6 else 4)] * len(cone)
-    solution = clarabel.DefaultSolver(
-        sparse.diags(np.concatenate([squares, np.ones(k)]), format="csc"),
-        np.concatenate([-squares * (program.center - start) / program.scale, np.zeros(k)]),
-        sparse.hstack([sparse.csc_matrix(left), sparse.csc_matrix(right)], format="csc"),
-        bound,
-        kinds,
-        settings,
-    ).solve()
-    z, dual = start + np.array(solution.x)[: len(program.scale)] * program.scale, np.array(solution.z)
-    if "Infeasible" in str(solution.status) or not (np.isfinite(z).all() and np.isfinite(dual).all()):
-        return None
-    cones, at = [], k + m
-    for cone in stacked:
-        length = cone.shape[0] * cone.shape[1]
-        cones.append(_nearest_valid(dual[at : at + length].reshape(cone.shape[:2])))
-        at += length
-    return ConeAnswer(z, np.maximum(dual[k : k + m], 0.0), tuple(cones))
+    if tolerance is not None:
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        settings.tol_infeas_abs = settings.tol_infeas_rel = tolerance
+    quadratic = sparse.diags(squares, format="csc")
+    solution = clarabel.DefaultSolver(quadratic, linear, matrix, bound, kinds, settings).solve()
+    return ClarabelAnswer(np.array(solution.x), np.array(solution.z), "Infeasible" in str(solution.status))
+
+
+def _layout_of(cone: Array) -> Triangle:
+    return triangle_of(3 if cone.shape[1] == 6 else 4)
 
 
 def _unconstrained_optimum(program: ConeProgram) -> Array:
@@ -103,26 +139,3 @@ def _unconstrained_optimum(program: ConeProgram) -> Array:
     rows = np.vstack([program.matrix, np.diag(program.weight)]) * program.scale
     rest = np.concatenate([program.target - program.matrix @ program.center, np.zeros(len(program.weight))])
     return np.asarray(program.center + program.scale * np.linalg.lstsq(rows, rest, rcond=None)[0])
-
-
-def symmetric_matrices(triangles: Array) -> Array:
-    """Symmetric matrices of upper triangles by columns, ``(n, t)`` → ``(n, 3 or 4, 3 or 4)``."""
-    order = 3 if triangles.shape[1] == 6 else 4
-    full = np.empty((len(triangles), order, order))
-    for place, (i, j) in enumerate(TRIANGLE[: triangles.shape[1]]):
-        full[:, i, j] = full[:, j, i] = triangles[:, place]
-    return full
-
-
-def _entry_counts(length: int) -> Array:
-    """How often each entry of a triangle stands in the matrix: 1 or 2."""
-    return np.array([1.0 if i == j else 2.0 for i, j in TRIANGLE[:length]])
-
-
-def _nearest_valid(dual: Array) -> Array:
-    """Nearest positive semidefinite multipliers, entries off the diagonal counted twice."""
-    counts = _entry_counts(dual.shape[1])
-    values, vectors = np.linalg.eigh(symmetric_matrices(dual / np.sqrt(counts)))
-    full = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
-    places = np.array(TRIANGLE[: dual.shape[1]])
-    return np.asarray(full[:, places[:, 0], places[:, 1]] * counts)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.inertia import central_inertia_matrices
+from excite.identification.inertia import COLUMNS, ROWS, central_inertia_matrices
 
-# Places of Ixx, Ixy, Iyy, Ixz, Iyz, Izz (pinocchio's order) in the symmetric 3×3 matrix.
-ROWS = np.array([0, 0, 1, 0, 1, 2])
-COLUMNS = np.array([0, 1, 1, 2, 2, 2])
+# Places of the diagonal moments among Ixx, Ixy, Iyy, Ixz, Iyz, Izz (pinocchio's order), and of the products.
 DIAGONAL = (0, 2, 5)
 OFF_DIAGONAL = (1, 3, 4)
 

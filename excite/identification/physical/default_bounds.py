@@ -19,6 +19,7 @@ from excite.identification.constraints.linear import (
 from excite.identification.estimators.settings import BodySettings, ParameterBoundsSettings
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import DIAGONAL, physical_parameters
+from excite.identification.problem import NEVER_NEGATIVE
 from excite.identification.regression import Regression, prior_std
 from excite.robot.robot import Robot
 
@@ -86,7 +87,7 @@ def with_drives(bounds: PhysicalBounds, names: tuple[str, ...], usual: Array) ->
     """
     drives = {}
     for name, size in zip(names, usual.tolist(), strict=True):
-        positive = name.startswith(("viscous.", "coulomb.", "armature."))
+        positive = name.partition(".")[0] in NEVER_NEGATIVE
         drives[name] = bounds.drives.get(name, (0.0 if positive else -_WIDE * size, _WIDE * size))
     return replace(bounds, drives=drives)
 

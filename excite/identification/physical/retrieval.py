@@ -11,8 +11,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.display import percent
 from excite.errors import InputError
+from excite.identification.inertia import COLUMNS, ROWS
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve_cone_program
-from excite.identification.physical.coordinates import COLUMNS, ROWS, STEINER
+from excite.identification.physical.coordinates import STEINER
 from excite.identification.physical.feasible_set import FeasibleSet, TorqueObjective
 from excite.results import Stated
 
@@ -475,7 +476,7 @@ def _lift_derivative(allowed: FeasibleSet, x: Array) -> Array:
     matrix[: allowed.size] = np.eye(allowed.size)
     for place, (mass, *first) in enumerate(x[: allowed.n_body].reshape(-1, 10)[:, :4]):
         body, moments, c = 10 * place, allowed.size + 6 * place, np.array(first) / mass
-        for k, (p, q) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
+        for k, (p, q) in enumerate(zip(ROWS, COLUMNS, strict=True)):
             matrix[moments + k, body] = -c[p] * c[q]
             matrix[moments + k, body + 1 + p] += c[q]
             matrix[moments + k, body + 1 + q] += c[p]

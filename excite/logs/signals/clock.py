@@ -20,16 +20,12 @@ class Clock:
     Attributes:
         time: ``(n,)`` the stamps, or the regular clock behind them where that fits the positions better [s].
         regular: whether it is the regular one: stamps were put on late, by a reader that was kept waiting.
-        misfit_stamps: how far positions are from a smooth curve over the stamps [rad or m].
-        misfit_regular: the same over the regular clock.
         jitter_s: standard deviation of the sampling instants about ``time`` that positions betray [s].
         noise: ``(n_channels,)`` standard deviation of what no jitter explains [rad or m].
     """
 
     time: Array
     regular: bool
-    misfit_stamps: float
-    misfit_regular: float
     jitter_s: float
     noise: Array
 
@@ -61,7 +57,7 @@ def find_clock(time: Array, positions: Array) -> Clock:
     chosen = regular if late else time
     velocity = np.gradient(positions, chosen, axis=0)[2:-2]
     jitter, noise = _split_variances(misfits[late], velocity)
-    return Clock(chosen, late, sizes[0], sizes[1], jitter, noise)
+    return Clock(chosen, late, jitter, noise)
 
 
 def regular_clock(time: Array) -> Array:

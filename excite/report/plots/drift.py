@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from excite.atomic import atomic_path
-from excite.report.theme import draw_figure, shorten_name
+from excite.report.theme import draw_figure, save_png, shorten_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,6 +41,4 @@ def plot_drift(episodes: Sequence[Mapping[str, Any]]) -> Figure:
 
 def save_drift(episodes: Sequence[Mapping[str, Any]], path: Path) -> Path:
     """Write the figure as PNG; returns ``path``."""
-    with atomic_path(path) as temporary:
-        plot_drift(episodes).savefig(temporary, format="png", dpi=150)
-    return path
+    return save_png(plot_drift(episodes), path)

@@ -6,7 +6,7 @@ matplotlib itself takes 0.3 s to load: a plan's page, which needs no curves, doe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Any, Literal
 
@@ -54,14 +54,7 @@ class Outlines:
 
     def moved(self, scale: float, offset: Array) -> Outlines:
         """In points, from coordinates [m] whose second axis is upward."""
-        return Outlines(
-            tuple(_move_points(part, scale, offset) for part in self.parts),
-            self.fill,
-            self.edge,
-            self.width,
-            self.opacity,
-            self.closed,
-        )
+        return replace(self, parts=tuple(_move_points(part, scale, offset) for part in self.parts))
 
     def to_svg(self) -> str:
         """A ``<g>`` element."""
@@ -79,7 +72,7 @@ class Outlines:
         look: dict[str, Any] = {"linewidths": self.width, "joinstyle": "round", "capstyle": "round"}
         edge = "none" if self.edge is None else self.edge.light
         if self.closed:
-            face = "none" if self.fill is None else _fade_colour(self.fill, self.opacity)
+            face = "none" if self.fill is None else (self.fill.light, self.opacity)
             axes.add_collection(PolyCollection(self.parts, facecolors=face, edgecolors=edge, **look))
         else:
             axes.add_collection(LineCollection(self.parts, colors=edge, **look))
@@ -103,7 +96,7 @@ class Dots:
 
     def moved(self, scale: float, offset: Array) -> Dots:
         """See :meth:`Outlines.moved`."""
-        return Dots(_move_points(self.places, scale, offset), self.radius, self.fill, self.edge)
+        return replace(self, places=_move_points(self.places, scale, offset))
 
     def to_svg(self) -> str:
         """A ``<g>`` element."""
@@ -127,7 +120,7 @@ class Words:
         role: its colour.
         size: height of its line [point].
         anchor: which part of it is at the place.
-        upward: whether it is read from below to above.
+        bold: whether its letters are.
     """
 
     text: str
@@ -135,27 +128,21 @@ class Words:
     role: Role = INK
     size: float = 8.5
     anchor: Literal["left", "center", "right"] = "left"
-    upward: bool = False
+    bold: bool = False
 
     def to_svg(self) -> str:
         """A ``<text>`` element."""
         x, y = self.place
-        look = f"font: {self.size:g}px {FONT}; fill: {_role_colour(self.role)}; text-anchor: {_ANCHORS[self.anchor]}"
+        font = f"{'bold ' if self.bold else ''}{self.size:g}px {FONT}"
+        look = f"font: {font}; fill: {_role_colour(self.role)}; text-anchor: {_ANCHORS[self.anchor]}"
         # A capital is 0.7 of the line's height.
-        down = 0.35 * self.size
-        place = f'x="{x:.1f}" y="{y + down:.1f}"'
-        if self.upward:
-            place = f'transform="translate({x + down:.1f} {y:.1f}) rotate(-90)"'
+        place = f'x="{x:.1f}" y="{y + 0.35 * self.size:.1f}"'
         return f'<text {place} style="{look}">{escape(self.text)}</text>'
 
     def paint(self, axes: Any) -> None:
         """The same with matplotlib."""
-        look: dict[str, Any] = {"fontsize": self.size, "color": self.role.light}
-        if self.upward:
-            bottom = {"left": "bottom", "center": "center", "right": "top"}[self.anchor]
-            look |= {"rotation": 90.0, "ha": "center", "va": bottom}
-        else:
-            look |= {"ha": self.anchor, "va": "center_baseline"}
+        look: dict[str, Any] = {"fontsize": self.size, "color": self.role.light, "ha": self.anchor}
+        look |= {"va": "center_baseline", "fontweight": "bold" if self.bold else "normal"}
         axes.text(*self.place, self.text, **look)
 
 
@@ -211,7 +198,3 @@ def _svg_part(part: Array) -> str:
 
 def _role_colour(role: Role | None) -> str:
     return "none" if role is None else f"var(--{role.name})"
-
-
-def _fade_colour(role: Role, opacity: float) -> tuple[str, float]:
-    return role.light, opacity

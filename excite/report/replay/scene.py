@@ -192,14 +192,6 @@ def _element_numbers(element: ElementTree.Element, name: str, otherwise: tuple[f
 # Corners around: a cylinder's edge stays within 3 % of its radius.
 _AROUND = 14
 _RINGS = 3
-# Of a box whose corners count up in binary, x first: two triangles a side, anticlockwise from outside.
-_SIDES = np.array(
-    [
-        *[[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5]],
-        *[[0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]],
-        *[[0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]],
-    ]
-)
 
 
 def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, NDArray[np.int64]]:
@@ -210,8 +202,8 @@ def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, NDArray[
         size: as of :class:`~excite.robot.shapes.shape.Shape`.
     """
     if kind == "box":
-        corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-        return corners * np.array(size), _SIDES
+        corners, triangles = _turned_body([(-0.5, 0.5**0.5), (0.5, 0.5**0.5)], (-0.5, 0.5), 4)
+        return corners * np.array(size), triangles
     if kind not in {"sphere", "cylinder", "capsule"}:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     radius, half = size[0], 0.5 * size[1] if kind != "sphere" else 0.0
@@ -225,21 +217,24 @@ def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, NDArray[
 
 
 def _turned_body(
-    rings: list[tuple[float, float]], poles: tuple[float, float]
+    rings: list[tuple[float, float]], poles: tuple[float, float], around: int = _AROUND
 ) -> tuple[Array, NDArray[np.int64]]:
-    """A body turned about z, of rings (height, radius) from below and the heights of its lowest and highest point."""
-    turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    """A body turned about z, of rings (height, radius) from below and the heights of its lowest and highest point.
+
+    A square has corners in the diagonals, a rounder outline the first on the x axis.
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False) + (0.25 * np.pi if around == 4 else 0.0)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    levels = [np.column_stack([radius * circle, np.full(_AROUND, height)]) for height, radius in rings]
+    levels = [np.column_stack([radius * circle, np.full(around, height)]) for height, radius in rings]
     corners = np.vstack([*levels, [[0.0, 0.0, poles[0]], [0.0, 0.0, poles[1]]]])
-    here, bottom = np.arange(_AROUND), len(corners) - 2
-    after, last = np.roll(here, -1), (len(rings) - 1) * _AROUND
-    triangles = [np.column_stack([np.full(_AROUND, bottom), after, here])]
-    for below in range(0, last, _AROUND):
-        above = below + _AROUND
+    here, bottom = np.arange(around), len(corners) - 2
+    after, last = np.roll(here, -1), (len(rings) - 1) * around
+    triangles = [np.column_stack([np.full(around, bottom), after, here])]
+    for below in range(0, last, around):
+        above = below + around
         triangles.append(np.column_stack([below + here, below + after, above + after]))
         triangles.append(np.column_stack([below + here, above + after, above + here]))
-    triangles.append(np.column_stack([last + here, last + after, np.full(_AROUND, bottom + 1)]))
+    triangles.append(np.column_stack([last + here, last + after, np.full(around, bottom + 1)]))
     return corners, np.vstack(triangles)
 
 

@@ -7,7 +7,6 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,10 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import ExciteError
 from excite.motion.motion import Motion, jerk_peaks
-from excite.regressor.kernels import forward_kinematics
 from excite.robot.joint_values import Limits
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import bounding_balls, collision_model, geometry_data
-from excite.safety.checks.collision import approach_rates
+from excite.robot.shapes.collision import geometry_data, watched_model
+from excite.safety.checks.collision import Distances
 from excite.safety.checks.ground import ZMP_MARGIN, support_margin
 from excite.safety.checks.joints import drive_torques
 from excite.safety.checks.sweep import Sweep
@@ -31,6 +29,8 @@ from excite.safety.verdict import MARGINS
 FRAMES_HZ = 30.0
 # Of distances every third, as the check begins: 0.3 ms each of G1's 505 pairs, which else were most of the page's time.
 _EVERY = 3
+# Distances that are asked for at once: those of the first may show that the others are farther.
+_TOGETHER = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ def motion_tracks(robot: Robot, motion: Motion) -> Tracks:
     margins = [*_limit_margins(robot, sweep.fine, torque)]
     closest, points = None, np.zeros((n, 6))
     try:
-        nearest = _nearest_margin(robot, sweep.fine)
+        nearest = _nearest_margin(sweep)
     except ExciteError:
         nearest = None  # A robot without geometry; the check says so.
     if nearest is not None:
@@ -205,131 +205,60 @@ def _limit_margins(robot: Robot, motion: Motion, torque: Array) -> Iterator[Marg
 
 @lru_cache(maxsize=1)
 def _geometry_data(robot: Robot) -> pin.GeometryData:
-    """For all motions of a robot: no answer depends on what was asked before, and it takes 4 ms of G1's 505 pairs."""
-    return geometry_data(collision_model(robot))
+    """For all motions of a robot: it takes 4 ms of G1's 505 pairs, and more the first time."""
+    return geometry_data(watched_model(robot)[0])
 
 
-def _nearest_margin(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], Array] | None:
+def _nearest_margin(sweep: Sweep) -> tuple[Margin, NDArray[np.int64], Array] | None:
     """Distance of the nearest pair of bodies, the joints that carry them, and their nearest points."""
-    geometry = collision_model(robot)
-    if not len(geometry.collisionPairs):
+    robot, motion, distances = sweep.robot, sweep.fine, Distances(sweep)
+    geometry = distances.geometry
+    if not distances.n_pairs:
         return None
     data, found = robot.model.createData(), _geometry_data(robot)
     n = motion.n_samples
     values, where = np.empty(n), np.empty(n, dtype=np.int64)
     joints, points = np.empty((n, 2), dtype=np.int64), np.empty((n, 6))
-    objects, pairs = geometry.geometryObjects, geometry.collisionPairs
-    carriers = [one.parentJoint for one in objects]
-    ends = [(pair.first, pair.second) for pair in pairs]
-    for k, pair in enumerate(nearest_pairs(robot, data, found, motion.q[::_EVERY])):
-        result = found.distanceResults[pair]
-        both = [carriers[end] for end in ends[pair]]
+    objects = geometry.geometryObjects
+    ends = [(objects[pair.first], objects[pair.second]) for pair in geometry.collisionPairs]
+    for k, (pair, least) in enumerate(nearest_pairs(distances, motion.time[::_EVERY])):
+        pin.updateGeometryPlacements(robot.model, data, geometry, found, motion.q[k * _EVERY])
+        result = pin.computeDistance(geometry, found, pair)
+        both = [body.parentJoint for body in ends[pair]]
         near = [result.getNearestPoint1(), result.getNearestPoint2()]
         here = slice(k * _EVERY, (k + 1) * _EVERY)
-        values[here], where[here] = result.min_distance, pair
-        joints[here] = both
-        points[here] = np.concatenate(
-            [data.oMi[joint].actInv(point) for joint, point in zip(both, near, strict=True)]
-        )
+        values[here], where[here], joints[here] = least, pair, both
+        local = (data.oMi[joint].actInv(point) for joint, point in zip(both, near, strict=True))
+        points[here] = np.concatenate([*local])
     # Straight between the instants of it.
     values = np.interp(np.arange(n), np.arange(0, n, _EVERY), values[::_EVERY])
-    names = [one.name for one in objects]
-    places = tuple(f"{names[first]} – {names[second]}" for first, second in ends)
-    required = float(robot.description.collision.margin)
-    margin = Margin("self_collision_m", required, values, where, places)
+    places = tuple(f"{first.name} – {second.name}" for first, second in ends)
+    margin = Margin("self_collision_m", float(robot.description.collision.margin), values, where, places)
     return margin, joints, points
 
 
-# The nearest pair of a robot's bodies, without the distances of those that cannot be it.
+def nearest_pairs(distances: Distances, times: Array) -> Iterator[tuple[int, float]]:
+    """The pair of least distance and that distance [m], at one time after the other.
 
-# Coal knows a distance to within 1e-6 m: what is kept of one gives way by more.
-_TOLERANCE = 1e-5
-
-
-@dataclass(frozen=True, eq=False)
-class _Bodies:
-    """What holds in all motions of a robot; 3 ms of G1's 505 pairs.
-
-    Attributes:
-        rates: at which pairs approach, ``(n_pairs, n_rates)``.
-        centres: of spheres about the bodies, each with the joint that carries it and in its frame [m].
-        ends: of each pair, ``(n_pairs, 2)``.
-        reach: radii of its spheres together, ``(n_pairs,)`` [m].
-    """
-
-    rates: Array
-    centres: tuple[tuple[int, Array], ...]
-    ends: NDArray[np.intp]
-    reach: Array
-
-
-@lru_cache(maxsize=1)
-def _collision_bodies(robot: Robot) -> _Bodies:
-    geometry = collision_model(robot)
-    centres, radii = bounding_balls(geometry)
-    ends = np.array([(pair.first, pair.second) for pair in geometry.collisionPairs], dtype=np.intp)
-    placed = zip(geometry.geometryObjects, centres, strict=True)
-    return _Bodies(
-        approach_rates(robot.model, geometry),
-        tuple((shape.parentJoint, np.asarray(shape.placement.act(centre))) for shape, centre in placed),
-        ends,
-        radii[ends].sum(axis=1),
-    )
-
-
-def nearest_pairs(robot: Robot, data: pin.Data, found: pin.GeometryData, q: Array) -> Iterator[int]:
-    """The pair of least distance in one posture after the other.
-
-    No distance is computed of pairs that spheres about their bodies keep further apart than another pair is, nor of
+    No distance is computed of pairs that balls about their bodies keep further apart than another pair is, nor of
     those that were so far apart that they cannot have come as near since.
-
-    Args:
-        robot: with at least one pair of bodies that may touch.
-        data: of its model.
-        found: of its collision model; placements and the pair's result are those of the posture when a pair comes.
-        q: ``(n, nq)``, the postures, neighbours alike.
     """
-    geometry = collision_model(robot)
-    apart, come_nearer = _kept_apart(robot, q), _posture_steps(robot, q) @ _collision_bodies(robot).rates.T
-    least, nearest = np.full(apart.shape[1], -np.inf), 0
-    for k, posture in enumerate(q):
-        pin.updateGeometryPlacements(robot.model, data, geometry, found, posture)
+    least, ways = distances.at_least(times), distances.ways(times)
+    nearest = 0
+    for k, here in enumerate(least):
+        time = float(times[k])
         if k:
-            least -= come_nearer[k - 1]
-        np.maximum(least, apart[k], out=least)
+            np.maximum(here, least[k - 1] - ways[k - 1], out=here)
         # The pair that was nearest before is near still, and few can be nearer.
-        best = float(pin.computeDistance(geometry, found, nearest).min_distance)
-        least[nearest] = best - _TOLERANCE
-        open_ = np.flatnonzero(least < best)
-        for pair in open_[np.argsort(least[open_])].tolist():
-            if least[pair] >= best:
-                break
-            if pair == nearest:
-                continue
-            distance = float(pin.computeDistance(geometry, found, pair).min_distance)
-            least[pair] = distance - _TOLERANCE
-            if distance < best:
-                best, nearest = distance, pair
-        yield nearest
-
-
-def _kept_apart(robot: Robot, q: Array) -> Array:
-    """Least distances of all pairs by the spheres about their bodies, ``(n, n_pairs)`` [m]."""
-    bodies, poses = _collision_bodies(robot), forward_kinematics(robot.model, q)
-    # Shapes first: all that is copied of one lies together.
-    centre = np.array([poses.point(joint, local) for joint, local in bodies.centres])
-    between = centre[bodies.ends[:, 0]] - centre[bodies.ends[:, 1]]
-    return np.asarray(np.sqrt(np.einsum("pni,pni->np", between, between)) - bodies.reach)
-
-
-def _posture_steps(robot: Robot, q: Array) -> Array:
-    """How far each coordinate group of the rates goes from each posture to the next, ``(n - 1, n_rates)``."""
-    steps = [pin.difference(robot.model, one, other) for one, other in pairwise(q)]
-    step = np.abs(np.reshape(steps, (-1, robot.model.nv)))
-    if not robot.floating:
-        return step
-    base = np.linalg.norm(step[:, :6].reshape(-1, 2, 3), axis=2)
-    return np.hstack([base, step[:, 6:]])
+        here[nearest] = distances.at(time, np.array([nearest]))[0]
+        open_ = np.flatnonzero(here < here[nearest])
+        while len(open_):
+            few = open_[np.argsort(here[open_])[:_TOGETHER]]
+            here[few] = distances.at(time, few)
+            nearest = min([nearest, *few.tolist()], key=lambda pair: here[pair])
+            rest = np.setdiff1d(open_, few)
+            open_ = rest[here[rest] < here[nearest]]
+        yield nearest, float(here[nearest])
 
 
 # Arrays as a page carries them: 16 bits a number, differences in time, compressed, in base64.

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.display import count
-from excite.export.models.parameters import Difference, find_differences
+from excite.export.models.parameters import find_differences
 from excite.identification.judgement.judgement import said_rsd
 from excite.report.conclusions import Conclusion, draw_conclusion
 from excite.report.folder import Findings, Origin
 from excite.report.html import (
-    Cell,
+    Columns,
     Said,
+    columns_table,
     condition_value,
     folded_content,
     format_number,
@@ -167,7 +168,15 @@ def show_certainty(findings: Findings) -> Content | str:
 
 # The table nominal → identified.
 
-_HEADERS = ("link", "parameter", "nominal", "identified", "change", "±", "from data [%]")
+_DIFFERENCES: Columns = {
+    "link": lambda row: row.segment,
+    "parameter": lambda row: f"{row.parameter} [{row.unit}]",
+    "nominal": lambda row: row.nominal,
+    "identified": lambda row: row.identified,
+    "change": lambda row: row.change,
+    "±": lambda row: row.std,
+    "from data [%]": lambda row: None if row.determined is None else 100.0 * row.determined,
+}
 
 
 @section("differences", "Differences")
@@ -183,7 +192,7 @@ def show_differences(findings: Findings) -> Content | str:
         "deviation. Where little comes from data the value is the nominal model's and the constraints' "
         "choice: the motions, or the robot's joints, do not tell it from its neighbours'."
     )
-    everything = folded_content(f"All {len(found.rows)} parameters", _differences_table(found.rows))
+    everything = folded_content(f"All {len(found.rows)} parameters", columns_table(found.rows, _DIFFERENCES))
     if not clear:
         said = "No single parameter is determined by the data and more than two deviations off."
         return section_content(lead, html_paragraph(said), everything)
@@ -193,16 +202,7 @@ def show_differences(findings: Findings) -> Content | str:
     )
     strongest = sorted(clear, key=lambda row: -abs(row.change) / max(row.std or 0.0, 1e-300))[:20]
     chosen = [row for row in found.rows if row in strongest]
-    return section_content(lead, html_paragraph(said), _differences_table(chosen), everything)
-
-
-def _differences_table(rows: list[Difference] | tuple[Difference, ...]) -> str:
-    cells: list[tuple[Cell, ...]] = []
-    for row in rows:
-        share = None if row.determined is None else 100.0 * row.determined
-        name = f"{row.parameter} [{row.unit}]"
-        cells.append((row.segment, name, row.nominal, row.identified, row.change, row.std, share))
-    return html_table(_HEADERS, cells)
+    return section_content(lead, html_paragraph(said), columns_table(chosen, _DIFFERENCES), everything)
 
 
 # The figures that say at a glance how it went.
@@ -296,44 +296,16 @@ def _mass_tiles(findings: Findings) -> Iterator[str]:
     yield key_figure(f"{total:.2f} kg", f"{label} ({off})".replace("-", "−"))
 
 
-# The base parameters, whether the standard ones are physical, and warnings.
-
-_CHECKS = {
-    "mass_positive": "masses are positive",
-    "inertia_positive_definite": "inertias are positive definite",
-    "triangle_inequality": "inertias obey the triangle inequality",
-    "pseudo_inertia_min_eigenvalue": "smallest eigenvalue of a pseudo-inertia",
-}
+# How long each stage of the plan took.
 
 
-@section("parameters", "Parameters")
-def show_parameters(findings: Findings) -> Content | str:
-    """Values with their uncertainty, behind a fold; warnings in the open."""
-    identification = findings.identification
-    if identification is None:
+@section("stages", "Time taken")
+def show_stages(findings: Findings) -> Content | str:
+    """Seconds by stage."""
+    stages = (findings.plan or {}).get("stages")
+    if not stages:
         return ""
-    lead = (
-        f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
-        "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly determine it."
-    )
-    warnings = [html_paragraph(text, "note") for text in identification["warnings"]]
-    base = identification["base_parameters"]
-    rows = [_parameter_row(item) for item in base]
-    values = folded_content(
-        f"{len(base)} base parameters",
-        html_table(("base parameter (SI)", "value", "standard deviation", "RSD"), rows),
-    )
-    return section_content(lead, *warnings, _consistency_sentence(identification), values)
-
-
-def _parameter_row(item: dict) -> tuple[Cell, ...]:
-    rsd = item["rsd_percent"]
-    return item["expression"], item["value"], item["std"], Said(rsd, said_rsd(rsd))
-
-
-def _consistency_sentence(identification: dict) -> str:
-    found = identification["consistency"] or {}
-    rows: list[tuple[Cell, ...]] = [
-        (label, found[name]) for name, label in _CHECKS.items() if found.get(name) is not None
-    ]
-    return html_table(("physical consistency of the standard parameters", ""), rows) if rows else ""
+    columns: Columns = {"stage": "stage", "time [s]": lambda one: round(float(one["seconds"]), 2)}
+    total = ("all", sum(float(entry["seconds"]) for entry in stages))
+    lead = "The plan's stages in the order in which they ran."
+    return section_content(lead, columns_table(stages, columns, total))

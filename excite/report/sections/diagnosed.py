@@ -1,37 +1,40 @@
-"""Sections of the page of a diagnosis."""
+"""Sections of the page of a diagnosis, and of a log that was looked through."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from excite.diagnosis.answer.answer import HELD, doubt_of_share, left_elsewhere, named_beside_closed
 from excite.diagnosis.answer.budget import NOT_REPEATED
-from excite.diagnosis.answer.gap import of_positions
+from excite.diagnosis.answer.gap import closed_in_words, of_positions
 from excite.display import span
 from excite.report.comparisons import ForceComparison
 from excite.report.conclusions import VERDICTS
 from excite.report.folder import Document, Findings
 from excite.report.html import (
-    Cell,
+    Columns,
+    Said,
+    columns_table,
     folded_content,
     format_number,
     html_paragraph,
-    html_table,
     inline_figure,
     key_figure,
-    live_chart,
+    named_rows,
+    percent_cell,
+    percent_text,
 )
-from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
+from excite.report.plots.bars import Bars, draw_bars
+from excite.report.plots.curves import MOST_PANELS, Line, Panel, channel_label, channel_panels, show_panels
+from excite.report.plots.sketch import Sketch
 from excite.report.sections.section import Content, section, section_content
-from excite.report.theme import IDENTIFIED, INK, PALE, WIDTH_IN, draw_figure, shorten_name, to_svg
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from excite.report.theme import IDENTIFIED, INK, NOMINAL
 
 # The gap of each channel against its noise floor, before and after the effects.
 
@@ -42,107 +45,85 @@ def show_gap_by_channel(findings: Findings) -> Content | str:
     found = findings.diagnosis
     if found is None:
         return ""
-    channels = found["gap"]["per_channel"]
-    closed = bool(found["effects"])
+    channels, closed = named_rows(found["gap"]["per_channel"]), bool(found["effects"])
     lead = (
         "What the model leaves on trials that were not fitted, as a multiple of the noise floor: bars that end at "
         "the line leave nothing to explain."
     )
-    svg = to_svg(plot_gap(channels, closed), "gap", "Gap of each channel over its noise floor")
-    rows: list[tuple[Cell, ...]] = [
-        (name, item["unit"], item["before"], item["after"] if closed else None, item["noise_floor"])
-        for name, item in channels.items()
-    ]
-    numbers = folded_content(
-        "Numbers", html_table(("channel", "unit", "before", "after", "noise floor"), rows)
-    )
-    return section_content(
-        lead,
-        inline_figure(svg),
-        numbers,
-        _rollout_sentence(found["simulation"]),
-    )
+    drawing = draw_gap(channels, closed).to_svg("Gap of each channel over its noise floor")
+    columns: Columns = {
+        "channel": "name",
+        "unit": "unit",
+        "before": "before",
+        "after": lambda item: item["after"] if closed else None,
+        "noise floor": "noise_floor",
+    }
+    numbers = folded_content("Numbers", columns_table(channels, columns))
+    return section_content(lead, inline_figure(drawing), numbers, _rollout_table(found["simulation"]))
 
 
-def _rollout_sentence(simulation: dict | None) -> str:
+def _rollout_table(simulation: Document | None) -> str:
     if simulation is None or not simulation["before"]:
         return ""
-    after, floor = simulation["after"], simulation["floor"]
-    rows: list[tuple[Cell, ...]] = [
-        (name, _times_thousand(before), _times_thousand(after[name]), _times_thousand(floor.get(name)))
-        for name, before in simulation["before"].items()
-    ]
+    columns: dict[str, Any] = {"channel": str}
+    named = {"before": "before", "after": "after", "what noise alone makes": "floor"}
+    columns |= {title: partial(_milli_error, simulation[key]) for title, key in named.items()}
     how = f"{simulation['horizon_s']:g} s, driven by {simulation['driven_by']}"
-    summary = f"Roll-outs of {how}: errors [mrad or mm]"
-    return folded_content(summary, html_table(("channel", "before", "after", "what noise alone makes"), rows))
+    return folded_content(
+        f"Roll-outs of {how}: errors [mrad or mm]", columns_table(simulation["before"], columns)
+    )
 
 
-def _times_thousand(value: float | None) -> float | None:
+def _milli_error(errors: Document, name: str) -> float | None:
+    value = errors.get(name)
     return None if value is None else 1e3 * value
 
 
-# Gaps of channels over their noise floors.
-
-_DRAWN = ("before", "after", "noise_floor")
 # Least noise floor, and largest multiple of it, that an axis can show.
 _LEAST, _MOST = 1e-200, 1e200
-_TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
-def plot_gap(channels: Mapping[str, Mapping[str, Any]], closed: bool) -> Figure:
+def draw_gap(channels: list[dict[str, Any]], closed: bool) -> Sketch:
     """A bar a channel from the noise floor to the gap, on a logarithmic scale; a narrow one with the effects.
 
     Args:
-        channels: by name, ``before``, ``after`` and ``noise_floor``, in one unit.
+        channels: each ``name``, and ``before``, ``after`` and ``noise_floor`` in one unit.
         closed: whether there are effects, so that ``after`` says something.
     """
-    names = list(channels)
+    keys = ("noise_floor", "before", "after")
     # A value that is not known is NaN, and its bar is not drawn.
-    values = {key: np.array([c[key] for c in channels.values()], dtype=float) for key in _DRAWN}
-    floor = np.maximum(values["noise_floor"], _LEAST)
-    before, after = (np.clip(values[key] / floor, 1.0, _MOST) for key in ("before", "after"))
-    rows = np.arange(len(names))
-
-    def paint(figure: Figure) -> None:
-        axes = figure.subplots()
-        axes.barh(rows, before - 1.0, 0.72, left=1.0, color=PALE.light, label="the model")
-        if closed:
-            axes.barh(rows, after - 1.0, 0.34, left=1.0, color=IDENTIFIED.light, label="with the effects")
-        axes.axvline(1.0, color=INK.light, lw=1.2)
-        most = float(np.nanmax([*before, *after, 2.0]))
-        axes.set_xscale("log")
-        axes.set_xlim(0.97, 1.6 * most)
-        ticks = [tick for tick in _TICKS if tick <= 1.6 * most]
-        axes.set_xticks(ticks, [str(tick) for tick in ticks])
-        axes.minorticks_off()
-        axes.set_yticks(rows, [shorten_name(channel_label(name)) for name in names])
-        axes.tick_params(axis="y", length=0)
-        axes.set_ylim(len(names) - 0.4, -0.6)
-        axes.grid(visible=False, axis="y")
-        axes.set_xlabel("gap over its noise floor (no unit, log scale)")
-        for row, (was, now) in enumerate(zip(before, after, strict=True)):
-            if np.isnan(was) or (closed and np.isnan(now)):
-                continue
-            text = f"{was:.3g} → {now:.3g}" if closed else f"{was:.3g}"
-            axes.annotate(
-                text,
-                (max(was, now if closed else was), row),
-                (5, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=7.5,
-            )
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
-
-    return draw_figure(paint, height_in=1.0 + 0.24 * len(names), width_in=WIDTH_IN)
+    floor, *both = (np.array([one[key] for one in channels], dtype=float) for key in keys)
+    before, after = (np.clip(one / np.maximum(floor, _LEAST), 1.0, _MOST) for one in both)
+    shown = (before, after) if closed else (before,)
+    return draw_bars(
+        Bars(
+            [channel_label(one["name"]) for one in channels],
+            before,
+            after if closed else None,
+            ("the model", "with the effects"),
+            "gap over its noise floor (no unit, log scale)",
+            log=True,
+            texts=[
+                "" if np.isnan(pair).any() else " → ".join(f"{x:.3g}" for x in pair)
+                for pair in zip(*shown, strict=True)
+            ],
+        )
+    )
 
 
-# What the gap is counted from: sizes that the model took from the record before the first effect was asked
-# for.
+# What the gap is counted from: sizes that the model took from the record before the first effect was asked for.
 
 _BODIES = {
     "rigid_body": "The bodies' base parameters were fitted to this record, too.",
     "rigid_body_fixed": "The bodies are as the model has them.",
+}
+_BASELINE: Columns = {
+    "joint": "joint",
+    "parameter": lambda item: item["parameter"].replace("_", " "),
+    "value": "value",
+    "±": "std",
+    "90 % interval": lambda item: _interval_text(item["interval90"], format_number),
+    "unit": "unit",
 }
 
 
@@ -157,19 +138,7 @@ def show_baseline(findings: Findings) -> Content | str:
         "what they have taken up is no effect. Beside the accepted effects they may come out otherwise."
     )
     bodies = [html_paragraph(text) for word, text in _BODIES.items() if word in found["modelled"]]
-    headers = ("joint", "parameter", "value", "±", "90 % interval", "unit")
-    return section_content(
-        lead,
-        html_table(headers, [_baseline_row(item) for item in found["baseline"]]),
-        *bodies,
-    )
-
-
-def _baseline_row(item: Document) -> tuple[Cell, ...]:
-    bounds = item["interval90"]
-    between = "–" if bounds is None else span(format_number(bounds[0]), format_number(bounds[1]), " to ")
-    name = item["parameter"].replace("_", " ")
-    return item["joint"], name, item["value"], item["std"], between, item["unit"]
+    return section_content(lead, columns_table(found["baseline"], _BASELINE), *bodies)
 
 
 # Where each channel's gap goes: noise floor, named effects with their intervals, unnamed shares, the rest.
@@ -219,24 +188,36 @@ def show_budget_by_channel(findings: Findings) -> Content | str:
     return section_content(lead, html_paragraph(how), beside, _bar_legend(), large, rest)
 
 
+_PARTS_COLUMNS: Columns = {
+    "part": lambda part: part.what,
+    "share": lambda part: percent_cell(part.share),
+    "90 % interval": lambda part: _interval_text(part.interval),
+    "": lambda part: "" if part.interval is None else doubt_of_share(part.share, *part.interval),
+}
+
+
 def _render_channel(name: str, channel: Document) -> str:
     """A channel's heading, bar and table."""
     parts = list(_channel_parts(channel))
-    floor, gap = format_number(channel["noise_floor"]), format_number(channel["gap"])
-    unit = channel["unit"]
-    size = (
-        f"gap {gap} {unit}, noise floor {floor} {unit}, {_percent_text(channel['weight'])} of the whole gap"
-    )
-    rows = "".join(
-        f"<tr><td>{escape(part.what)}</td><td class='number'>{_percent_text(part.share)}</td>"
-        f"<td>{_interval_text(part)}</td><td>{escape(_part_doubt(part))}</td></tr>"
-        for part in parts
-    )
-    head = "<tr><th>part</th><th class='number'>share</th><th>90 % interval</th><th></th></tr>"
+    floor, gap, unit = format_number(channel["noise_floor"]), format_number(channel["gap"]), channel["unit"]
+    size = f"gap {gap} {unit}, noise floor {floor} {unit}, {percent_text(channel['weight'])} of the whole gap"
     return (
-        f'<h3>{escape(channel_label(name))}</h3><p class="lead">{escape(size)}</p>{_stacked_bar(parts)}'
-        f'<div class="wide"><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>'
+        f"<h3>{escape(channel_label(name))}</h3>{html_paragraph(size, 'lead')}{_stacked_bar(parts)}"
+        f"{columns_table(parts, _PARTS_COLUMNS)}"
     )
+
+
+def _interval_text(
+    interval: Sequence[float | None] | None, text: Callable[[float | None], str] = percent_text
+) -> str:
+    if interval is None:
+        return "–"
+    low, high = map(text, interval)
+    return span(low, high, " to ")
+
+
+def _bare_percent(share: float | None) -> str:
+    return percent_text(share).removesuffix(" %")
 
 
 def _channel_parts(channel: Document) -> Iterator[_Part]:
@@ -259,11 +240,11 @@ def _stacked_bar(parts: list[_Part]) -> str:
     whole = max(sum(sizes), 1.0)
     pieces = "".join(
         f'<span style="width: {100 * size / whole:.2f}%; background: var(--{part.kind})" '
-        f'title="{escape(part.what)} {_percent_text(part.share)}"></span>'
+        f'title="{escape(part.what)} {percent_text(part.share)}"></span>'
         for part, size in zip(parts, sizes, strict=True)
         if size > 0.0
     )
-    said = escape("; ".join(f"{part.what} {_percent_text(part.share)}" for part in parts))
+    said = escape("; ".join(f"{part.what} {percent_text(part.share)}" for part in parts))
     return f'<div class="stack" role="img" aria-label="{said}">{pieces}</div>'
 
 
@@ -284,8 +265,8 @@ def _channel_sentence(name: str, channel: Document) -> str:
     """``Of the gap at joint 2 (0.41 N·m above 0.05 noise), 63 % is Coulomb friction …``."""
     *named, rest = _channel_parts(channel)
     large = sorted((part for part in named if _is_worth_naming(part)), key=lambda part: -(part.share or 0.0))
-    said = [f"{_percent_text(part.share)} {_part_verb(part)}" for part in large[:_SAID]]
-    listed = ", ".join([*said, f"{_percent_text(rest.share)} is {'the rest' if said else 'without a name'}"])
+    said = [f"{percent_text(part.share)} {_part_verb(part)}" for part in large[:_SAID]]
+    listed = ", ".join([*said, f"{percent_text(rest.share)} is {'the rest' if said else 'without a name'}"])
     size = (
         f"{format_number(channel['gap'], 2)} {channel['unit']} above "
         f"{format_number(channel['noise_floor'], 2)} noise"
@@ -307,39 +288,22 @@ def _part_verb(part: _Part) -> str:
 
 def _explain_difference(found: Document, order: list[tuple[str, Document]]) -> str:
     """Why the parts with a name are not what the accepted effects close, where they differ."""
-    closed = found["gap"]["share_closed"]
     named = sum(
         (channel["weight"] or 0.0) * sum(item["share"] or 0.0 for item in channel["effects"])
         for _, channel in order
     )
-    said = named_beside_closed(named, closed, accepted=bool(found["effects"]))
-    return html_paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
+    return _note(named_beside_closed(named, found["gap"]["share_closed"], accepted=bool(found["effects"])))
 
 
 def _explain_elsewhere(found: Document) -> str:
     """Why the gap by channel lies at another joint, where it does."""
     gaps = {name: (item["before"], item["noise_floor"]) for name, item in found["gap"]["per_channel"].items()}
     weights = {name: item["weight"] or 0.0 for name, item in found["budget"].items()}
-    said = left_elsewhere(gaps, weights, found["modelled"])
+    return _note(left_elsewhere(gaps, weights, found["modelled"]))
+
+
+def _note(said: str) -> str:
     return html_paragraph(f"{said[0].upper()}{said[1:]}.", "note") if said else ""
-
-
-def _part_doubt(part: _Part) -> str:
-    """Why its share and its interval do not seem to fit each other."""
-    return "" if part.interval is None else doubt_of_share(part.share, *part.interval)
-
-
-def _interval_text(part: _Part) -> str:
-    if part.interval is None:
-        return "–"
-    return span(_percent_text(part.interval[0]), _percent_text(part.interval[1]), " to ")
-
-
-def _percent_text(share: float | None) -> str:
-    if share is None:
-        return "–"
-    text = f"{100.0 * share:.0f} %".replace("-", "−")
-    return "0 %" if text == "−0 %" else text
 
 
 # A diagnosis in a row of key figures.
@@ -366,40 +330,29 @@ def show_verdict(findings: Findings) -> Content | str:
 
 
 def _verdict_tiles(found: Document) -> Iterator[str]:
-    verdict, gap = found["verdict"], found["gap"]
+    verdict, gap, closed = found["verdict"], found["gap"], bool(found["effects"])
     yield key_figure(verdict, VERDICTS[verdict])
-    closed = bool(found["effects"])
-    size = (
-        f"{_verdict_percent_text(gap['before'])} → {_verdict_percent_text(gap['after'])}"
-        if closed
-        else _verdict_percent_text(gap["before"])
-    )
-    yield key_figure(
-        size, f"of the signal is not explained; {_verdict_percent_text(gap['noise_floor'])} is noise"
-    )
-    if closed:
-        bounds = gap["share_closed_90"]
-        within = (
-            f"; 90 % interval {span(_whole_percent(bounds[0]), _whole_percent(bounds[1]), ' to ')} %"
-            if bounds
-            else ""
+    before, after, noise = (percent_text(gap[key], ".3g") for key in ("before", "after", "noise_floor"))
+    size = f"{before} → {after}" if closed else before
+    yield key_figure(size, f"of the signal is not explained; {noise} is noise")
+    if not closed:
+        return
+    bounds = gap["share_closed_90"]
+    within = f"; 90 % interval {_interval_text(bounds, _bare_percent)} %" if bounds else ""
+    if bounds and None not in bounds and bounds[0] < _SURE * (gap["share_closed"] or 0.0):
+        within += (
+            ": so much is closed on the trials that judge, which are too few or too short to say it of others"
         )
-        if bounds and None not in bounds and bounds[0] < _SURE * (gap["share_closed"] or 0.0):
-            within += ": so much is closed on the trials that judge, which are too few or too short to say it of others"
-        units = (item["unit"] for item in gap["per_channel"].values())
-        of = "gap of the positions" if of_positions(units) else "gap"
-        yield key_figure(
-            f"{_whole_percent(gap['share_closed'])} %", f"of the {of} above the noise is closed" + within
-        )
+    units = (item["unit"] for item in gap["per_channel"].values())
+    of = "gap of the positions" if of_positions(units) else "gap"
+    yield key_figure(percent_text(gap["share_closed"]), f"of the {of} above the noise is closed{within}")
     rollouts = found["simulation"]
-    if closed and rollouts and rollouts["before"]:
-        share = rollout_share(rollouts)
-        how = f"of the error above noise of {rollouts['horizon_s']:g} s roll-outs is mended"
+    if rollouts and rollouts["before"]:
+        share, horizon = rollout_share(rollouts), f"{rollouts['horizon_s']:g} s"
+        how = f"of the error above noise of {horizon} roll-outs is mended"
         if share is None:
-            how = (
-                f"roll-outs of {rollouts['horizon_s']:g} s err by no more than noise makes: they cannot tell"
-            )
-        yield key_figure(f"{_whole_percent(share)} %" if share is not None else "–", how)
+            how = f"roll-outs of {horizon} err by no more than noise makes: they cannot tell"
+        yield key_figure(percent_text(share), how)
 
 
 def rollout_share(rollouts: Document) -> float | None:
@@ -436,20 +389,12 @@ def _explain_disagreement(found: Document) -> str:
         else "a simulator can express some effects only in part, and what it makes of an error grows with time"
     )
     return html_paragraph(
-        f"{_whole_percent(closed)} % and {_whole_percent(share)} % are both right. The first is what "
+        f"{percent_text(closed)} and {percent_text(share)} are both right. The first is what "
         "the effects explain of the "
         f"readings, instant by instant; the second what they mend of where the simulator goes on its own for "
         f"{rollouts['horizon_s']:g} s: {why}.",
         "note",
     )
-
-
-def _verdict_percent_text(share: float | None) -> str:
-    return "–" if share is None else f"{100.0 * share:.3g} %"
-
-
-def _whole_percent(share: float | None) -> str:
-    return "–" if share is None else f"{100.0 * share:.0f}".replace("-", "−")
 
 
 # The map of the gap: which channels, and what each one's follows.
@@ -466,39 +411,203 @@ def show_where(findings: Findings) -> Content | str:
         "functions of that one thing would explain; several may look alike, and what does not hold on the trials "
         "that judge is no part of Where the gap goes. The band holds the middle 80 % of the gap's power."
     )
-    what = list(dict.fromkeys(name for row in found["where"] for name in row["dependence"]))
-    head = "".join(
-        f"<th>{escape(text)}</th>"
-        for text in (
-            "channel",
-            "share of the gap",
-            *(name.replace("_", " ") for name in what),
-            "band [Hz]",
-        )
-    )
-    body = "".join(_where_row(row, what) for row in found["where"])
-    map_ = f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-    return section_content(lead, map_)
+    what = dict.fromkeys(name for row in found["where"] for name in row["dependence"])
+    columns: Columns = {
+        "channel": lambda row: channel_label(row["channel"]),
+        "share of the gap": lambda row: percent_cell(row["share"], shaded=True),
+        **{name.replace("_", " "): partial(_dependence_cell, name) for name in what},
+        "band [Hz]": lambda row: " to ".join("–" if end is None else f"{end:.2g}" for end in row["band_hz"]),
+    }
+    return section_content(lead, columns_table(found["where"], columns))
 
 
-def _where_row(row: dict, what: list[str]) -> str:
-    band = " to ".join("–" if end is None else f"{end:.2g}" for end in row["band_hz"])
-    cells = "".join(_shaded_share(row["dependence"].get(name)) for name in what)
+def _dependence_cell(name: str, row: Document) -> Said:
+    return percent_cell(row["dependence"].get(name), shaded=True)
+
+
+# A trial as it was measured, and as the model tells it before and after the effects.
+
+_SHOWN = 4
+
+
+@section("curves", "A trial before and after")
+def show_curves(findings: Findings) -> Content | str:
+    """The channels with the largest shares of the gap."""
+    found, data = findings.diagnosis, findings.data.gap
+    if found is None or data is None:
+        return ""
+    order = [row["channel"] for row in found["where"] if row["channel"] in data.channels]
+    shown = (order or list(data.channels))[:_SHOWN]
+    closed = bool(found["effects"])
+    lead = f"Trial {data.trial}: what was measured and what the model says, and the difference between them."
+    if closed:
+        lead += " With the effects, the blue difference should be no more than noise."
+    if len(shown) < len(data.channels):
+        lead += f" The {len(shown)} channels with the largest shares of the gap."
+    panels = [panel for name in shown for panel in _curve_panels(data, name, closed)]
+    said = "Measured and modelled, before and after"
+    return section_content(lead, show_panels("curves", data.time, panels, said))
+
+
+def _curve_panels(data: ForceComparison, name: str, closed: bool) -> tuple[Panel, Panel]:
+    """Measured and modelled, and their difference."""
+    i = data.channels.index(name)
+    measured, unit, label = data.measured[:, i], data.units[i], channel_label(name)
+    models = [Line("the model", NOMINAL, data.nominal[:, i], dashed=True)]
+    models += [Line("with the effects", IDENTIFIED, data.identified[:, i])] if closed else []
+    left = tuple(replace(line, values=measured - line.values) for line in models)
     return (
-        f"<tr><td>{escape(channel_label(row['channel']))}</td>{_shaded_share(row['share'])}{cells}"
-        f"<td>{band}</td></tr>"
+        Panel(label, unit, (Line("measured", INK, measured), *models)),
+        Panel(f"{label}, measured less modelled", unit, left),
     )
 
 
-def _shaded_share(share: float | None) -> str:
-    if share is None:
-        return '<td class="map">–</td>'
-    depth = round(60.0 * min(max(share, 0.0), 1.0))
-    colour = f"color-mix(in srgb, var(--identified) {depth}%, transparent)"
-    return f'<td class="map" style="background: {colour}">{100.0 * share:.0f} %</td>'
+# Effects in the order of their evidence: accepted ones, those as likely, those that were tried.
+
+_PARAMETERS = 3
+_EFFECTS: Columns = {
+    "effect": lambda item: item["effect"].replace("_", " "),
+    "place": lambda item: item["location"] or "",
+    "": "standing",
+    "evidence [nats]": "evidence",
+    "closed [%]": lambda item: None if item["share_closed"] is None else round(100.0 * item["share_closed"]),
+    "size": lambda item: _format_sizes(item["parameters"]),
+}
 
 
-# Sections of the page of a log that was looked through.
+@section("effects", "Effects")
+def show_effects(findings: Findings) -> Content | str:
+    """Accepted effects with their sizes, then what the first of them was preferred to."""
+    found = findings.diagnosis
+    if found is None or not (found["effects"] or found["candidates"]):
+        return ""
+    accepted = {(item["effect"], item["location"]) for item in found["effects"]}
+    alike = {(item["effect"], item["location"]) for item in found["candidates"][: found["n_tied"]]}
+    others = [c for c in found["candidates"] if (c["effect"], c["location"]) not in accepted]
+    rows = [
+        {**item, "standing": "as likely" if key in alike else "accepted" if key in accepted else "tried"}
+        for item in (*found["effects"], *others)
+        for key in [(item["effect"], item["location"])]
+    ]
+    lead = (
+        "Evidence is a log-likelihood ratio over effective samples, less the price of the parameters and of the "
+        "candidates tried: e to that power is by how much an effect is likelier than none."
+    )
+    units = (item["unit"] for item in found["gap"]["per_channel"].values())
+    lead += f" {closed_in_words(of_positions(units)).capitalize()}."
+    if not found["effects"]:
+        lead += " None was accepted."
+    tied = found["tied_locations"]
+    places = (
+        html_paragraph("Places that the record cannot tell apart: " + ", ".join(tied) + ".")
+        if len(tied) > 1
+        else ""
+    )
+    return section_content(lead, columns_table(rows, _EFFECTS), places)
+
+
+def _format_sizes(parameters: Document) -> str:
+    said = []
+    for name, entry in list(parameters.items())[:_PARAMETERS]:
+        unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
+        spread = "" if entry["std"] is None else f" ± {format_number(entry['std'], 1)}"
+        said.append(f"{name.replace('_', ' ')} {format_number(entry['value'], 4)}{spread}{unit}")
+    more = len(parameters) - _PARAMETERS
+    return "; ".join(said) + (f"; and {more} more" if more > 0 else "")
+
+
+# What to measure next, what was wrong with the record, and the limits of what was said.
+
+_FAULTS: Columns = {
+    "what": "what",
+    "what was done, or is to be done": "cause",
+    "": lambda item: "repaired" if item["repaired"] else "left as it is",
+}
+
+
+@section("record", "What to do, and what to keep in mind")
+def show_record(findings: Findings) -> Content | str:
+    """The next experiment, faults of the log and notes, each only where there is something to say."""
+    found = findings.diagnosis
+    if found is None:
+        return ""
+    content, following = [], found["next_experiment"]
+    if following is not None:
+        motion = f" The motion is in {following['motion']}." if following["motion"] else ""
+        content.append(html_paragraph(f"Next: {following['why']}{motion}"))
+    if found["log"]:
+        content.append("<h3>Faults of the record</h3>" + columns_table(found["log"], _FAULTS))
+    said = {item["what"] for item in found["log"]}
+    notes = [*found["warnings"], *((found["simulation"] or {"warnings": ()})["warnings"])]
+    notes = [text for text in notes if text not in said]
+    if notes:
+        content.append(
+            "<h3>Limits</h3><ul>" + "".join(f"<li>{escape(text)}</li>" for text in notes) + "</ul>"
+        )
+    if not content:
+        return ""
+    return section_content("", *content)
+
+
+# A diagnosis' held-out figures beside those of predictors that are far simpler than a simulator.
+
+_PREDICTORS = {
+    "model": "model",
+    "command": "the command",
+    "delayed_command": "delayed and scaled",
+    "fir": "linear filter",
+    "repeat": "a repeat",
+}
+_ANGLES = {"rad": "mrad", "m": "mm"}
+
+
+@section("trivial", "Beside simple predictors")
+def show_trivial(findings: Findings) -> Content | str:
+    """A row a channel: the model's error, then the command's, its delay's, a filter's, and what repeats differ by."""
+    found = findings.diagnosis
+    errors = {} if found is None else found["trivial"]
+    shown = {k: v for k, v in _PREDICTORS.items() if any(item[k] is not None for item in errors.values())}
+    if found is None or not shown.keys() - {"model"}:
+        return ""
+    columns: dict[str, Any] = {
+        "channel": lambda item: channel_label(item["name"]),
+        "unit": lambda item: _ANGLES.get(item["unit"], str(item["unit"])),
+        **{title: partial(_sized_value, key) for key, title in shown.items()},
+    }
+    said = [item["message"] for item in found["findings"] if item["code"] == "no_better_than_trivial"]
+    return section_content(
+        _trivial_lead(found, "fir" in shown),
+        columns_table(named_rows(errors), columns),
+        *(html_paragraph(f"{text[:1].upper()}{text[1:]}.", "note") for text in said),
+    )
+
+
+def _trivial_lead(found: Document, of_commands: bool) -> str:
+    rows = "Root mean square errors on the same rows of trials that were not fitted"
+    if not of_commands:
+        return (
+            f"{rows}: what the model leaves, and by how much one trial's reading differs from another's with the same "
+            "command. Both readings have noise of their own: a perfect model leaves 0.7 of that difference, and "
+            "none leaves less."
+        )
+    simulation = found["simulation"]
+    anew = (
+        f", started anew from the record every {simulation['horizon_s']:g} s"
+        if simulation and simulation["before"]
+        else ""
+    )
+    return (
+        f"{rows}. The model is the simulator with the effects found{anew}. The others know no physics: the command "
+        "itself; the command some time ago, scaled and offset; a linear filter of the command; another trial with the "
+        "same command. What they had to learn they learnt on the trials to learn from. A model that is no better than "
+        "these explains nothing that a delay does not."
+    )
+
+
+def _sized_value(key: str, item: Document) -> float | None:
+    value = item[key]
+    return None if value is None else value * (1e3 if item["unit"] in _ANGLES else 1.0)
+
 
 # What is wrong with a log, worst first, and what was done or is to be done about it.
 
@@ -529,22 +638,22 @@ def show_log_findings(findings: Findings) -> Content | str:
     )
     if found["repaired"]:
         lead += f" A mended copy is in {found['repaired']}."
-    headers = ["how bad", "what was found", "what was done, or is to be done", "where"]
-    rows = [_finding_row(item) for item in found["findings"]]
+    columns: dict[str, Any] = {
+        "how bad": lambda item: "mended" if item["repaired"] else _MEANS[item["severity"]],
+        "what was found": "text",
+        "what was done, or is to be done": "remedy",
+        "where": _finding_place,
+    }
     if any(item["sure"] < 1.0 for item in found["findings"]):
-        headers.append("sure")
-        rows = [
-            (*row, f"{100.0 * item['sure']:.0f} %") for row, item in zip(rows, found["findings"], strict=True)
-        ]
-    return section_content(lead, html_table(headers, rows))
+        columns["sure"] = lambda item: f"{100.0 * item['sure']:.0f} %"
+    return section_content(lead, columns_table(found["findings"], columns))
 
 
-def _finding_row(item: Document) -> tuple[Cell, ...]:
-    state = "mended" if item["repaired"] else _MEANS[item["severity"]]
+def _finding_place(item: Document) -> str:
     where = _list_places(item["places"])
     if item["trials"]:
         where += f"{'; ' if where else ''}in {_list_places(item['trials'])}"
-    return state, item["text"], item["remedy"], where
+    return where
 
 
 def _list_places(names: list[str]) -> str:
@@ -568,40 +677,13 @@ def show_torques_beside_model(findings: Findings) -> Content | str:
         place.rpartition(".")[2] for finding in findings.doctor["findings"] for place in finding["places"]
     }
     order = sorted(data.channels, key=lambda name: name not in named)
-    shown = _select_channels(data, order[:MOST_PANELS])
+    panels = channel_panels(data, (_MODEL, _LOGGED, _REPAIRED), order)
     lead = (
         f"Trial {data.trial}: the torques as they stand in the log and as they were repaired, beside those of the "
         "nominal model's bodies in the repaired motion, with an offset, friction and a rotor fitted to each joint. "
         "What is left between them may be the model's fault as well."
     )
-    if len(shown.channels) < len(data.channels):
+    if len(panels) < len(data.channels):
         lead += f" Drawn are {MOST_PANELS} of {len(data.channels)} joints, those of the findings first."
-    svg = to_svg(
-        plot_forces(shown, (_MODEL, _LOGGED, _REPAIRED)),
-        "beside-model",
-        "Torques as logged, as repaired and as the model needs them",
-    )
-    plots = live_chart("beside-model-plots", shown.time, list(_torque_panels(shown)), inline_figure(svg))
-    return section_content(lead, plots)
-
-
-def _select_channels(data: ForceComparison, names: list[str]) -> ForceComparison:
-    at = [data.channels.index(name) for name in names]
-    return replace(
-        data,
-        channels=tuple(names),
-        units=tuple(data.units[i] for i in at),
-        measured=data.measured[:, at],
-        nominal=data.nominal[:, at],
-        identified=data.identified[:, at],
-    )
-
-
-def _torque_panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
-    for i, (name, unit) in enumerate(zip(data.channels, data.units, strict=True)):
-        series = [
-            ({"label": _MODEL, "role": "ink"}, data.measured[:, i]),
-            ({"label": _LOGGED, "role": "nominal", "dash": [5, 3]}, data.nominal[:, i]),
-            ({"label": _REPAIRED, "role": "identified"}, data.identified[:, i]),
-        ]
-        yield {"title": f"{channel_label(name)} [{unit}]", "unit": unit, "series": series}
+    said = "Torques as logged, as repaired and as the model needs them"
+    return section_content(lead, show_panels("beside-model", data.time, panels, said))

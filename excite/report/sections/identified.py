@@ -1,42 +1,36 @@
-"""Sections of an identification: segment masses, prediction of the sensors, signal processing, sessions."""
+"""Sections of an identification: masses, prediction of the sensors, parameters, signal processing, sessions."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from excite.atomic import atomic_path
 from excite.display import span
+from excite.identification.judgement.judgement import said_rsd
 from excite.logs.signals.trace import SignalTrace, trace_from_json
 from excite.report.comparisons import ForceComparison, MassComparison, ReportData
 from excite.report.folder import Document, Findings
 from excite.report.html import (
-    Cell,
+    Columns,
+    Said,
+    columns_table,
     folded_content,
     format_number,
     html_paragraph,
     html_table,
     inline_figure,
-    live_chart,
+    named_rows,
 )
-from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
+from excite.report.plots.bars import Bars, draw_bars
+from excite.report.plots.curves import MOST_PANELS, channel_label, channel_panels, show_panels
+from excite.report.plots.sketch import Sketch
 from excite.report.sections.section import Content, section, section_content
-from excite.report.theme import (
-    IDENTIFIED,
-    INK,
-    NOMINAL,
-    PALE,
-    TRUE,
-    draw_figure,
-    shorten_name,
-    to_png,
-    to_svg,
-)
+from excite.report.theme import IDENTIFIED, NOMINAL, draw_figure, save_png, shorten_name, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,69 +60,37 @@ def show_masses(findings: Findings) -> Content | str:
             f"nominal model leaves: {', '.join(names)}. A robot whose bodies all differ a little shows itself so "
             "too; Differences lists what the data tell of each parameter by itself."
         )
-    svg = to_svg(plot_masses(data), "masses", "Mass of each segment: nominal, identified, true")
-    return section_content(
-        lead,
-        inline_figure(svg),
-        folded_content("Numbers", _mass_numbers(data)),
-    )
+    drawing = draw_masses(data).to_svg("Mass of each segment: nominal, identified, true")
+    return section_content(lead, inline_figure(drawing), folded_content("Numbers", _mass_numbers(data)))
 
 
 def _mass_numbers(data: MassComparison) -> str:
-    columns = {"nominal [kg]": data.nominal, "identified [kg]": data.identified}
-    sums = {name: float(np.sum(column)) for name, column in columns.items()}
-    if data.half_width is not None:
-        columns["± 95 % [kg]"] = data.half_width
-    if data.determined is not None:
-        columns["told by the data [%]"] = 100.0 * data.determined
-    if data.true is not None:
-        columns["true [kg]"] = data.true
-        sums["true [kg]"] = float(np.sum(data.true))
-    rows: list[tuple[Cell, ...]] = [
-        (name, *(float(column[i]) for column in columns.values())) for i, name in enumerate(data.names)
-    ]
+    summed = {"nominal [kg]": data.nominal, "identified [kg]": data.identified, "true [kg]": data.true}
+    told = None if data.determined is None else 100.0 * data.determined
     # Masses of neighbours are known together, so that their intervals do not add up.
-    return html_table(["segment", *columns], rows, ("all", *(sums.get(name, "") for name in columns)))
+    more = {"± 95 % [kg]": data.half_width, "told by the data [%]": told}
+    order = ("nominal [kg]", "identified [kg]", *more, "true [kg]")
+    columns = {name: found for name in order if (found := {**summed, **more}[name]) is not None}
+    rows = [(name, *map(float, row)) for name, *row in zip(data.names, *columns.values(), strict=True)]
+    sums = (float(np.sum(column)) if name in summed else "" for name, column in columns.items())
+    return html_table(["segment", *columns], rows, ("all", *sums))
 
 
-# Masses of the segments: nominal, identified, true.
-
-
-def plot_masses(data: MassComparison) -> Figure:
+def draw_masses(data: MassComparison) -> Sketch:
     """One row a segment: pale bar nominal, strong bar identified, its interval, tick true; changed ones in bold."""
-
-    def paint(figure: Figure) -> None:
-        axes = figure.subplots()
-        rows = np.arange(len(data.names))
-        style: dict[str, Any]
-        axes.barh(rows, data.nominal, height=0.74, color=PALE.light, label="nominal")
-        axes.barh(rows, data.identified, height=0.36, color=IDENTIFIED.light, label="identified")
-        if data.half_width is not None:
-            style = {"ecolor": INK.light, "elinewidth": 1.1, "fmt": "none"}
-            axes.errorbar(data.identified, rows, xerr=data.half_width, label="95 %", **style)
-        if data.true is not None:
-            style = {
-                "marker": "|",
-                "markersize": 11,
-                "markeredgewidth": 2.2,
-                "linestyle": "none",
-            }
-            axes.plot(data.true, rows, color=TRUE.light, label="true", **style)
-        axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel="mass [kg]")
-        if data.half_width is None:
-            axes.set_xlim(left=min(0.0, float(np.min(data.identified))))
-        axes.set_yticks(rows, [shorten_name(name) for name in data.names])
-        axes.tick_params(axis="y", length=0)
-        if data.changed is not None:
-            for label, changed in zip(axes.get_yticklabels(), data.changed, strict=True):
-                if changed:
-                    label.set(fontweight="bold", color=INK.light)
-        axes.grid(axis="y", visible=False)
-        handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-        order = [name for name in ("nominal", "identified", "95 %", "true") if name in handles]
-        figure.legend([handles[name] for name in order], order, loc="outside upper left", ncols=4)
-
-    return draw_figure(paint, height_in=1.0 + 0.21 * len(data.names))
+    changed = np.zeros(len(data.names), dtype=bool) if data.changed is None else data.changed
+    return draw_bars(
+        Bars(
+            data.names,
+            data.nominal,
+            data.identified,
+            ("nominal", "identified", "95 %", "true"),
+            "mass [kg]",
+            half_width=data.half_width,
+            ticks=data.true,
+            bold={name for name, bold in zip(data.names, changed, strict=True) if bold},
+        )
+    )
 
 
 # The steps of the signal processing, one a panel: before pale, after strong.
@@ -164,9 +126,7 @@ def save_signal_figure(trace: SignalTrace, path: Path) -> Path:
     Returns:
         The file.
     """
-    with atomic_path(Path(path)) as temporary:
-        temporary.write_bytes(to_png(plot_signals(trace)))
-    return Path(path)
+    return save_png(plot_signals(trace), path)
 
 
 # How well the models predict what the sensors measured.
@@ -187,7 +147,7 @@ def show_forces(findings: Findings) -> Content | str:
         ),
         ("Direct validation (trials that it was identified from)", identification.get("fit")),
     ]
-    tables = [f"<h3>{title}</h3>{_fit_table(rows)}" for title, rows in blocks if rows]
+    tables = [f"<h3>{title}</h3>{columns_table(named_rows(rows), _FITS)}" for title, rows in blocks if rows]
     if data is None and not tables:
         return ""
     content = []
@@ -205,8 +165,8 @@ def show_forces(findings: Findings) -> Content | str:
             )
         if len(data.channels) > MOST_PANELS:
             lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
-        svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
-        content.append(live_chart("forces-plots", data.time, list(_force_panels(data)), inline_figure(svg)))
+        said = "Measured and predicted forces of a validation trial"
+        content.append(show_panels("forces", data.time, channel_panels(data), said))
     return section_content(lead, *content, *tables)
 
 
@@ -219,35 +179,21 @@ def _from_zero(data: ReportData) -> ForceComparison | None:
     return replace(forces, time=forces.time - (path.time[0] if path is not None and same else forces.time[0]))
 
 
-def _force_panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
-    for i, name in enumerate(data.channels[:MOST_PANELS]):
-        series = [
-            ({"label": "measured", "role": "ink"}, data.measured[:, i]),
-            ({"label": "nominal model", "role": "nominal", "dash": [5, 3]}, data.nominal[:, i]),
-            ({"label": "identified model", "role": "identified"}, data.identified[:, i]),
-        ]
-        unit = data.units[i]
-        yield {"title": f"{channel_label(name)} [{unit}]", "unit": unit, "series": series}
+_FITS: Columns = {
+    "channel": lambda row: channel_label(row["name"]),
+    "unit": lambda row: row["unit"] or _UNITS.get(row["name"][:1] if len(row["name"]) == 2 else "", ""),
+    "RMSE nominal": "reference_rmse",
+    "RMSE identified": "rmse",
+    "change": lambda row: _relative_change(row["reference_rmse"], row["rmse"]),
+    "correlation nominal": "reference_cc",
+    "correlation identified": "cc",
+}
 
 
-def _fit_table(channels: dict[str, dict[str, Any]]) -> str:
-    rows: list[tuple[Cell, ...]] = []
-    for channel, row in channels.items():
-        before, after = row["reference_rmse"], row["rmse"]
-        known = bool(before) and after is not None
-        change = f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−") if known else "–"
-        unit = row["unit"] or _UNITS.get(channel[:1] if len(channel) == 2 else "", "")
-        rows.append((channel_label(channel), unit, before, after, change, row["reference_cc"], row["cc"]))
-    headers = (
-        "channel",
-        "unit",
-        "RMSE nominal",
-        "RMSE identified",
-        "change",
-        "correlation nominal",
-        "correlation identified",
-    )
-    return html_table(headers, rows)
+def _relative_change(before: float | None, after: float | None) -> str:
+    if not before or after is None:
+        return "–"
+    return f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−")
 
 
 # The report's section on a person: segment masses beside the tables', and the ground reaction.
@@ -270,49 +216,41 @@ def show_person(findings: Findings) -> Content | str:
 
 
 def _mass_table(human: Document, findings: Findings) -> str:
-    found = (findings.identification or {}).get("standard_parameters", {})
-    headers = ["segment", "de Leva 1996 [kg]", "Dumas 2007 [kg]"] + (["identified [kg]"] if found else [])
-    rows: list[tuple[Cell, ...]] = []
-    for item in human["segments"]:
-        row: tuple[Cell, ...] = (item["segment"], item["de_leva_kg"], item["dumas_kg"])
-        block = next(
-            (
-                block
-                for block in found.values()
-                if block.get("name") == item["segment"] and block["nominal_mass"]
-            ),
-            None,
-        )
-        if found:
-            row = (*row, "–" if block is None else _with_deviation(block))
-        rows.append(row)
-    return html_table(headers, rows)
+    found = (findings.identification or {}).get("standard_parameters", {}).values()
+    blocks = {block.get("name"): block for block in reversed(found) if block["nominal_mass"]}
+    columns: dict[str, Any] = {
+        "segment": "segment",
+        "de Leva 1996 [kg]": "de_leva_kg",
+        "Dumas 2007 [kg]": "dumas_kg",
+    }
+    if found:
+        columns["identified [kg]"] = lambda item: _with_deviation(blocks.get(item["segment"]))
+    return columns_table(human["segments"], columns)
 
 
-def _with_deviation(block: Document) -> str:
+def _with_deviation(block: Document | None) -> str:
+    if block is None:
+        return "–"
     std = (block.get("std") or {}).get("mass")
     return format_number(block["mass"]) + ("" if std is None else f" ± {format_number(std, 2)}")
 
 
+_REACTIONS: Columns = {
+    "ground reaction": lambda fit: f"{fit['name']} [{fit['unit']}]",
+    "RMSE identified": "rmse",
+    "correlation": lambda fit: format_number(fit["cc"]),
+    "RMSE nominal": "reference_rmse",
+    "correlation nominal": lambda fit: format_number(fit["reference_cc"]),
+}
+
+
 def _reaction_table(human: Document) -> str:
-    parts = []
-    for role, words in _ROLES.items():
-        fits = (human.get("ground_reaction") or {}).get(role)
-        if not fits:
-            continue
-        rows: list[tuple[Cell, ...]] = [
-            (
-                f"{name} [{fit['unit']}]",
-                fit["rmse"],
-                format_number(fit["cc"]),
-                fit["reference_rmse"],
-                format_number(fit["reference_cc"]),
-            )
-            for name, fit in fits.items()
-        ]
-        headers = ["ground reaction", "RMSE identified", "correlation", "RMSE nominal", "correlation"]
-        parts.append(f"<h3>Ground reaction, {words}</h3>" + html_table(headers, rows))
-    return "".join(parts)
+    fits = human.get("ground_reaction") or {}
+    return "".join(
+        f"<h3>Ground reaction, {words}</h3>{columns_table(named_rows(fits[role]), _REACTIONS)}"
+        for role, words in _ROLES.items()
+        if fits.get(role)
+    )
 
 
 # What several sessions of one robot agree on, and what changes between them.
@@ -352,20 +290,15 @@ def show_sessions(findings: Findings) -> Content | str:
 
 
 def _sessions_table(parameters: list[Document], found: Document) -> str:
-    names = found["names"][:_COLUMNS]
-    rows: list[tuple[Cell, ...]] = [
-        (
-            item["name"],
-            *(_session_value(item["by_session"].get(name)) for name in names),
-            span(format_number(item["low"]), format_number(item["high"])),
-        )
-        for item in parameters
-    ]
+    columns: dict[str, Any] = {"base parameter (SI)": "name"}
+    columns |= {name: partial(_session_value, name) for name in found["names"][:_COLUMNS]}
     level = f"the next lies in ({100 * found['level']:.0f} %)"
-    return html_table(("base parameter (SI)", *names, level), rows)
+    columns[level] = lambda item: span(format_number(item["low"]), format_number(item["high"]))
+    return columns_table(parameters, columns)
 
 
-def _session_value(found: Document | None) -> str:
+def _session_value(name: str, item: Document) -> str:
+    found = item["by_session"].get(name)
     return "–" if found is None else f"{format_number(found['value'])} ± {format_number(found['std'], 2)}"
 
 
@@ -382,8 +315,45 @@ def show_signals(findings: Findings) -> Content | str:
         f"From the samples of {trace.channel} in {trace.trial}, as logged, to the rows of the regression: "
         "each panel is one step."
     )
-    rows: list[tuple[Cell, ...]] = [
-        (f"{number} {step.name}", step.effect) for number, step in enumerate(trace.steps, start=1)
-    ]
+    rows = [(f"{number} {step.name}", step.effect) for number, step in enumerate(trace.steps, start=1)]
     svg = to_svg(plot_signals(trace), "signals", "Each step of the signal processing, before and after")
     return section_content(lead, inline_figure(svg), html_table(("step", "what it did"), rows))
+
+
+# The base parameters, whether the standard ones are physical, and warnings.
+
+_CHECKS = {
+    "mass_positive": "masses are positive",
+    "inertia_positive_definite": "inertias are positive definite",
+    "triangle_inequality": "inertias obey the triangle inequality",
+    "pseudo_inertia_min_eigenvalue": "smallest eigenvalue of a pseudo-inertia",
+}
+
+_BASE_PARAMETERS: Columns = {
+    "base parameter (SI)": "expression",
+    "value": "value",
+    "standard deviation": "std",
+    "RSD": lambda item: Said(item["rsd_percent"], said_rsd(item["rsd_percent"])),
+}
+
+
+@section("parameters", "Parameters")
+def show_parameters(findings: Findings) -> Content | str:
+    """Values with their uncertainty, behind a fold; warnings in the open."""
+    identification = findings.identification
+    if identification is None:
+        return ""
+    lead = (
+        f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
+        "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly determine it."
+    )
+    warnings = [html_paragraph(text, "note") for text in identification["warnings"]]
+    base = identification["base_parameters"]
+    values = folded_content(f"{len(base)} base parameters", columns_table(base, _BASE_PARAMETERS))
+    return section_content(lead, *warnings, _consistency_sentence(identification), values)
+
+
+def _consistency_sentence(identification: dict) -> str:
+    found = identification["consistency"] or {}
+    rows = [(label, found[name]) for name, label in _CHECKS.items() if found.get(name) is not None]
+    return html_table(("physical consistency of the standard parameters", ""), rows) if rows else ""

@@ -1,13 +1,14 @@
-"""The chosen or checked motions: pictures, what moves, and why others were rejected."""
+"""Motions that were planned or checked, what they excite, what refuses others, and a trial in motion."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.display import count
@@ -15,33 +16,46 @@ from excite.errors import ExciteError
 from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
 from excite.motion.motion import Motion
-from excite.report.comparisons import PathComparison, Record
-from excite.report.folder import Findings
-from excite.report.html import Cell, folded_content, html_paragraph, html_table, inline_figure, live_replay
-from excite.report.plots.body import Picture, View, draw_posture, front_view
-from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, rectangle_corners, text_length
-from excite.report.replay.scene import robot_scene, trial_frames
-from excite.report.replay.tracks import motion_tracks
-from excite.report.sections.section import Content, section, section_content
-from excite.report.theme import (
-    GROUND,
-    IDENTIFIED,
-    INK,
-    MUTED,
-    NOMINAL,
-    PALE,
-    PAPER,
-    TRUE,
-    WIDTH_IN,
-    shorten_name,
+from excite.report.comparisons import ConditioningComparison, PathComparison, Record, ReportData
+from excite.report.folder import Document, Findings
+from excite.report.html import (
+    Cell,
+    Columns,
+    Said,
+    columns_table,
+    condition_value,
+    folded_content,
+    format_number,
+    html_paragraph,
+    html_table,
+    inline_figure,
+    live_replay,
+    percent_cell,
 )
+from excite.report.plots.bars import Bars, draw_bars
+from excite.report.plots.postures import (
+    choose_motions,
+    draw_refused,
+    draw_snapshots,
+    value_text,
+)
+from excite.report.plots.sketch import Sketch
+from excite.report.replay.scene import TrialFrames, robot_scene, trial_frames
+from excite.report.replay.tracks import motion_tracks, pack_table
+from excite.report.sections.section import Content, section, section_content
 from excite.robot.prismatic import is_prismatic
 from excite.robot.robot import Robot
+from excite.safety.verdict import MARGINS, conditions
 
 _N_PICTURES = 4
 # A page of 15 MB still opens on a phone, and all else on it comes to 3 MB at most. G1 takes 7 kB a second of motion.
 _MOST_BYTES = 10_000_000
-_HOW = (
+_CHOSEN: Columns = {
+    "motion": "motion",
+    "chosen for the segments": lambda entry: ", ".join(entry["segments"]),
+    "duration [s]": lambda entry: float(entry["duration_s"]),
+}
+HOW_TO_WATCH = (
     "Drag the picture to look from elsewhere. One cursor runs over all plots: a click takes the robot there, a drag "
     "along a plot zooms, a double click shows all of it again."
 )
@@ -57,51 +71,54 @@ def show_motions(findings: Findings) -> Content | str:
         lead = "The motions that were checked, those that are not safe first."
         return section_content(lead, *figures) if figures else ""
     selected = findings.plan["selected"]
-    rows: list[tuple[Cell, ...]] = [
-        (entry["motion"], ", ".join(entry["segments"]), float(entry["duration_s"])) for entry in selected
-    ]
-    headers = ("motion", "chosen for the segments", "duration [s]")
-    listing = folded_content(
-        f"All {len(rows)} motions" if len(rows) > 1 else "The motion", html_table(headers, rows)
-    )
+    title = f"All {len(selected)} motions" if len(selected) > 1 else "The motion"
+    listing = folded_content(title, columns_table(selected, _CHOSEN))
     rejected = findings.plan["candidates"]["rejected"]
     reasons = sorted(rejected.items(), key=lambda item: (-item[1], item[0]))
-    refused = (
-        folded_content(
-            f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
-            html_table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
-        )
-        if rejected
-        else ""
+    refused = folded_content(
+        f"{count(sum(rejected.values()), 'rejected candidate')}, by reason",
+        html_table(("reason", "candidates"), [(reason.replace("_", " "), n) for reason, n in reasons]),
     )
     lead = "These motions excite the segments best, and every one of them passed the checks."
-    return section_content(lead, *_motion_figures(findings), listing, refused)
-
-
-def _motion_caption(robot: Robot) -> str:
-    return f"{_BODY}; {_FEET}." if robot.feet else f"{_BODY}."
+    return section_content(lead, *_motion_figures(findings), listing, refused if rejected else "")
 
 
 def _motion_figures(findings: Findings) -> list[str]:
     robot, motions = findings.robot, _worst_first(findings)
     if robot is None or not motions:
         return []
-    shown = choose_motions(motions, _N_PICTURES)
-    snapshots = html_paragraph(_motion_caption(robot), "lead") + inline_figure(
-        draw_snapshots(robot, shown).to_svg("Snapshots of the motions")
+    caption = f"{_BODY}; {_FEET}." if robot.feet else f"{_BODY}."
+    shown = draw_snapshots(robot, choose_motions(motions, _N_PICTURES))
+    snapshots = html_paragraph(caption, "lead") + inline_figure(shown.to_svg("Snapshots of the motions"))
+    activity = html_paragraph("Peak speed as a share of the joint's limit.", "lead") + activity_table(
+        robot, motions
     )
-    activity = draw_activity(robot, motions).to_svg("Peak speed of each joint in each motion")
-    caption = folded_content("Which joint moves in which motion", inline_figure(activity))
+    folded = folded_content("Which joint moves in which motion", activity)
     moving, left = _titled_tracks(robot, motions)
     if not moving:
-        return [snapshots, caption]
-    said = (
-        html_paragraph(f"Not moving here, for a page shall stay small: {', '.join(left)}.", "note")
-        if left
-        else ""
-    )
-    how = html_paragraph(_HOW, "lead moving")
-    return [how, live_replay("replay", robot_scene(robot), moving, snapshots), said, caption]
+        return [snapshots, folded]
+    said = f"Not moving here, for a page shall stay small: {', '.join(left)}."
+    return [
+        html_paragraph(HOW_TO_WATCH, "lead moving"),
+        live_replay("replay", robot_scene(robot), moving, snapshots),
+        html_paragraph(said, "note") if left else "",
+        folded,
+    ]
+
+
+def activity_table(robot: Robot, motions: Sequence[Motion]) -> str:
+    """A row a joint, a column a motion: the fuller the colour, the nearer the joint comes to its speed limit."""
+    peaks = [np.abs(motion.joint_velocities()).max(axis=0) / robot.limits.velocity for motion in motions]
+    rows = [
+        (name.removesuffix("_joint"), *(_activity_cell(float(share)) for share in shares))
+        for name, *shares in zip(robot.joint_names, *peaks, strict=True)
+    ]
+    return html_table(["joint", *(motion.name for motion in motions)], rows)
+
+
+def _activity_cell(share: float) -> Said:
+    """Below a hundredth of its speed limit a joint does not move."""
+    return percent_cell(share, shaded=True) if share >= 0.01 else Said(share, "", 0.0)
 
 
 def _worst_first(findings: Findings) -> tuple[Motion, ...]:
@@ -116,233 +133,115 @@ def _titled_tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, A
     found: dict[str, Any] = {}
     left, size = [], 0
     for motion in motions:
-        if size > _MOST_BYTES:
+        content = None
+        if size <= _MOST_BYTES:
+            with suppress(ExciteError):
+                content = motion_tracks(robot, motion).to_json()
+                size += len(json.dumps(content))
+        if content is None or size > _MOST_BYTES:
             left.append(motion.name)
-            continue
-        try:
-            content = motion_tracks(robot, motion).to_json()
-        except ExciteError:
-            left.append(motion.name)
-            continue
-        size += len(json.dumps(content))
-        if size > _MOST_BYTES:
-            left.append(motion.name)
-            continue
-        found[f"{motion.name} · {motion.metadata.generator.replace('_', ' ')} · {motion.duration:.1f} s"] = (
-            content
-        )
+        else:
+            found[motion_title(motion)] = content
     return found, left
 
 
-# Which joints each chosen motion moves, and how fast.
-
-_ACTIVITY_WIDTH = 72.0 * WIDTH_IN
-_KEY = (0.25, 0.5, 1.0)
-_LINE = 12.0
-# Sizes of the names of joints and of motions [point].
-_JOINTS, _MOTIONS = 7.5, 7.0
-# Below this share of its speed limit a joint does not move.
-_STILL = 0.01
-# Columns are no wider than four rows are high.
-_WIDEST = 4.0 * _LINE
-
-
-def peak_speed_share(robot: Robot, motions: Sequence[Motion]) -> Array:
-    """Highest speed of each joint as a share of its velocity limit, ``(n_joints, n_motions)``, no unit."""
-    return np.column_stack(
-        [np.abs(motion.joint_velocities()).max(axis=0) / robot.limits.velocity for motion in motions]
-    )
-
-
-def draw_activity(robot: Robot, motions: Sequence[Motion]) -> Sketch:
-    """A square a joint and motion: the fuller the colour, the nearer the joint comes to its speed limit."""
-    share = peak_speed_share(robot, motions)
-    joints = [shorten_name(name.removesuffix("_joint")) for name in robot.joint_names]
-    names = [shorten_name(motion.name) for motion in motions]
-    left = 8.0 + max(text_length(name, _JOINTS) for name in joints)
-    top, column = 2.5 * _LINE, min((_ACTIVITY_WIDTH - left) / len(names), _WIDEST)
-    cells: dict[float, list[Array]] = {}
-    for row, place in np.argwhere(share >= _STILL).tolist():
-        x, y = left + column * place, top + _LINE * row
-        cell = rectangle_corners(x + 0.04 * column, y + 0.5, x + 0.96 * column, y + _LINE - 0.5)
-        cells.setdefault(_activity_shade(share[row, place]), []).append(cell)
-    shapes: list[Shape] = list(_colour_key())
-    shapes += [
-        Outlines(tuple(parts), fill=IDENTIFIED, opacity=shade) for shade, parts in sorted(cells.items())
-    ]
-    shapes += [
-        Words(name, (left - 4.0, top + _LINE * (row + 0.5)), MUTED, _JOINTS, "right")
-        for row, name in enumerate(joints)
-    ]
-    bottom = top + _LINE * len(joints) + 4.0
-    shapes += [
-        Words(name, (left + column * (place + 0.5), bottom), MUTED, _MOTIONS, "right", upward=True)
-        for place, name in enumerate(names)
-    ]
-    return Sketch(
-        _ACTIVITY_WIDTH, bottom + 4.0 + max(text_length(name, _MOTIONS) for name in names), tuple(shapes)
-    )
-
-
-def _colour_key() -> list[Shape]:
-    said = "peak speed as a share of the joint's limit"
-    shapes: list[Shape] = [Words(said, (4.0, 0.5 * _LINE))]
-    x = 4.0
-    for value in _KEY:
-        cell = rectangle_corners(x, 1.15 * _LINE, x + 1.6 * _LINE, 1.85 * _LINE)
-        shapes.append(Outlines((cell,), fill=IDENTIFIED, opacity=_activity_shade(value)))
-        shapes.append(Words(f"{value:.0%}", (x + 2.0 * _LINE, 1.5 * _LINE)))
-        x += 5.0 * _LINE
-    return shapes
-
-
-def _activity_shade(share: float) -> float:
-    return round(min(1.0, 0.06 + 0.94 * float(share)), 2)
-
-
-# Snapshots of motions: a row a motion, its most different postures from left to right.
-
-_WIDTH = 72.0 * WIDTH_IN
-# Heights of a row's title, and of a row with it at most [point].
-_TITLE, _HIGHEST = 18.0, 187.0
-
-
-def different_instants(motion: Motion, n: int) -> NDArray[np.int64]:
-    """Indices of ``n`` samples whose postures differ most from each other, in order of time.
-
-    Each next one is the farthest, in joint space, from those taken so far; the first is the motion's start.
-    """
-    postures = motion.joint_positions()
-    taken = [0]
-    distance = np.linalg.norm(postures - postures[0], axis=1)
-    while len(taken) < min(n, motion.n_samples):
-        farthest = int(np.argmax(distance))
-        taken.append(farthest)
-        distance = np.minimum(distance, np.linalg.norm(postures - postures[farthest], axis=1))
-    return np.unique(taken)
-
-
-def choose_motions(motions: Sequence[Motion], n: int) -> list[Motion]:
-    """At most ``n`` motions in their order: one of each generator first, then spread over the rest."""
-    first = list({motion.metadata.generator: motion for motion in reversed(motions)}.values())[::-1][:n]
-    rest = [motion for motion in motions if motion not in first]
-    missing = min(n - len(first), len(rest))
-    if missing > 0:
-        first += [rest[int(i)] for i in np.linspace(0, len(rest) - 1, missing).round()]
-    return [motion for motion in motions if motion in first]
-
-
-def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7) -> Sketch:
-    """Postures of each motion from forward kinematics.
-
-    Drawn are the links' shapes, bones from joint to joint, soles, and for a robot on feet the support polygon
-    (green) with the projection of the centre of mass (point).
-    """
-    view = front_view()
-    rows = [_snapshot_row(robot, motion, view, n_postures) for motion in motions]
-    points = np.vstack(
-        [part for row in rows for _, drawn in row for part in (*drawn.hulls, *drawn.bones, *drawn.soles)]
-    )
-    low, high = points.min(axis=0), points.max(axis=0)
-    width = high[0] - low[0]
-    ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
-    tile = _ground_tile(view, width, ground)
-    low, high = np.minimum(low, tile.min(axis=0)), np.maximum(high, tile.max(axis=0))
-    # One beside the other, with a margin above them, and below them room for a line.
-    across, along = high[0] - low[0] + 1.06 * width * (n_postures - 1), 1.03 * (high[1] - low[1])
-    scale = min(_WIDTH / across, (_HIGHEST - 2.0 * _TITLE) / along)
-    left = 0.5 * (_WIDTH - scale * across) - scale * low[0]
-    row_height = scale * along + 2.0 * _TITLE
-    shapes: list[Shape] = []
-    for place, (row, motion) in enumerate(zip(rows, motions, strict=True)):
-        top = place * row_height
-        shapes.append(Words(_motion_title(motion), (4.0, top + 0.5 * _TITLE), size=9.0))
-        bottom = top + _TITLE + scale * along
-        for i, (time, drawn) in enumerate(row):
-            x = left + scale * 1.06 * width * i
-            offset = np.array([x, bottom + scale * low[1]])
-            shapes += [shape.moved(scale, offset) for shape in _posture_shapes(drawn, tile)]
-            shapes.append(Words(f"{time:.1f} s", (x, bottom + 0.4 * _TITLE), MUTED, anchor="center"))
-    return Sketch(_WIDTH, len(rows) * row_height, tuple(shapes))
-
-
-def _snapshot_row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, Picture]]:
-    return [
-        (
-            float(motion.time[i] - motion.time[0]),
-            draw_posture(
-                robot,
-                motion.q[i],
-                frozenset(foot for foot, flags in motion.contacts.items() if flags[i]),
-                view,
-            ),
-        )
-        for i in different_instants(motion, n)
-    ]
-
-
-def _motion_title(motion: Motion) -> str:
-    aims = [joint.removesuffix("_joint").replace("_", " ") for joint in motion.metadata.targets]
-    aim = f", aimed at {', '.join(aims[:4])}" + (" …" if len(aims) > 4 else "") if aims else ""
-    return f"{motion.name} ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
-
-
-def _ground_tile(view: View, width: float, ground: float) -> Array:
-    """Outline of the piece of ground under one posture, in picture coordinates [m]."""
-    half = 0.42 * width
-    corners = [[half, half], [-half, half], [-half, -half], [half, -half]]
-    return view.flat(np.array([[x, y, ground] for x, y in corners]))
-
-
-def _posture_shapes(drawn: Picture, tile: Array) -> list[Outlines | Dots]:
-    shapes: list[Outlines | Dots] = [Outlines((tile,), fill=GROUND)]
-    if drawn.support is not None:
-        shapes.append(Outlines((drawn.support,), fill=TRUE, opacity=0.45))
-    starts = np.vstack([bone[:1] for bone in drawn.bones])
-    joints: Array = np.unique(np.round(starts, 4), axis=0)
-    shapes += [
-        Outlines(drawn.hulls, fill=PALE, edge=PAPER),
-        Outlines(drawn.soles, edge=INK, width=0.8),
-        Outlines(drawn.bones, edge=IDENTIFIED, width=1.7, closed=False),
-        Dots(joints, 1.1, INK),
-    ]
-    if drawn.com is not None:
-        shapes.append(Dots(drawn.com[None], 1.8, NOMINAL, PAPER))
-    return shapes
+def motion_title(motion: Motion) -> str:
+    """A motion's name, generator and duration."""
+    return f"{motion.name} · {motion.metadata.generator.replace('_', ' ')} · {motion.duration:.1f} s"
 
 
 # A trial in motion: as it was measured, and beside it as a simulator or its command has it.
 
-_COMMANDED = "commanded"
 _LOST = " Under the measured torques the simulator runs away by more than half a turn, and is not shown."
 
 
 @section("moving", "The trial in motion")
 def show_moving(findings: Findings) -> Content | str:
     """The trial that judges; with an identification both models, with a diagnosis its simulator before and after."""
-    record = findings.record
+    record, data, found = findings.record, findings.data, findings.diagnosis or {}
     if record is None:
         return ""
-    path = findings.data.path
-    found = findings.diagnosis or {}
-    if path is not None and not set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names):
-        path = None
-    trial = record.trial(path.trial if path else "")
+    path = _fitting_path(record, data)
+    models = _model_paths(path, found)
     try:
-        models = {} if path is None else _model_paths(path, found)
-        lost = "" if path is None or models else _LOST
-        path = path if models else None
-        tracks = _simulated_tracks(record, path, models) if path else _recorded_tracks(record, trial)
+        tracks = trial_tracks(record, data, found)
     except ExciteError:
         return ""
     still = html_paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
-    if path is not None and path.horizon_s is not None:
+    if path is not None and models and path.horizon_s is not None:
         lead = _of_identification(record.robot, path, path.horizon_s)
     else:
         horizon_s = (found.get("simulation") or {}).get("horizon_s")
-        lead = _lead_sentence(trial.name, path is not None, horizon_s, tracks) + lost
-    shown = live_replay("moving-replay", robot_scene(record.robot), tracks, still)
-    return section_content(lead, shown)
+        lead = _lead_sentence(record.trial(path.trial if path else "").name, bool(models), horizon_s, tracks)
+        lead += _LOST if path is not None and not models else ""
+    return section_content(lead, live_replay("moving-replay", robot_scene(record.robot), tracks, still))
+
+
+def trial_tracks(record: Record, data: ReportData, diagnosis: Document) -> dict[str, Any]:
+    """The trial that judges by title: measured, with each model as a ghost and what it leaves of the torques.
+
+    Where there is no model that can be looked at, as it was recorded.
+    """
+    path = _fitting_path(record, data)
+    models = _model_paths(path, diagnosis)
+    if path is None or not models:
+        return recorded_track(
+            record, record.trial(path.trial if path else data.gap.trial if data.gap else "")
+        )
+    base = None if set(BASE_POSE) <= set(path.joints) else record.trial(path.trial).base
+    base = base if base is not None and len(base) == len(path.time) else None
+    tracks = {}
+    for name, positions in models.items():
+        ghost = (name, positions)
+        frames = trial_frames(
+            record.robot, path.trial, path.time, path.measured, path.joints, base=base, ghost=ghost
+        )
+        content = frames.to_json()
+        content["signals"] += _residual_signals(record.robot, data, frames)
+        tracks[f"{path.trial} · {name}"] = content
+    return tracks
+
+
+def recorded_track(record: Record, trial: Trial) -> dict[str, Any]:
+    """A trial by its title, its command as a ghost, with its torques and currents."""
+    joints = tuple(record.log.header.joints)
+    ghost = None if trial.q_cmd is None else ("commanded", trial.q_cmd)
+    frames = trial_frames(record.robot, trial.name, trial.time, trial.q, joints, base=trial.base, ghost=ghost)
+    content = frames.to_json()
+    for title, unit, values in (("torque", "N·m", trial.tau), ("current", "A", trial.current)):
+        if values is not None:
+            columns = _joint_columns(record.robot, frames, trial.time, joints, values)
+            content["signals"].append({"title": title, "unit": unit, "label": "measured", "values": columns})
+    return {f"{trial.name} · {trial.role}": content}
+
+
+def _joint_columns(
+    robot: Robot, frames: TrialFrames, time: Array, names: tuple[str, ...], values: Array
+) -> dict[str, Any]:
+    """Signals ``(n, n_names)`` at the frames, a column a joint of the robot; NaN of joints that have none."""
+    found = np.full((len(frames.time), robot.n_joints), np.nan)
+    for i, name in enumerate(names):
+        if name in robot.joint_names:
+            found[:, robot.joint_index(name)] = np.interp(frames.time, time - time[0], values[:, i])
+    return pack_table(found)
+
+
+def _residual_signals(robot: Robot, data: ReportData, frames: TrialFrames) -> list[dict[str, Any]]:
+    """What the model leaves of each joint's torque in the same trial, before and after the effects."""
+    gap = data.gap
+    if gap is None or gap.trial != frames.name or not set(gap.channels) & set(robot.joint_names):
+        return []
+    before, after = (
+        _joint_columns(robot, frames, gap.time, gap.channels, gap.measured - model)
+        for model in (gap.nominal, gap.identified)
+    )
+    named = {"title": "torque, measured less modelled", "unit": "N·m", "label": "as it was"}
+    return [{**named, "values": before, "other": after, "otherLabel": "with the effects"}]
+
+
+def _fitting_path(record: Record, data: ReportData) -> PathComparison | None:
+    path = data.path
+    return path if path and set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names) else None
 
 
 def _lead_sentence(trial: str, simulated: bool, horizon_s: float | None, tracks: dict[str, Any]) -> str:
@@ -379,8 +278,10 @@ def _describe_strays(robot: Robot, path: PathComparison, positions: Array) -> st
     return f"up to {much:.2g} rad ({joint})" if much < np.pi else f"more than half a turn ({joint})"
 
 
-def _model_paths(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, Array]:
+def _model_paths(path: PathComparison | None, diagnosis: dict[str, Any]) -> dict[str, Array]:
     """Where models take the robot, by what they are: those of an identification, or simulators of a diagnosis."""
+    if path is None:
+        return {}
     if path.horizon_s is not None:
         models = {"the identified model": path.identified, "the model as supplied": path.nominal}
     else:
@@ -391,39 +292,198 @@ def _model_paths(path: PathComparison, diagnosis: dict[str, Any]) -> dict[str, A
     return {name: at for name, at in models.items() if np.abs(at - path.measured).max() < np.pi}
 
 
-def _simulated_tracks(record: Record, path: PathComparison, models: dict[str, Array]) -> dict[str, Any]:
-    """Measured, with each model as a ghost."""
-    base = _base_of(record, path)
-    return {
-        f"{path.trial} · {name}": trial_frames(
-            record.robot,
-            path.trial,
-            path.time,
-            path.measured,
-            path.joints,
-            base=base,
-            ghost=(name, positions),
-        ).to_json()
-        for name, positions in models.items()
-    }
+# How well the chosen motions excite each segment.
 
 
-def _base_of(record: Record, path: PathComparison) -> Any:
-    if set(BASE_POSE) <= set(path.joints):
-        return None
-    trial = record.trial(path.trial)
-    return trial.base if trial.base is not None and len(trial.base) == len(path.time) else None
+@section("excitation", "Excitation")
+def show_excitation(findings: Findings) -> Content | str:
+    """Condition numbers of the segments, before and after where both are known."""
+    plan = (findings.plan or {}).get("conditioning")
+    change = findings.data.conditioning
+    if plan is None and change is None:
+        return ""
+    lead = "The shorter a bar, the more evenly the motions excite that segment's ten inertial parameters."
+    content = []
+    if change is not None:
+        content.append(inline_figure(draw_conditioning(change).to_svg("Condition number of each segment")))
+    if plan is not None:
+        full, log_det = format_number(condition_value(plan["full"])), format_number(plan["log_det"])
+        numbers = f"the condition number is {full}, the log-determinant of the information {log_det}."
+        content.append(html_paragraph(f"Over all {plan['n_base_parameters']} base parameters {numbers}"))
+        columns: Columns = {
+            "segment": "segment",
+            "condition number": lambda row: condition_value(row["condition"]),
+        }
+        listing = columns_table(plan["segments"], columns)
+        content.append(folded_content("Condition number of each segment", listing))
+    return section_content(lead, *content)
 
 
-def _recorded_tracks(record: Record, trial: Trial) -> dict[str, Any]:
-    ghost = None if trial.q_cmd is None else (_COMMANDED, trial.q_cmd)
-    track = trial_frames(
-        record.robot,
-        trial.name,
-        trial.time,
-        trial.q,
-        tuple(record.log.header.joints),
-        base=trial.base,
-        ghost=ghost,
-    ).to_json()
-    return {f"{trial.name} · {trial.role}": track}
+def draw_conditioning(data: ConditioningComparison) -> Sketch:
+    """Log bars, one row a segment: pale before, strong after; what nothing excites reaches the edge."""
+    pairs = zip(data.before, data.after, strict=True)
+    return draw_bars(
+        Bars(
+            data.segments,
+            data.before,
+            data.after,
+            (data.before_label, data.after_label),
+            "condition number of the segment's ten columns (no unit, log scale, less is better)",
+            log=True,
+            texts=[" → ".join(f"{value:.3g}".replace("inf", "∞") for value in pair) for pair in pairs],
+        )
+    )
+
+
+# What refuses candidates: how many, the worst with a picture, and the change most likely to help.
+
+# Pictures beside each other, and lines of the table that are not folded away.
+_PICTURES, _LISTED = 3, 8
+
+_REFUSED: Columns = {
+    "reason": lambda item: item["reason"].replace("_", " "),
+    "where": "where",
+    "candidates": "candidates",
+    "worst": lambda item: value_text(item, "worst"),
+    "limit": lambda item: value_text(item, "limit"),
+    "at [s]": "time_s",
+}
+_BARE: Document = {"where": "–", "worst": None, "limit": None, "unit": "", "time_s": None, "posture": None}
+
+
+@section("refused", "What refuses candidates")
+def show_refused(findings: Findings) -> Content | str:
+    """Pictures of the worst refused postures, the table, the change that was counted."""
+    source, refused = _plan_refusals(findings)
+    if not refused:
+        return ""
+    remedy = source["remedy"]
+    listing = columns_table(refused[:_LISTED], _REFUSED)
+    if len(refused) > _LISTED:
+        listing += folded_content(
+            f"{len(refused) - _LISTED} more", columns_table(refused[_LISTED:], _REFUSED)
+        )
+    lead = (
+        f"Of {source['generated']} candidates. One that breaks several limits counts with each. Limits are planning's, "
+        "which keeps a reserve to what the check asks for; no time is stated of what is refused as a posture."
+    )
+    if remedy is not None:
+        lead += (
+            f" Most likely to help: {remedy['change']} ({remedy['passes']} of {remedy['tried']} that were tried "
+            "again pass then)."
+        )
+    elif findings.plan is None:
+        lead += " No single limit lifted lets any of those pass that were tried again."
+    return section_content(lead, _refusal_pictures(findings.robot, refused), listing)
+
+
+def _plan_refusals(findings: Findings) -> tuple[Document, list[Document]]:
+    """The document that says them, of a plan or of one that has no motion, and what refuses."""
+    if findings.refusals is not None:
+        return findings.refusals, findings.refusals["refused"]
+    plan = findings.plan
+    if plan is None:
+        return {}, []
+    # What is told by no distance, as a fall in the rehearsal, has a number of candidates alone.
+    measured = {item["reason"] for item in plan["refused"]}
+    rejected = plan["candidates"]["rejected"].items()
+    others = [_BARE | {"reason": reason, "candidates": n} for reason, n in rejected if reason not in measured]
+    return {**plan, "generated": plan["candidates"]["generated"]}, [*plan["refused"], *others]
+
+
+def _refusal_pictures(robot: Robot | None, refused: list[Document]) -> str:
+    nq = -1 if robot is None else robot.model.nq
+    worst = [item for item in refused if item["posture"] is not None and len(item["posture"]) == nq]
+    if robot is None or not worst:
+        return ""
+    drawing = draw_refused(robot, worst[:_PICTURES])
+    return inline_figure(drawing.to_svg("The robot in the worst of the refused postures"))
+
+
+# The independent verdict on the chosen motions.
+
+# A margin in one of the units that the robot's joints move in.
+_Column = tuple[str, str]
+_VIOLATIONS: Columns = {
+    **{"motion": "motion", "kind": "kind", "time [s]": "time_s", "where": "where"},
+    **{"value": "value", "limit": "limit", "unit": "unit"},
+}
+
+
+@section("safety", "Safety")
+def show_safety(findings: Findings) -> Content | str:
+    """Smallest margins over all motions, every motion's own, violations."""
+    if findings.check is None:
+        return ""
+    motions = findings.check["motions"]
+    lead = (
+        "How far the motions stay from every limit at the worst instant, by a check independent of the "
+        "repairs; a margin that could not be computed counts as unsafe."
+    )
+    held = {one: None for motion in motions for one in motion.get("as_far_as", ())}
+    if held:
+        lead += f" What is safe here is safe{conditions(held)}."
+    columns = [column for name in MARGINS for column in _margin_columns(name, motions)]
+    smallest = html_table(
+        ("margin", "smallest", "of", "in motion"), [_smallest_margins(c, motions) for c in columns]
+    )
+    every: dict[str, Any] = {"motion": "motion", "safe": "safe"}
+    every |= {_column_title(one): partial(_margin_value, one) for one in columns}
+    violations = [{**one, "motion": m["motion"]} for m in motions for one in m["violations"]]
+    return section_content(
+        lead,
+        smallest,
+        folded_content(f"Margins of all {count(len(motions), 'motion')}", columns_table(motions, every)),
+        "<h3>Violations</h3>" + columns_table(violations, _VIOLATIONS) if violations else "",
+    )
+
+
+def _margin_columns(name: str, motions: list[Document]) -> list[_Column]:
+    """A margin in each unit that it has: of joints that slide and of those that turn."""
+    if all(name in motion["not_applicable"] for motion in motions):
+        return []
+    units = [one["unit"] for motion in motions for one in motion["nearest"].get(name, ())]
+    return [(name, unit) for unit in dict.fromkeys(sorted(units, reverse=True) or [MARGINS[name][1]])]
+
+
+def _column_title(column: _Column) -> str:
+    name, unit = column
+    return f"{MARGINS[name][0]} [{unit}]"
+
+
+def _motion_margin(column: _Column, motion: Document) -> tuple[float | None, str]:
+    """A motion's margin, None where it was not computed, and the joint whose it is, where that is known."""
+    name, unit = column
+    nearest = motion["nearest"].get(name, ())
+    if not nearest:
+        return motion["margins"].get(name), ""
+    return next(((one["value"], one["where"]) for one in nearest if one["unit"] == unit), (None, ""))
+
+
+def _margin_value(column: _Column, motion: Document) -> float | None:
+    return _motion_margin(column, motion)[0]
+
+
+def _smallest_margins(column: _Column, motions: list[Document]) -> tuple[Cell, ...]:
+    computed = [(*_motion_margin(column, motion), motion["motion"]) for motion in motions]
+    known = [(value, where, motion) for value, where, motion in computed if value is not None]
+    value, where, motion = min(known, key=lambda one: one[0]) if known else (None, "", "not computed")
+    return (_column_title(column), value, where, motion)
+
+
+# What no file said of the robot, and what follows from the values taken for it.
+
+
+@section("assumed", "Assumed")
+def show_assumed(findings: Findings) -> Content | str:
+    """Everything that the robot's description assumed."""
+    assumed = (findings.plan or findings.refusals or findings.check or {}).get("assumed", [])
+    if not assumed:
+        return ""
+    lead = (
+        "Neither the model nor its maker's files say these things of the robot. What the page finds safe is safe "
+        "as far as they hold: state in robot.yaml what is known better, take it out of the list assumed there, and "
+        "plan again."
+    )
+    columns: Columns = {"what": "what", "taken": "value", "what follows": "consequence"}
+    return section_content(lead, columns_table(assumed, columns))

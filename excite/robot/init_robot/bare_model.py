@@ -26,6 +26,8 @@ from excite.robot.init_robot.first_guesses import (
 from excite.robot.init_robot.limbs import Figure
 from excite.robot.init_robot.model_metadata import Said
 from excite.robot.loading import build_robot
+from excite.robot.mechanisms.closures import join_overlapping
+from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes, robot_reach
 from excite.robot.shapes.shape import Shape
@@ -33,7 +35,7 @@ from excite.robot.shapes.stand_ins import box_shapes, links_lacking_geometry, li
 from excite.robot.urdf.inertia import check_weights, inertial_faults
 from excite.robot.urdf.limits import stated_ranges
 from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
-from excite.robot.urdf.tree import MOVING, check_tree
+from excite.robot.urdf.tree import MOVING, check_tree, link_at
 
 # A robot whose description is not complete yet, built with stand-ins for what only a person can say.
 
@@ -175,9 +177,7 @@ class StandIn:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"])
             what = f"cannot be described: {place} {first['msg']}"
-            raise RobotError(
-                what, source=self.path, remedy="correct the model, or rename its file"
-            ) from error
+            raise robot_error(self.path, None, what, "correct the model, or rename its file") from error
         return build_robot(description, self.path)
 
 
@@ -290,10 +290,10 @@ def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
             "states no masses, and has no geometry at hand to guess them from",
             "add <inertial> to its links, or give --package-path FOLDER, where its meshes are",
         )
-        return RobotError(what, source=path, remedy=remedy)
+        return robot_error(path, None, what, remedy)
     named = ", ".join(list(held)[:3])
     remedy = f"state limits that let {named} move" if held else "describe at least one"
-    return RobotError("has no joint that moves", source=path, remedy=remedy)
+    return robot_error(path, None, "has no joint that moves", remedy)
 
 
 def _with_followers(held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> set[str]:
@@ -348,12 +348,7 @@ class Tied:
 
     def groups(self) -> list[frozenset[str]]:
         """Joints that loops and couplings with joints in common move together."""
-        found: list[frozenset[str]] = []
-        for _, names in (*self.loops, *self.couplings):
-            touched = [group for group in found if group & names]
-            found = [group for group in found if not group & names]
-            found.append(names.union(*touched))
-        return found
+        return join_overlapping(names for _, names in (*self.loops, *self.couplings))
 
     def holding(self, held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> dict[str, Held]:
         """What is held besides: of joints that move together all where one is, each where its model rests."""
@@ -386,8 +381,7 @@ def tied_blocks(
     """What blocks of a ``robot.yaml`` tie together in a URDF with these joints."""
     carriers = {}
     for name, joint in joints.items():
-        parent, child = (str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
-        carriers[child] = (name, parent)
+        carriers[link_at(joint, "child")] = (name, link_at(joint, "parent"))
 
     def chain(link: str) -> set[str]:
         found = set()

@@ -33,7 +33,7 @@ from excite.robot.init_robot.rest import Rest, find_rest, weak_joints
 from excite.robot.legs import UPRIGHT, toppling_stiffness
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, ground_height, links_below
-from excite.robot.urdf.tree import MAX_NAME
+from excite.robot.urdf.tree import MAX_NAME, link_at
 
 AS_IT_IS = "as the model has it"
 """How the reason begins with which a first description takes a fault of a link's inertia that no person accepted."""
@@ -96,6 +96,12 @@ def draft_description(
         return draft_description(path, folder, rng, said, {**weak, **more_weak})
     content = _description_content(model, rest, Path(folder or path.parent), rng, said.armature)
     content["assumed"] = [*(one.to_json() for one in said.assumed), *content["assumed"]]
+    free = {guess.name for guess in model.free}
+    tables = [one for one in said.by_position if {one.joint, one.over or one.joint} <= free]
+    if tables:
+        content["limits"]["by_position"] = [
+            one.model_dump(mode="json", exclude_defaults=True) for one in tables
+        ]
     return content
 
 
@@ -204,7 +210,7 @@ def _wanted_posture(robot: Robot, posture: Mapping[str, float] | None) -> Array:
 
 
 def _base_link(root: Any, joints: dict[str, Any]) -> str:
-    children = {str(joint.find("child").get("link")) for joint in joints.values()}
+    children = {link_at(joint, "child") for joint in joints.values()}
     return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in children)
 
 
@@ -282,17 +288,18 @@ class Values:
             "joints": accelerations,
             "source": "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²",
         }
-        block["jerk"] = {
-            "joints": {g.name: min(20.0 * accelerations[g.name], g.jerk or math.inf) for g in self.free},
-            "source": "so that full acceleration takes 0.05 s to build up",
-        }
+        jerks = {g.name: min(20.0 * accelerations[g.name], g.jerk or math.inf) for g in self.free}
+        block["jerk"] = {"joints": jerks, "source": "so that full acceleration takes 0.05 s to build up"}
         low, high = min(accelerations.values()), max(accelerations.values())
         rule = Assumed(
             what="acceleration limits",
             value=f"{span(f'{low:g}', f'{high:g}')} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
             consequence="motions may be slower than the robot allows, or faster than its maker does",
         )
-        low, high = 20.0 * low, 20.0 * high
+        chosen = [jerks[g.name] for g in self.free if jerks[g.name] != g.jerk]
+        if not chosen:
+            return block, [*self.said, *more, rule]
+        low, high = min(chosen), max(chosen)
         jerk = Assumed(
             what="jerk limits",
             value=f"{span(f'{low:g}', f'{high:g}')} rad/s³ or m/s³, full acceleration within 0.05 s",
@@ -475,13 +482,11 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
     q = robot.rest
     pin.forwardKinematics(robot.model, data, q)
     for leg, tip in legs.items():
-        joint = leg
-        while joint:
+        for joint in list(robot.model.supports[leg])[1:]:
             reach = np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation)
             loads[joint - 1] = max(
                 loads[joint - 1], 0.5 * weight * max(float(reach), 0.1) / max(len(legs) // 2, 1)
             )
-            joint = int(robot.model.parents[joint])
     return loads
 
 
@@ -503,13 +508,11 @@ def guess_gains(
     stiffness, damping = [], []
     loaded = {}
     for leg, tip in legs.items():
-        joint = leg
-        while joint:
+        for joint in list(robot.model.supports[leg])[1:]:
             reach = float(np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation))
             # A leg on a point is damped as it swings: damped as the robot sways, it drags at its point (with a
             # quarter of that damping feet of the HyQ slip by 3 mm in place of 12).
             loaded[joint - 1] = 0.0 if tip.any() else mass / len(legs) * max(reach, 0.1) ** 2
-            joint = int(robot.model.parents[joint])
     for index, own in enumerate(inertia):
         moved = max(float(own), loaded.get(index, 0.0))
         stiff = max(own * (2.0 * math.pi * _FREQUENCY) ** 2, loads[index] / _SAG)

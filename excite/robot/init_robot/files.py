@@ -18,17 +18,21 @@ from excite.formats.child import in_child
 from excite.formats.documents import read_xml
 from excite.formats.file import first_bytes
 from excite.results import Assumed
+from excite.robot.description import PositionTable
 from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.first_guesses import Held, held_still
 from excite.robot.init_robot.model_metadata import Said, states_mass, weigh_links
 from excite.robot.init_robot.source import Source
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
+from excite.robot.refusal import robot_error
 from excite.robot.urdf.limits import (
     assumed_limits,
     joint_limits_beside,
     keep_stated_limits,
     read_joint_limits,
+    read_position_tables,
     tighten,
+    with_tables,
 )
 from excite.robot.urdf.reading import MAX_NESTING, find_mesh
 from excite.robot.urdf.sdf import convert_sdf
@@ -89,7 +93,7 @@ def write_scaffold(
         conversion = convert_mjcf(file)
         limited = _limited(_Made(conversion.urdf, None), file, source)
         conversion = replace(conversion, urdf=limited.text or conversion.urdf)
-        text = _describe_copy(conversion, urdf, file, seed, ignored, limited.assumed)
+        text = _describe_copy(conversion, urdf, file, seed, ignored, limited)
         with all_or_nothing():
             conversion.write(urdf)
             write_text(target, text)
@@ -107,7 +111,7 @@ def write_scaffold(
     _check_absent(urdf, overwrite)
     place = TemporaryFolder()
     copy = write_text(place.path / urdf.name, found.text)
-    said = replace(said, floating=found.floating, assumed=found.assumed)
+    said = replace(said, floating=found.floating, assumed=found.assumed, by_position=found.by_position)
     text = _renamed_errors(copy, place.path, file, seed, said)
     with all_or_nothing():
         write_text(urdf, found.text)
@@ -123,11 +127,13 @@ class _Made:
         text: None where the file is the URDF.
         floating: True where it says that its base is free; None where it does not say.
         assumed: what was assumed to make it.
+        by_position: limits that depend on positions.
     """
 
     text: str | None
     floating: bool | None
     assumed: tuple[Assumed, ...] = ()
+    by_position: tuple[PositionTable, ...] = ()
 
 
 def _expand_model(file: Path, source: Source) -> _Made:
@@ -155,22 +161,21 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     root = ElementTree.fromstring(text)
     keep_stated_limits(root, file)
     names = [joint.get("name", "") for joint in root.findall("joint")]
-    tightened: dict[str, dict[str, list[str]]] = {}
+    tightened, by_position = dict[str, dict[str, list[str]]](), list[PositionTable]()
     for one in files:
-        limits = read_joint_limits(one, names)
-        if not limits and source.limits is not None:
-            raise RobotError(
-                "names no joint of the robot",
-                source=one,
-                field="joint_limits",
-                remedy="the model has " + ", ".join(names),
+        limits, tables = read_joint_limits(one, names), read_position_tables(one, names)
+        if not limits and not tables and source.limits is not None:
+            raise robot_error(
+                one, "joint_limits", "names no joint of the robot", "the model has " + ", ".join(names)
             )
         named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
-        tightened[named] = tighten(root, limits, file, one.name)
+        tightened[named] = with_tables(tighten(root, limits, file, one.name), tables)
+        by_position += tables
     if not any(tightened.values()):
         return made
     text = ElementTree.tostring(root, encoding="unicode")
-    return replace(made, text=text, assumed=(*made.assumed, *assumed_limits(tightened)))
+    said = (*made.assumed, *assumed_limits(tightened))
+    return replace(made, text=text, assumed=said, by_position=tuple(by_position))
 
 
 def _wheeled_assumption(root: ElementTree.Element) -> tuple[Assumed, ...]:
@@ -190,7 +195,7 @@ def _describe_copy(
     file: Path,
     seed: int,
     ignored: tuple[tuple[str, str], ...],
-    assumed: tuple[Assumed, ...],
+    limited: _Made,
 ) -> str:
     """Describe the URDF from a copy that goes away again, so that nothing is written where that fails."""
     said = Said(
@@ -199,8 +204,9 @@ def _describe_copy(
         (*conversion.excluded, *ignored),
         conversion.loops,
         conversion.couplings,
-        assumed=assumed,
+        assumed=limited.assumed,
         armature=conversion.armature,
+        by_position=limited.by_position,
     )
     place = TemporaryFolder()
     return _renamed_errors(conversion.write(place.path / urdf.name), place.path, file, seed, said)
@@ -211,7 +217,7 @@ def _renamed_errors(copy: Path, folder: Path, file: Path, seed: int, said: Said)
         return scaffold_description(copy, folder, seed=seed, said=said)
     except RobotError as error:
         # The person knows the model, not the copy of its URDF.
-        raise RobotError(error.what, source=file, field=error.field, remedy=error.remedy) from error
+        raise robot_error(file, error.field, error.what, error.remedy) from error
 
 
 def _check_absent(path: Path, overwrite: bool) -> None:
@@ -234,18 +240,13 @@ def read_srdf(path: Path) -> tuple[tuple[str, str], ...]:
     """
     root = read_xml(path, error=RobotError)
     if root.tag != "robot" or root.find("link") is not None:
-        raise RobotError(
-            "is no SRDF", source=path, field=root.tag, remedy="give the .srdf of a MoveIt configuration"
-        )
+        raise robot_error(path, root.tag, "is no SRDF", "give the .srdf of a MoveIt configuration")
     pairs = []
     for number, element in enumerate(root.findall("disable_collisions")):
         first, second = element.get("link1"), element.get("link2")
         if not first or not second:
-            raise RobotError(
-                "names one link only",
-                source=path,
-                field=f"disable_collisions {number}",
-                remedy="give link1 and link2",
+            raise robot_error(
+                path, f"disable_collisions {number}", "names one link only", "give link1 and link2"
             )
         pairs.append((first, second))
     return tuple(pairs)
@@ -357,11 +358,11 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
         place = package_folder(package, package_path, path.resolve().parents)
         if place is not None:
             return str(place)
-        raise RobotError(
+        raise robot_error(
+            path,
+            "$(find)",
             f"needs the package {package!r}",
-            source=path,
-            field="$(find)",
-            remedy="give --package-path FOLDER, in which it or its clone lies",
+            "give --package-path FOLDER, in which it or its clone lies",
         )
 
     known: Callable[[str], str] = substitution_args._eval_find
@@ -381,10 +382,11 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
         )
         unknown = _UNKNOWN_ARGUMENT.search(said)
         name = unknown.group(1) if unknown else "name"
-        raise RobotError(
+        raise robot_error(
+            path,
+            None,
             f"xacro cannot expand it ({said})",
-            source=path,
-            remedy=f"mend it, or give its arguments with --xacro-arg {name}:=value{_describe_arguments(path)}",
+            f"mend it, or give its arguments with --xacro-arg {name}:=value{_describe_arguments(path)}",
         ) from error
     finally:
         substitution_args._eval_find = known
@@ -394,12 +396,10 @@ def _defines_alone(path: Path) -> RobotError:
     """What to say of a file that expands to no link, as those do that only define macros."""
     macros = [str(one.get("name")) for one in read_xml(path).iter() if one.tag.endswith("/xacro}macro")]
     if not macros:
-        return RobotError(
-            "expands to no <link>", source=path, remedy="give the file that describes the robot"
-        )
+        return robot_error(path, None, "expands to no <link>", "give the file that describes the robot")
     named = ", ".join(macros[:_NAMED])
     remedy = f"give the file that includes it and calls {'it' if len(macros) == 1 else 'one'}"
-    return RobotError(f"only defines macros ({named})", source=path, remedy=remedy)
+    return robot_error(path, None, f"only defines macros ({named})", remedy)
 
 
 def _describe_arguments(path: Path) -> str:

@@ -18,6 +18,7 @@ from excite.robot.init_robot.limbs import Figure
 from excite.robot.init_robot.rest import Rest
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import links_below
+from excite.robot.shapes.link_shapes import numbers_of, origin_of
 from excite.robot.shapes.shape import shape_points
 from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.tree import MOVING, link_at
@@ -255,8 +256,9 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
     while solid and len(below := [name for name, (parent, _) in ends.items() if parent == here]) == 1:
         (name,) = below
         joint, here = joints[name], ends[name][1]
-        turn = turn @ pin.rpy.rpyToMatrix(*_three_numbers(joint.find("origin"), "rpy", "0 0 0"))
-        along = turn @ _three_numbers(joint.find("axis"), "xyz", "1 0 0")
+        turn = turn @ origin_of(joint.find("origin")).rotation
+        axis = joint.find("axis")
+        along = turn @ numbers_of("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
         if joint.get("type") in MOVING:
             (slides if joint.get("type") == "prismatic" else hinges)[name] = along
         axes = [*slides.values(), *hinges.values()]
@@ -271,11 +273,6 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
 def _joint_ends(joints: dict[str, ElementTree.Element]) -> dict[str, tuple[str, str]]:
     """Links before and beyond each joint."""
     return {name: (link_at(joint, "parent"), link_at(joint, "child")) for name, joint in joints.items()}
-
-
-def _three_numbers(element: ElementTree.Element | None, name: str, default: str) -> Array:
-    text = default if element is None else element.get(name, default)
-    return np.array([float(part) for part in text.split()])
 
 
 def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) -> set[str]:
@@ -311,26 +308,14 @@ def nearest_to_zero(guess: JointGuess) -> float:
 
 def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Element]) -> dict[str, float]:
     """Mass of all links beyond each joint [kg]."""
-    own: dict[str, float] = {}
+    carriers = {child: (name, parent) for name, (parent, child) in _joint_ends(joints).items()}
+    masses = dict.fromkeys(joints, 0.0)
     for link in root.findall("link"):
-        mass = link.find("inertial/mass")
-        own[link.get("name", "")] = _link_mass(mass)
-    children: dict[str, list[str]] = {}
-    ends: dict[str, str] = {}
-    for name, (parent, child) in _joint_ends(joints).items():
-        children.setdefault(parent, []).append(child)
-        ends[name] = child
-    order = list(ends.values())
-    below: dict[str, float] = {}
-
-    def mass_of(link: str) -> float:
-        if link not in below:
-            below[link] = own.get(link, 0.0) + sum(mass_of(child) for child in children.get(link, []))
-        return below[link]
-
-    for child in order:
-        mass_of(child)
-    return {name: below[child] for name, child in ends.items()}
+        here, mass = link.get("name", ""), _link_mass(link.find("inertial/mass"))
+        while here in carriers:
+            name, here = carriers[here]
+            masses[name] += mass
+    return masses
 
 
 def _link_mass(mass: ElementTree.Element | None) -> float:

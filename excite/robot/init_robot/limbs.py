@@ -77,11 +77,7 @@ class Figure:
 
     def chain(self, joint: int) -> list[int]:
         """Joints from the root to ``joint``."""
-        chain: list[int] = []
-        while joint:
-            chain.append(joint)
-            joint = int(self.model.parents[joint])
-        return chain[::-1]
+        return list(self.model.supports[joint])[1:]
 
     @cached_property
     def reach(self) -> float:

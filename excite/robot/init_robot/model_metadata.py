@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from excite.errors import RobotError
 from excite.results import Assumed
+from excite.robot.description import PositionTable
 from excite.robot.shapes.link_shapes import origin_of, solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import coal_geometry
@@ -34,6 +35,7 @@ class Said:
         couplings: blocks ``couplings`` of one.
         assumed: what was assumed to make the URDF.
         armature: rotor inertia by joint [kg·m² or kg].
+        by_position: limits that depend on positions.
     """
 
     floating: bool | None = None
@@ -43,6 +45,7 @@ class Said:
     couplings: tuple[Mapping[str, Any], ...] = ()
     assumed: tuple[Assumed, ...] = ()
     armature: Mapping[str, float] = field(default_factory=dict)
+    by_position: tuple[PositionTable, ...] = ()
 
 
 # Masses in place of those that a model does not state: its links' geometry at the density of robots.

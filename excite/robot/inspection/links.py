@@ -23,7 +23,7 @@ from excite.finding import Finding
 from excite.robot.shapes.collision import turn_file_upright, turn_upright
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.shape import CORNERS, Shape
 from excite.robot.urdf.inertia import WEIGHTLESS
 from excite.robot.urdf.numbers import read_numbers
 from excite.robot.urdf.reading import find_mesh
@@ -450,8 +450,7 @@ def outline(shape: Shape) -> Array:
     if shape.vertices is not None:
         return shape.vertices
     if shape.kind == "box":
-        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return np.asarray(0.5 * corners * np.array(shape.size))
+        return np.asarray(0.5 * CORNERS * np.array(shape.size))
     # A polygon around the circle.
     radius = shape.size[0] / np.cos(np.pi / len(_ROUND))
     ring = radius * np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])

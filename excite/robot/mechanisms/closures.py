@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.polynomial import polynomial
 from pydantic import Field, model_validator
 
 from excite.arrays import Array
-from excite.errors import RobotError
 from excite.robot.quantities import (
     MAX_RATIO,
     Block,
@@ -28,10 +28,24 @@ from excite.robot.quantities import (
     Vector3,
     Velocity,
 )
+from excite.robot.refusal import robot_error, unknown_name
+from excite.robot.urdf.numbers import format_row
 
 # Singular values of the passive joints' part of K below this share of the largest are rounding: equations that say
 # the same, as a plane's do. A mechanism that is so near a singular position amplifies any error a million times.
 SINGULAR = 1e-6
+
+Member = TypeVar("Member")
+
+
+def join_overlapping(sets: Iterable[frozenset[Member]]) -> list[frozenset[Member]]:
+    """Unions of sets that have members in common."""
+    found: list[frozenset[Member]] = []
+    for one in sets:
+        touched = [group for group in found if group & one]
+        found = [group for group in found if not group & one]
+        found.append(one.union(*touched))
+    return found
 
 
 class Closure(ABC):
@@ -376,19 +390,9 @@ def add_motors(root: ElementTree.Element, blocks: tuple[TransmissionBlock, ...],
         for motor in block.motors:
             field = f"transmissions.{block.name}.{motor.name}"
             if motor.name in joints:
-                raise RobotError(
-                    "is the name of a joint already",
-                    source=path,
-                    field=field,
-                    remedy="give the motor its own",
-                )
+                raise robot_error(path, field, "is the name of a joint already", "give the motor its own")
             if motor.link not in links:
-                raise RobotError(
-                    f"no link {motor.link!r}",
-                    source=path,
-                    field=f"{field}.link",
-                    remedy="the model has " + ", ".join(sorted(links)),
-                )
+                raise unknown_name(path, f"{field}.link", "link", motor.link, sorted(links))
             _add_motor(root, motor)
 
 
@@ -401,8 +405,8 @@ def _add_motor(root: ElementTree.Element, motor: MotorBlock) -> None:
     joint = ElementTree.SubElement(root, "joint", name=motor.name, type="revolute")
     ElementTree.SubElement(joint, "parent", link=motor.link)
     ElementTree.SubElement(joint, "child", link=crank_link(motor))
-    ElementTree.SubElement(joint, "origin", xyz=_format_row(motor.xyz), rpy="0 0 0")
-    ElementTree.SubElement(joint, "axis", xyz=_format_row(motor.axis))
+    ElementTree.SubElement(joint, "origin", xyz=format_row(motor.xyz), rpy="0 0 0")
+    ElementTree.SubElement(joint, "axis", xyz=format_row(motor.axis))
     lower, upper = motor.position
     ElementTree.SubElement(
         joint,
@@ -444,7 +448,3 @@ def closures_of(
                 )
             passive = ()
     return tuple(loops), tuple(couplings)
-
-
-def _format_row(values: tuple[float, ...]) -> str:
-    return " ".join(repr(float(value)) for value in values)

@@ -20,6 +20,7 @@ from excite.formats.documents import read_xml
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.trees import BlockWriter, driven_joints, find_mimics, read_closures, robot_root
 from excite.robot.mjcf.urdf import UrdfWriter
+from excite.robot.refusal import robot_error
 from excite.robot.urdf.limits import symmetric
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         model = spec.compile()
     except (ValueError, OSError, RuntimeError) as error:
         line = " ".join(str(error).split())
-        raise RobotError(f"MuJoCo cannot compile it ({line})", source=path, remedy="mend it there") from error
+        raise robot_error(path, None, f"MuJoCo cannot compile it ({line})", "mend it there") from error
     idle = idle_balls(model)
     if idle:
         names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in sorted(idle)[:6])
@@ -187,12 +188,12 @@ def _strip_missing_meshes(spec: mujoco.MjSpec, path: Path, notes: list[str]) -> 
         if geom.meshname not in missing:
             continue
         if geom.parent.name != "world" and not geom.parent.explicitinertial:
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"mesh {geom.meshname!r}",
                 f"mesh file {missing[geom.meshname].file!r} is not there, and the inertia of body"
                 f" {geom.parent.name!r} follows from it",
-                source=path,
-                field=f"mesh {geom.meshname!r}",
-                remedy="put the file there or give the body an <inertial>",
+                "put the file there or give the body an <inertial>",
             )
         spec.delete(geom)
     for mesh in missing.values():
@@ -207,23 +208,23 @@ def _refuse_unsupported(model: mujoco.MjModel, idle: set[int], path: Path) -> No
 
     for joint in range(model.njnt):
         if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL and joint not in idle:
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"joint {model.joint(joint).name!r}",
                 "is a ball joint; only joints with one coordinate are modelled",
-                source=path,
-                field=f"joint {model.joint(joint).name!r}",
-                remedy="make it three hinges",
+                "make it three hinges",
             )
     for tendon in range(model.ntendon):
         first = int(model.tendon_adr[tendon])
         if model.wrap_type[first] != mujoco.mjtWrap.mjWRAP_JOINT:
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"tendon {model.tendon(tendon).name!r}",
                 "is a tendon along a path in space, no linear map of joints",
-                source=path,
-                field=f"tendon {model.tendon(tendon).name!r}",
-                remedy="remove it and what it drives, or make it a fixed tendon",
+                "remove it and what it drives, or make it a fixed tendon",
             )
     if model.nflex:
-        raise RobotError("is deformable", source=path, field="flex", remedy="remove it")
+        raise robot_error(path, "flex", "is deformable", "remove it")
 
 
 def _check_angles(model: mujoco.MjModel, path: Path) -> None:
@@ -233,11 +234,11 @@ def _check_angles(model: mujoco.MjModel, path: Path) -> None:
     hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited != 0)
     widest = float(np.abs(model.jnt_range[hinges]).max(initial=0.0))
     if hinges.sum() > 1 and 0.0 < widest <= np.radians(2.0 * np.pi):
-        raise RobotError(
+        raise robot_error(
+            path,
+            "compiler",
             f"no hinge turns further than {np.degrees(widest):.1f} degrees: ranges look like radians",
-            source=path,
-            field="compiler",
-            remedy='write <compiler angle="radian"/>',
+            'write <compiler angle="radian"/>',
         )
 
 
@@ -418,12 +419,8 @@ def idle_joints(model: mujoco.MjModel, bodies: Collection[int], known: Collectio
 
 def rotor_inertias(model: mujoco.MjModel, joint_name: Callable[[int], str]) -> dict[str, float]:
     """``armature`` of the hinges and slides that have one, by name [kg·m² or kg]."""
-    import mujoco
-
-    # As integers: MuJoCo's enumerations are unequal to NumPy's.
-    single = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
     return {
         joint_name(joint): float(model.dof_armature[model.jnt_dofadr[joint]])
-        for joint in range(model.njnt)
-        if int(model.jnt_type[joint]) in single and model.dof_armature[model.jnt_dofadr[joint]] > 0.0
+        for joint in _single_joints(model)
+        if model.dof_armature[model.jnt_dofadr[joint]] > 0.0
     }

@@ -17,6 +17,7 @@ from excite.errors import RobotError
 from excite.formats.documents import read_xml
 from excite.formats.file import check_file, unreadable_file
 from excite.robot.quantities import MAX_MASS
+from excite.robot.refusal import robot_error
 from excite.robot.urdf.numbers import shorten_text
 
 # The largest model known, a rodent with muscles and skin, has 4 000 elements in 5 files, 30 deep.
@@ -42,17 +43,18 @@ def scan_mjcf(path: Path) -> None:
     scan = _Scan(path.parent)
     root = scan.read(path)
     if root.tag != "mujoco":
-        raise RobotError(
+        raise robot_error(
+            path,
+            None,
             f"is no MuJoCo model: its outermost element is <{root.tag[:60]}>, not <mujoco>",
-            source=path,
-            remedy="give an MJCF file",
+            "give an MJCF file",
         )
     if all(root.find(f".//{tag}") is None for tag in _WITH_BODIES):
-        raise RobotError(
+        raise robot_error(
+            path,
+            "worldbody",
             "holds no <body>: it is a part of a MuJoCo model, for the <include> of another file",
-            source=path,
-            field="worldbody",
-            remedy="give the file that includes it",
+            "give the file that includes it",
         )
     scan.size(root, (path,), 0)
     scan.check_assets()
@@ -79,8 +81,8 @@ class _Scan:
     def read(self, path: Path) -> ElementTree.Element:
         self.files += 1
         if self.files > MAX_FILES:
-            raise RobotError(
-                f"is made of more than {MAX_FILES} files", source=path, remedy="reduce what it includes"
+            raise robot_error(
+                path, None, f"is made of more than {MAX_FILES} files", "reduce what it includes"
             )
         root = read_xml(path, error=RobotError, max_depth=MAX_DEPTH)
         # Attached models may be named before or after the place where they are used.
@@ -92,12 +94,7 @@ class _Scan:
         """Number of elements that an element becomes; checks everything below it."""
         path, tag = files[-1], element.tag
         if depth > MAX_DEPTH:
-            raise RobotError(
-                f"elements are nested more than {MAX_DEPTH} deep",
-                source=path,
-                field=tag[:60],
-                remedy="flatten it",
-            )
+            raise robot_error(path, tag[:60], f"elements are nested more than {MAX_DEPTH} deep", "flatten it")
         check_numbers(element, path)
         below = 1
         if tag == "include" or (tag == "model" and "file" in element.attrib):
@@ -113,11 +110,11 @@ class _Scan:
             below += self.size(child, files, depth + 1)
         total = below * (count_copies(element, path) if tag in _MULTIPLIERS else 1)
         if total > MAX_EXPANDED:
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"{tag}@count" if tag in _MULTIPLIERS else tag,
                 f"stands for more than {MAX_EXPANDED} elements",
-                source=path,
-                field=f"{tag}@count" if tag in _MULTIPLIERS else tag,
-                remedy="repeat less",
+                "repeat less",
             )
         return total
 
@@ -125,15 +122,12 @@ class _Scan:
         """Size of another file that an element brings in."""
         named = element.get("file", "")
         if not named:
-            raise RobotError("is missing", source=files[-1], field=f"{element.tag}@file", remedy="name it")
+            raise robot_error(files[-1], f"{element.tag}@file", "is missing", "name it")
         other = self._found(named, files[-1])
         same = [file for file in files if other.exists() and file.exists() and file.samefile(other)]
         if same:
-            raise RobotError(
-                f"includes itself through {named!r}",
-                source=files[-1],
-                field=f"{element.tag}@file",
-                remedy="remove it",
+            raise robot_error(
+                files[-1], f"{element.tag}@file", f"includes itself through {named!r}", "remove it"
             )
         size = self.size(self.read(other), (*files, other), depth + 1)
         if element.tag == "model":
@@ -202,9 +196,7 @@ def check_numbers(element: ElementTree.Element, path: Path) -> None:
         if name == "memory":
             _check_memory(text, path, where)
         elif _NOT_FINITE.search(text):
-            raise RobotError(
-                f"is {shorten_text(text)!r}", source=path, field=where, remedy="give finite numbers"
-            )
+            raise robot_error(path, where, f"is {shorten_text(text)!r}", "give finite numbers")
         else:
             _check_magnitudes(element, name, text, path, where)
 
@@ -215,11 +207,8 @@ def count_copies(element: ElementTree.Element, path: Path) -> int:
     product = 1
     for part in text.split():
         if not re.fullmatch(r"[+-]?\d+", part, re.ASCII):
-            raise RobotError(
-                f"is {shorten_text(text)!r}",
-                source=path,
-                field=f"{element.tag}@count",
-                remedy="give whole numbers",
+            raise robot_error(
+                path, f"{element.tag}@count", f"is {shorten_text(text)!r}", "give whole numbers"
             )
         # Negative ones are MuJoCo's to refuse.
         product *= max(1, int(part)) if len(part) < 20 else 10**20
@@ -234,16 +223,13 @@ def _check_magnitudes(element: ElementTree.Element, name: str, text: str, path: 
             continue
         if not part.isascii():
             remedy = "write it with the digits 0 to 9"
-            raise RobotError(f"is {shorten_text(text)!r}", source=path, field=where, remedy=remedy)
+            raise robot_error(path, where, f"is {shorten_text(text)!r}", remedy)
         if not abs(value) <= most:
-            raise RobotError(
-                f"is {shorten_text(text)!r}, more than any model has ({most:g})",
-                source=path,
-                field=where,
-                remedy=cause,
+            raise robot_error(
+                path, where, f"is {shorten_text(text)!r}, more than any model has ({most:g})", cause
             )
         if name in ("mass", "density") and value < 0.0 and element.tag != "compiler":
-            raise RobotError(f"is {part}", source=path, field=where, remedy="give a positive number")
+            raise robot_error(path, where, f"is {part}", "give a positive number")
 
 
 def _largest_number(element: ElementTree.Element, name: str) -> tuple[float, str]:
@@ -266,7 +252,7 @@ def _check_memory(text: str, path: Path, where: str) -> None:
         return
     if len(match[1]) > 20 or float(match[1]) * _UNITS[match[2]] > MAX_MEMORY_BYTES:
         what = f"is {shorten_text(text)!r}, more than {MAX_MEMORY_BYTES:g} bytes"
-        raise RobotError(what, source=path, field=where, remedy="leave it out; MuJoCo sizes it")
+        raise robot_error(path, where, what, "leave it out; MuJoCo sizes it")
 
 
 def _describe_element(element: ElementTree.Element) -> str:

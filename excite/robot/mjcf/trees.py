@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.errors import RobotError
-from excite.robot.mechanisms.closures import SINGULAR
-from excite.robot.mjcf.urdf import Mimic
+from excite.robot.mechanisms.closures import SINGULAR, join_overlapping
+from excite.robot.mjcf.urdf import Mimic, pose_of
+from excite.robot.refusal import robot_error
 
 if TYPE_CHECKING:
     import mujoco
@@ -45,11 +44,11 @@ def robot_root(model: mujoco.MjModel, path: Path) -> tuple[int, tuple[int, ...]]
     if (len(robots) > 1 and free - set(objects)) or (not robots and len(objects) > 1):
         moving = robots or list(objects)
         names = ", ".join(repr(model.body(body).name) for body in moving)
-        raise RobotError(
+        raise robot_error(
+            path,
+            "worldbody",
             f"holds {len(moving)} bodies that move on their own: {names}",
-            source=path,
-            field="worldbody",
-            remedy="keep the robot alone",
+            "keep the robot alone",
         )
     if not robots and objects:
         return objects[0], ()
@@ -65,10 +64,7 @@ def loop_joints(model: mujoco.MjModel, number: int, path: Path) -> set[int]:
     """
     import mujoco
 
-    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
-    if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
-        ends = [int(model.site_bodyid[site]) for site in ends]
-    first, second = (_to_root(model, body) for body in ends)
+    first, second = (_to_root(model, body) for body in _tied_bodies(model, number))
     between = set(first) ^ set(second)
     found = {
         joint
@@ -77,13 +73,22 @@ def loop_joints(model: mujoco.MjModel, number: int, path: Path) -> set[int]:
     }
     if not found:
         word = "connects" if model.eq_type[number] == mujoco.mjtEq.mjEQ_CONNECT else "welds"
-        raise RobotError(
+        raise robot_error(
+            path,
+            f"equality {model.equality(number).name or number}",
             f"{word} two bodies between which no joint moves",
-            source=path,
-            field=f"equality {model.equality(number).name or number}",
-            remedy="remove it: a base that is bolted down has no free joint",
+            "remove it: a base that is bolted down has no free joint",
         )
     return found
+
+
+def _tied_bodies(model: mujoco.MjModel, number: int) -> list[int]:
+    """The two bodies that an equality of bodies or of sites ties."""
+    import mujoco
+
+    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+    sites = model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE
+    return [int(model.site_bodyid[site]) for site in ends] if sites else ends
 
 
 def _to_root(model: mujoco.MjModel, body: int) -> list[int]:
@@ -139,11 +144,11 @@ def read_closures(model: mujoco.MjModel, path: Path) -> MjcfClosures:
             ends = [int(k) for k in (model.eq_obj1id[number], model.eq_obj2id[number]) if k >= 0]
             tied[number] = {joint for tendon in ends for joint, _ in tendon_joints(model, tendon)}
         else:
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"equality {model.equality(number).name or number}",
                 "is an equality of a kind that is not modelled",
-                source=path,
-                field=f"equality {model.equality(number).name or number}",
-                remedy="remove it, or say it with connect, weld, joint or fixed tendons",
+                "remove it, or say it with connect, weld, joint or fixed tendons",
             )
     passive: dict[int, set[int]] = {}
     held: dict[str, set[int]] = {}
@@ -167,10 +172,7 @@ def _is_handle(model: mujoco.MjModel, number: int) -> bool:
     kind = mujoco.mjtEq(int(model.eq_type[number]))
     if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
         return False
-    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
-    if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
-        ends = [int(model.site_bodyid[end]) for end in ends]
-    return bool((model.body_mocapid[ends] >= 0).any())
+    return bool((model.body_mocapid[_tied_bodies(model, number)] >= 0).any())
 
 
 def find_mimics(model: mujoco.MjModel, closures: MjcfClosures) -> dict[int, Mimic]:
@@ -197,13 +199,8 @@ def tendon_joints(model: mujoco.MjModel, tendon: int) -> list[tuple[int, float]]
 
 def _group_equalities(tied: dict[int, set[int]]) -> list[list[int]]:
     """Equalities that share joints."""
-    groups: list[tuple[list[int], set[int]]] = []
-    for number, joints in tied.items():
-        touched = [group for group in groups if group[1] & joints]
-        groups = [group for group in groups if not group[1] & joints]
-        numbers = [k for group in touched for k in group[0]] + [number]
-        groups.append((numbers, joints.union(*(group[1] for group in touched))))
-    return [sorted(numbers) for numbers, _ in groups]
+    groups = join_overlapping(frozenset(joints) for joints in tied.values())
+    return [sorted(number for number, joints in tied.items() if joints <= group) for group in groups]
 
 
 def _equality_jacobian(model: mujoco.MjModel) -> dict[int, Array]:
@@ -371,13 +368,8 @@ def _loop_ends(model: mujoco.MjModel, number: int) -> list[tuple[int, pin.SE3]]:
 
     ids = (int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))
     if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
-        return [(int(model.site_bodyid[k]), _pose_of(model.site_pos[k], model.site_quat[k])) for k in ids]
+        return [(int(model.site_bodyid[k]), pose_of(model.site_pos[k], model.site_quat[k])) for k in ids]
     data, level = model.eq_data[number], np.array([1.0, 0.0, 0.0, 0.0])
     if model.eq_type[number] == mujoco.mjtEq.mjEQ_CONNECT:
-        return [(ids[0], _pose_of(data[:3], level)), (ids[1], _pose_of(data[3:6], level))]
-    return [(ids[0], _pose_of(data[3:6], data[6:10])), (ids[1], _pose_of(data[:3], level))]
-
-
-def _pose_of(position: Array, quaternion: NDArray[np.float64]) -> pin.SE3:
-    w, x, y, z = (float(value) for value in quaternion)
-    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position, dtype=float))
+        return [(ids[0], pose_of(data[:3], level)), (ids[1], pose_of(data[3:6], level))]
+    return [(ids[0], pose_of(data[3:6], data[6:10])), (ids[1], pose_of(data[:3], level))]

@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.robot.urdf.numbers import format_row, write_origin
 
 if TYPE_CHECKING:
     import mujoco
@@ -75,7 +76,7 @@ class UrdfWriter:
 
     def _upright(self, root: int) -> None:
         """A link without mass above a floating body whose own axes do not stand upright in the model."""
-        pose = _pose_of(np.zeros(3), self.model.body_quat[root])
+        pose = pose_of(np.zeros(3), self.model.body_quat[root])
         if pose.rotation[2, 2] > _UPRIGHT:
             return
         name = f"{self.link_name(root)}_upright"
@@ -100,7 +101,7 @@ class UrdfWriter:
         """Write the joints that carry a body; returns the last one's anchor in the body's frame [m]."""
         model, parent = self.model, int(self.model.body_parentid[body])
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-        pose = _pose_of(model.body_pos[body], model.body_quat[body])
+        pose = pose_of(model.body_pos[body], model.body_quat[body])
         before, link = pin.SE3(np.eye(3), -self._anchor[parent]) * pose, self.link_name(parent)
         anchor = np.zeros(3)
         if count == 0:
@@ -128,7 +129,7 @@ class UrdfWriter:
         limited = bool(model.jnt_limited[joint])
         kind = "prismatic" if slides else "revolute" if limited else "continuous"
         element = self._joint(name, kind, parent, child, origin)
-        ElementTree.SubElement(element, "axis", xyz=_format_row(model.jnt_axis[joint]))
+        ElementTree.SubElement(element, "axis", xyz=format_row(model.jnt_axis[joint]))
         reference = float(model.qpos0[model.jnt_qposadr[joint]])
         # 0 stands for what MuJoCo does not say, since readers of URDFs insist on a number.
         limit = {"effort": _format_number(self.torque_limits.get(joint, 0.0)), "velocity": "0"}
@@ -154,7 +155,7 @@ class UrdfWriter:
         element = ElementTree.SubElement(self._element, "joint", name=name, type=kind)
         ElementTree.SubElement(element, "parent", link=parent)
         ElementTree.SubElement(element, "child", link=child)
-        _set_origin(element, origin)
+        write_origin(element, origin)
         return element
 
     def _link(self, body: int) -> None:
@@ -163,17 +164,17 @@ class UrdfWriter:
         shift = pin.SE3(np.eye(3), -self._anchor[body])
         if model.body_mass[body] > 0.0:
             inertial = ElementTree.SubElement(link, "inertial")
-            _set_origin(inertial, shift * _pose_of(model.body_ipos[body], model.body_iquat[body]))
+            write_origin(inertial, shift * pose_of(model.body_ipos[body], model.body_iquat[body]))
             ElementTree.SubElement(inertial, "mass", value=_format_number(model.body_mass[body]))
             xx, yy, zz = (_format_number(value) for value in model.body_inertia[body])
             ElementTree.SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
         first = int(model.body_geomadr[body])
         for geom in range(first, first + int(model.body_geomnum[body])):
             touches = model.geom_contype[geom] or model.geom_conaffinity[geom]
-            pose = shift * _pose_of(model.geom_pos[geom], model.geom_quat[geom])
+            pose = shift * pose_of(model.geom_pos[geom], model.geom_quat[geom])
             for placement, solid in self._solids(geom):
                 element = ElementTree.SubElement(link, "collision" if touches else "visual")
-                _set_origin(element, pose * placement)
+                write_origin(element, pose * placement)
                 ElementTree.SubElement(element, "geometry").append(solid)
 
     def _solids(self, geom: int) -> list[tuple[pin.SE3, ElementTree.Element]]:
@@ -185,7 +186,7 @@ class UrdfWriter:
         if kind == kinds.mjGEOM_SPHERE:
             return [(here, _solid_element("sphere", radius=size[0]))]
         if kind in (kinds.mjGEOM_BOX, kinds.mjGEOM_ELLIPSOID):
-            return [(here, ElementTree.Element("box", size=_format_row(2.0 * size)))]
+            return [(here, ElementTree.Element("box", size=format_row(2.0 * size)))]
         if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
             solids = [(here, _solid_element("cylinder", radius=size[0], length=2.0 * size[1]))]
             if kind == kinds.mjGEOM_CAPSULE:
@@ -226,23 +227,14 @@ def binary_stl(triangles: NDArray[np.floating]) -> bytes:
     return b"\0" * 80 + struct.pack("<I", len(corners)) + records.tobytes()
 
 
-def _pose_of(position: Array, quaternion: Array) -> pin.SE3:
+def pose_of(position: Array, quaternion: Array) -> pin.SE3:
     """From MuJoCo's position and quaternion (w first)."""
     w, x, y, z = (float(value) for value in quaternion)
     return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position, dtype=float))
 
 
-def _set_origin(element: ElementTree.Element, pose: pin.SE3) -> None:
-    rpy = pin.rpy.matrixToRpy(pose.rotation)
-    ElementTree.SubElement(element, "origin", xyz=_format_row(pose.translation), rpy=_format_row(rpy))
-
-
 def _solid_element(tag: str, **lengths: float) -> ElementTree.Element:
     return ElementTree.Element(tag, {name: _format_number(value) for name, value in lengths.items()})
-
-
-def _format_row(values: Array) -> str:
-    return " ".join(_format_number(value) for value in values)
 
 
 def _format_number(value: float) -> str:

@@ -20,10 +20,11 @@ from excite.errors import RobotError
 from excite.robot.description import RobotDescription
 from excite.robot.links import link_placement
 from excite.robot.prismatic import is_prismatic
+from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_of, origin_of
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import Shape, coal_geometry, shape_points
+from excite.robot.shapes.shape import CORNERS, Shape, coal_geometry, shape_points
 
 TABLE = "table"
 _TABLE_SIZE = (4.0, 4.0, 1.0)
@@ -84,12 +85,16 @@ def watched_model(robot: Robot) -> tuple[pin.GeometryModel, Array]:
 def _model(robot: Robot, without: Collection[frozenset[str]] = ()) -> pin.GeometryModel:
     """Geometry with every pair that matters, but for some pairs of links."""
     shapes = collision_shapes(robot)
+    return _geometry_model(shapes, shape_pairs(robot, shapes, _ignored_pairs(robot, shapes).union(without)))
+
+
+def _geometry_model(shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> pin.GeometryModel:
     model = pin.GeometryModel()
     for shape in shapes:
         geometry = coal_geometry(shape)
         model.addGeometryObject(pin.GeometryObject(shape.name, shape.joint, shape.placement, geometry))
-    for first, second in shape_pairs(robot, shapes, _ignored_pairs(robot, shapes).union(without)):
-        model.addCollisionPair(pin.CollisionPair(first, second))
+    for pair in pairs:
+        model.addCollisionPair(pin.CollisionPair(*pair))
     return model
 
 
@@ -177,11 +182,11 @@ def _ignored_pairs(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozens
     near = tuple(pair.links for pair in block.near_pairs)
     for field, named in (("ignored_pairs", block.ignored_pairs), ("near_pairs", near)):
         for link in (link for pair in named for link in pair if link not in links):
-            raise RobotError(
+            raise robot_error(
+                robot.source,
+                f"collision.{field}",
                 f"no shape on link {link!r}",
-                source=robot.source,
-                field=f"collision.{field}",
-                remedy="links with shapes are " + ", ".join(sorted(links)),
+                "links with shapes are " + ", ".join(sorted(links)),
             )
     pairs = {frozenset(pair) for pair in block.ignored_pairs}
     if ground_is_assumed(robot.description):
@@ -200,11 +205,11 @@ def _check_below(robot: Robot, height: float) -> None:
     pin.forwardKinematics(robot.model, data, robot.rest)
     highest = max(float(place.translation[2]) for place in list(data.oMi)[1:])
     if robot.description.base == "fixed" and height > max(highest, 0.0):
-        raise RobotError(
+        raise robot_error(
+            robot.source,
+            "collision.table_height",
             f"is {height:g} m, above all joints at rest (the highest at {highest:.3g} m)",
-            source=robot.source,
-            field="collision.table_height",
-            remedy="give its height in the base's frame, or null where nothing is there",
+            "give its height in the base's frame, or null where nothing is there",
         )
 
 
@@ -224,21 +229,21 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
         number = sum(shape.link == authored.link for shape in shapes)
         lengths = {"sphere": 1, "capsule": 2, "box": 3}[authored.kind]
         if len(authored.size) != lengths:
-            raise RobotError(
+            raise robot_error(
+                robot.source,
+                "collision.shapes",
                 f"a {authored.kind} on {authored.link} has {len(authored.size)} sizes",
-                source=robot.source,
-                field="collision.shapes",
-                remedy=f"give {lengths}",
+                f"give {lengths}",
             )
         pose = pin.SE3(pin.rpy.rpyToMatrix(*authored.rpy), np.array(authored.xyz))
         name = f"{authored.link}_{number}"
         shapes.append(Shape(name, authored.link, joint, placement * pose, authored.kind, authored.size))
     if not shapes:
-        raise RobotError(
+        raise robot_error(
+            robot.source,
+            "collision.geometry",
             f"no geometry of kind {block.geometry!r}",
-            source=robot.source,
-            field="collision.geometry",
-            remedy="author shapes or name the other kind",
+            "author shapes or name the other kind",
         )
     height = block.table_height
     if ground_is_assumed(robot.description):
@@ -434,8 +439,7 @@ def bottom(shape: Shape, joint: pin.SE3) -> Array:
     if shape.kind == "sphere":
         return np.asarray(pose.translation + shape.size[0] * down)[None]
     if shape.kind == "box":
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return np.asarray(0.5 * signs * np.array(shape.size) @ pose.rotation.T + pose.translation)
+        return np.asarray(0.5 * CORNERS * np.array(shape.size) @ pose.rotation.T + pose.translation)
     radius, length = shape.size
     ends = [pose.act(np.array([0.0, 0.0, side * 0.5 * length])) for side in (-1.0, 1.0)]
     if shape.kind == "capsule":
@@ -535,13 +539,8 @@ class PairSearch:
     def __init__(self, robot: Robot):
         shapes = collision_shapes(robot)
         self.robot = robot
-        self.geometry = pin.GeometryModel()
-        for shape in shapes:
-            solid = pin.GeometryObject(shape.name, shape.joint, shape.placement, coal_geometry(shape))
-            self.geometry.addGeometryObject(solid)
         index_pairs = shape_pairs(robot, shapes)
-        for first, second in index_pairs:
-            self.geometry.addCollisionPair(pin.CollisionPair(first, second))
+        self.geometry = _geometry_model(shapes, index_pairs)
         names = [(shapes[first].link, shapes[second].link) for first, second in index_pairs]
         self.pairs = list(dict.fromkeys(names))
         column = {pair: index for index, pair in enumerate(self.pairs)}
@@ -572,15 +571,8 @@ class PairSearch:
 
     def joints_between(self, pair: tuple[str, str]) -> list[int]:
         """Model joints that change the pose of one link relative to the other."""
-        parents = list(self.robot.model.parents)
-        chains = []
-        for link in pair:
-            joint, chain = self.joints[link], set()
-            while joint:
-                chain.add(joint)
-                joint = parents[joint]
-            chains.append(chain)
-        return sorted(chains[0] ^ chains[1])
+        first, second = (set(self.robot.model.supports[self.joints[link]]) for link in pair)
+        return sorted(first ^ second)
 
     def grid_minimum(self, column: int, between: list[int]) -> float:
         """Smallest distance of one pair over the grid of the joints between its links [m]."""

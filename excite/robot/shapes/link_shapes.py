@@ -20,6 +20,7 @@ from excite.cache import cached_file, read_cached, write_cached
 from excite.errors import RobotError
 from excite.robot.links import link_placement
 from excite.robot.quantities import MAX_TRAVEL
+from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.shape import Shape
 from excite.threads import blas_kernels
@@ -81,9 +82,7 @@ def link_shapes(
         geometry = element.find("geometry")
         solid = geometry[0] if geometry is not None and len(geometry) else None
         if solid is None:
-            raise RobotError(
-                "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
-            )
+            raise robot_error(robot.source, where, "has no geometry", "remove or fill the element")
         points = meshes.get(Path(solid.get("filename", ""))) if solid.tag == "mesh" else None
         if partial and points is None and solid.tag == "mesh":
             continue
@@ -117,18 +116,16 @@ def solid_shape(
     if solid.tag == "mesh" and points is not None:
         points = points * numbers_of(solid.get("scale", "1 1 1"))
         if np.abs(points).max() > MAX_TRAVEL:
-            raise RobotError(
+            raise robot_error(
+                source,
+                where,
                 f"its mesh reaches {np.abs(points).max():.3g} m from its origin",
-                source=source,
-                field=where,
-                remedy='looks like millimetres: write scale="0.001 0.001 0.001"',
+                'looks like millimetres: write scale="0.001 0.001 0.001"',
             )
         try:
             hull = kept_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
         except ValueError as error:
-            raise RobotError(
-                str(error), source=source, field=where, remedy="author a shape instead"
-            ) from error
+            raise robot_error(source, where, str(error), "author a shape instead") from error
         return Shape(*nowhere, "convex", (), hull.vertices, hull.faces)
     if solid.tag == "box":
         return Shape(*nowhere, "box", tuple(numbers_of(solid.get("size", "")).tolist()))
@@ -137,12 +134,7 @@ def solid_shape(
     if solid.tag in {"cylinder", "capsule"}:
         size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
         return Shape(*nowhere, "capsule" if solid.tag == "capsule" else "cylinder", size)
-    raise RobotError(
-        f"unknown geometry {solid.tag!r}",
-        source=source,
-        field=where,
-        remedy="use a mesh, box or sphere",
-    )
+    raise robot_error(source, where, f"unknown geometry {solid.tag!r}", "use a mesh, box or sphere")
 
 
 def origin_of(origin: ElementTree.Element | None) -> pin.SE3:

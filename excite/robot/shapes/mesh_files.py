@@ -11,6 +11,7 @@ from excite.arrays import Array
 from excite.errors import RobotError
 from excite.formats.child import in_child
 from excite.formats.file import check_file, read_bytes
+from excite.robot.refusal import robot_error
 
 # The largest mesh known, the trunk of a quadruped in Collada, has 29 MB.
 MAX_MESH_BYTES = 256 * 1024 * 1024
@@ -57,7 +58,7 @@ def load_points(paths: tuple[Path, ...]) -> list[Array]:
         except (RuntimeError, ValueError) as error:
             reason = " ".join(str(error).split())
             what = f"mesh cannot be read ({reason[:160]})"
-            raise RobotError(what, source=path, remedy="check the mesh's format") from error
+            raise robot_error(path, None, what, "check the mesh's format") from error
     return loaded
 
 
@@ -92,12 +93,10 @@ def _in_child(paths: list[Path], seconds: float) -> dict[Path, Array]:
 
 def _check_points(points: Array, path: Path) -> Array:
     if len(points) == 0 or not np.isfinite(points).all():
-        raise RobotError(
-            "mesh has no corners or one that is not finite", source=path, remedy="export it again"
-        )
+        raise robot_error(path, None, "mesh has no corners or one that is not finite", "export it again")
     if np.abs(points).max() > MAX_COORDINATE:
-        raise RobotError(
-            f"mesh has a corner {np.abs(points).max():.3g} from its origin", source=path, remedy=_DAMAGED
+        raise robot_error(
+            path, None, f"mesh has a corner {np.abs(points).max():.3g} from its origin", _DAMAGED
         )
     return points
 
@@ -114,7 +113,7 @@ def _stl_points(path: Path) -> Array:
     what = f"has {len(content)} bytes"
     if n_triangles >= 0:
         what += f", and its {n_triangles} triangles take {84 + 50 * n_triangles}"
-    raise RobotError(f"mesh is no whole STL file: it {what}", source=path, remedy=_DAMAGED)
+    raise robot_error(path, None, f"mesh is no whole STL file: it {what}", _DAMAGED)
 
 
 def _text_points(content: bytes, path: Path) -> Array:
@@ -122,9 +121,9 @@ def _text_points(content: bytes, path: Path) -> Array:
     rows = [line.split()[1:] for line in text.splitlines() if line.lstrip().startswith("vertex")]
     whole = text.rstrip().splitlines()[-1].lstrip().lower().startswith("endsolid") and len(rows) % 3 == 0
     if not whole or any(len(row) != 3 for row in rows):
-        raise RobotError("mesh is no whole STL file: its text ends early", source=path, remedy=_DAMAGED)
+        raise robot_error(path, None, "mesh is no whole STL file: its text ends early", _DAMAGED)
     try:
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
     except ValueError as error:
         reason = " ".join(str(error).split())
-        raise RobotError(f"mesh is no STL file ({reason[:100]})", source=path, remedy=_DAMAGED) from error
+        raise robot_error(path, None, f"mesh is no STL file ({reason[:100]})", _DAMAGED) from error

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+"""Corners of a cube of side two about the origin, ``(8, 3)``."""
 Kind = Literal["convex", "box", "capsule", "sphere", "cylinder"]
 
 
@@ -69,7 +71,7 @@ def shape_points(shape: Shape) -> Array:
             "cylinder": np.array([radius, radius, 0.5 * length]),
             "capsule": np.array([radius, radius, 0.5 * length + radius]),
         }[shape.kind]
-        points = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        points = half * CORNERS
     return np.asarray(points @ shape.placement.rotation.T + shape.placement.translation)
 
 

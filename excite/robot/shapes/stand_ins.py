@@ -57,22 +57,44 @@ def links_lacking_geometry(robot: Robot) -> tuple[str, ...]:
 
 
 def links_without_shape(robot: Robot) -> tuple[str, ...]:
-    """Links of weight that no shape stands for: nothing checks what they touch.
+    """Links that are bodies and that no shape stands for: nothing checks what they touch.
 
-    A shape stands for a link if it is the link's own, or if the same joint carries it and the link's centre of mass
-    lies in it, as that of a rotor does in its housing. What is lighter than the smallest stand-in is a frame.
+    A body has weight, or is drawn, or holds a joint that moves away from its own frame, as a base without
+    ``<inertial>`` does. A shape stands for a link if it is the link's own, or if the same joint carries it and the
+    link's centre of mass lies in it, as that of a rotor does in its housing; for one without weight, any of its body,
+    unless it is drawn and holds a joint. What is lighter than the smallest stand-in has no weight.
     """
     shapes, found = _own_shapes(robot), list[str]()
-    named = {shape.link for shape in shapes}
-    for link in fromstring(robot.urdf).findall("link"):
+    named, shaped = {shape.link for shape in shapes}, {shape.joint for shape in shapes}
+    root = fromstring(robot.urdf)
+    for link in root.findall("link"):
         name, inertial = link.get("name", ""), read_inertial(link, robot.source)
-        if name in named or inertial is None or inertial.mass < DENSITY * _THINNEST**3:
+        if name in named:
             continue
         joint, placement = link_placement(robot.model, name, robot.source, "collision")
-        centre = np.asarray(placement.act(inertial.centre))
-        if not any(shape.joint == joint and _contains(shape, centre) for shape in shapes):
+        if inertial is not None and inertial.mass >= DENSITY * _THINNEST**3:
+            centre = np.asarray(placement.act(inertial.centre))
+            bare = not any(shape.joint == joint and _contains(shape, centre) for shape in shapes)
+        else:
+            drawn, holds = _is_drawn(link), _holds_joint(root, name)
+            bare = (drawn and holds) or (joint not in shaped and (drawn or holds))
+        if bare:
             found.append(name)
     return tuple(found)
+
+
+def _is_drawn(link: Element) -> bool:
+    return any(link.find(kind) is not None for kind in ("collision", "visual"))
+
+
+def _holds_joint(root: Element, name: str) -> bool:
+    """Whether a link carries a joint that moves away from the link's own frame."""
+    held = [joint for joint in root.findall("joint") if link_at(joint, "parent") == name]
+    return any(
+        float(np.linalg.norm(origin_of(joint.find("origin")).translation)) > _THINNEST
+        for joint in held
+        if joint.get("type") in MOVING
+    )
 
 
 @lru_cache(maxsize=4)
@@ -84,14 +106,15 @@ def shape_conditions(robot: Robot) -> tuple[str, ...]:
         found.append(f"boxes stand for the missing geometry of {first_names(boxes, 3)}")
     bare = links_without_shape(robot)
     if bare:
-        found.append(f"nothing touches {first_names(bare, 3)}, of weight and without shape")
+        found.append(f"nothing touches {first_names(bare, 3)}, for which no shape stands")
     return tuple(found)
 
 
 def box_shapes(robot: Robot, links: Collection[str]) -> list[dict[str, Any]]:
     """Boxes in place of links, as ``collision.shapes`` in ``robot.yaml``.
 
-    Left out are links without mass beside others of their body that have shapes.
+    Left out are links without mass that are not drawn, or that hold no joint beside others of their body that have
+    shapes.
 
     Args:
         robot: theirs.
@@ -105,7 +128,8 @@ def box_shapes(robot: Robot, links: Collection[str]) -> list[dict[str, Any]]:
         if name not in links:
             continue
         inertial = read_inertial(link, robot.source)
-        if inertial is None and link_placement(robot.model, name, robot.source, "collision")[0] in shaped:
+        joint, _ = link_placement(robot.model, name, robot.source, "collision")
+        if inertial is None and not (_is_drawn(link) and (_holds_joint(root, name) or joint not in shaped)):
             continue
         box = _box(root, name, inertial)
         if box is None:

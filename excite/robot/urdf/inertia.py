@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from excite.errors import RobotError
 from excite.formats.documents import all_alike
+from excite.robot.refusal import robot_error
 from excite.robot.urdf.numbers import read_numbers
 
 TOLERANCE = 1e-6
@@ -82,11 +83,11 @@ def check_inertials(
             raise error
     for name in acknowledged:
         if name not in faults:
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"link {name!r}",
                 "needs no acknowledgement: its inertia is sound or it does not exist",
-                source=path,
-                field=f"link {name!r}",
-                remedy="remove it from model.acknowledged in robot.yaml",
+                "remove it from model.acknowledged in robot.yaml",
             )
 
 
@@ -111,21 +112,19 @@ def inertial_faults(
         fault = None if inertial is None else spread or _describe_impossible(inertial.moments, strict=False)
         if spread and inertial is not None and inertial.mass > weightless:
             field, remedy = f"link {name!r}/inertial/inertia", "write moments in kg·m² and masses in kg"
-            raise RobotError(spread, source=path, field=field, remedy=remedy)
+            raise robot_error(path, field, spread, remedy)
         if inertial is not None and inertial.mass == 0.0:
             remedy = _inertial_remedy(name, "give a positive mass in kilograms")
             where = f"link {name!r}/inertial/mass@value"
-            faults[name] = RobotError("is 0 and the moments are not", source=path, field=where, remedy=remedy)
+            faults[name] = robot_error(path, where, "is 0 and the moments are not", remedy)
         elif fault:
             remedy = _inertial_remedy(name, "correct the moments")
-            faults[name] = RobotError(
-                fault, source=path, field=f"link {name!r}/inertial/inertia", remedy=remedy
-            )
+            faults[name] = robot_error(path, f"link {name!r}/inertial/inertia", fault, remedy)
     for name, members in _moving_bodies(inertials, joints, floating).items():
         fault = _body_fault([inertials[member] for member in members])
         if fault and not faults.keys() & set(members):
             remedy = _inertial_remedy(name, "give the link an <inertial> with mass and moments")
-            faults[name] = RobotError(fault, source=path, field=f"link {name!r}/inertial", remedy=remedy)
+            faults[name] = robot_error(path, f"link {name!r}/inertial", fault, remedy)
     return faults
 
 
@@ -154,14 +153,12 @@ def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
     if not elements:
         return None
     if not all_alike(elements):
-        raise RobotError("occurs twice", source=path, field=where, remedy="keep one")
+        raise robot_error(path, where, "occurs twice", "keep one")
     mass_element, inertia = elements[0].find("mass"), elements[0].find("inertia")
     if mass_element is None:
-        raise RobotError("has no <mass>", source=path, field=where, remedy="give the mass in kilograms")
+        raise robot_error(path, where, "has no <mass>", "give the mass in kilograms")
     if inertia is None:
-        raise RobotError(
-            "has no <inertia>", source=path, field=where, remedy="give the moments about the CoM"
-        )
+        raise robot_error(path, where, "has no <inertia>", "give the moments about the CoM")
     (mass,) = read_numbers(mass_element, "value", 1, path, f"{where}/mass")
     origin = elements[0].find("origin")
     pose = ElementTree.Element("origin") if origin is None else origin
@@ -171,7 +168,7 @@ def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
     values = [read_numbers(inertia, key, 1, path, f"{where}/inertia")[0] for key in _MOMENTS]
     if mass < 0.0:
         remedy = "give a positive mass in kilograms"
-        raise RobotError(f"is {mass}", source=path, field=f"{where}/mass@value", remedy=remedy)
+        raise robot_error(path, f"{where}/mass@value", f"is {mass}", remedy)
     xx, xy, xz, yy, yz, zz = values
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     rotation = pin.rpy.rpyToMatrix(*rpy)
@@ -288,13 +285,13 @@ def _is_point(solid: ElementTree.Element) -> bool:
 def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
     where = f"{where}/{solid.tag}"
     if solid.tag == "mesh" and not solid.get("filename", "").strip():
-        raise RobotError("is missing", source=path, field=f"{where}@filename", remedy="name the mesh file")
+        raise robot_error(path, f"{where}@filename", "is missing", "name the mesh file")
     for attribute, count, default in _LENGTHS.get(solid.tag, ()):
         values = read_numbers(solid, attribute, count, path, where, default=default)
         # A mesh may be mirrored by a negative scale, and scaled to nothing by none.
         if any(value == 0.0 if solid.tag == "mesh" else value <= 0.0 for value in values):
             what = f"is {solid.get(attribute)!r}"
-            raise RobotError(what, source=path, field=f"{where}@{attribute}", remedy="give lengths above 0")
+            raise robot_error(path, f"{where}@{attribute}", what, "give lengths above 0")
 
 
 # Whether a model's masses can be kilograms: grams give bodies that no material has and no drive could lift.
@@ -330,12 +327,12 @@ def check_weights(model: pin.Model, torque: NDArray[np.float64], path: Path) -> 
     known = np.isfinite(torque) & (torque > 0.0)
     share = float((weight[known] / torque[known]).max(initial=0.0))
     if share > MAX_WEIGHT:
-        raise RobotError(
+        raise robot_error(
+            path,
+            "mass@value",
             f"its bodies have {density:.2g} kg/m³ by their moments of inertia and weigh {share:.2g} times what its"
             " drives can hold",
-            source=path,
-            field="mass@value",
-            remedy="looks like grams: write masses in kg and moments of inertia in kg·m²",
+            "looks like grams: write masses in kg and moments of inertia in kg·m²",
         )
 
 

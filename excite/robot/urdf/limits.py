@@ -11,9 +11,11 @@ from xml.etree.ElementTree import Element, SubElement
 
 from excite.errors import RobotError
 from excite.finding import first_names
-from excite.formats.documents import read_yaml
+from excite.formats.documents import check_content, read_yaml
 from excite.results import Assumed
+from excite.robot.description import PositionTable
 from excite.robot.quantities import MAX_ANGLE
+from excite.robot.refusal import robot_error
 from excite.robot.urdf.numbers import read_numbers
 
 SOFT, CONTROL = "<safety_controller>", "<ros2_control>"
@@ -134,6 +136,10 @@ def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: P
     where = f"joint {joint.get('name')!r}/limit"
     lower, upper = stated
     if joint.get("type") == "continuous" or not {"lower", "upper"} <= set(limit.attrib):
+        if joint.get("type") != "prismatic":
+            # The end that is not stated is a turn away, or half a turn from zero.
+            lower = min(-math.pi, upper - math.tau) if math.isinf(lower) else lower
+            upper = max(math.pi, lower + math.tau) if math.isinf(upper) else upper
         if max(-lower, upper) > MAX_ANGLE:
             return False
         joint.set("type", "prismatic" if joint.get("type") == "prismatic" else "revolute")
@@ -146,7 +152,7 @@ def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: P
         if lower >= upper:
             what = f"{low:g} … {high:g} has nothing in common with {stated[0]:g} … {stated[1]:g} of {said}"
             remedy = f"correct one of them, or remove that of {said}"
-            raise RobotError(what, source=path, field=where, remedy=remedy)
+            raise robot_error(path, where, what, remedy)
     limit.set("lower", repr(lower))
     limit.set("upper", repr(upper))
     return True
@@ -155,14 +161,12 @@ def _narrow(joint: Element, limit: Element, stated: tuple[float, float], path: P
 def _soft_limits(root: Element, path: Path) -> Iterator[tuple[str, JointLimits]]:
     for joint in root.findall("joint"):
         soft, name = joint.find("safety_controller"), joint.get("name", "")
-        if soft is None or not {"soft_lower_limit", "soft_upper_limit"} <= set(soft.attrib):
+        if soft is None:
             continue
         where = f"joint {name!r}/safety_controller"
-        lower, upper = (
-            read_numbers(soft, f"soft_{side}_limit", 1, path, where)[0] for side in ("lower", "upper")
-        )
-        if lower < upper:
-            yield name, JointLimits((lower, upper))
+        both = _range(*(_stated_end(soft, f"soft_{side}_limit", path, where) for side in ("lower", "upper")))
+        if both is not None and both[0] < both[1]:
+            yield name, JointLimits(both)
 
 
 def _command_limits(root: Element, path: Path) -> Iterator[tuple[str, JointLimits]]:
@@ -171,22 +175,36 @@ def _command_limits(root: Element, path: Path) -> Iterator[tuple[str, JointLimit
         for command in joint.findall("command_interface"):
             kind = command.get("name", "")
             ends = {param.get("name"): (param.text or "").strip() for param in command.findall("param")}
-            if kind not in {"position", "velocity", "effort"} or not (ends.get("min") and ends.get("max")):
+            if kind not in {"position", "velocity", "effort"}:
                 continue
             where = f"ros2_control joint {name!r}/{kind}"
-            bounds = Element("param", min=str(ends["min"]), max=str(ends["max"]))
-            low, high = (read_numbers(bounds, end, 1, path, where)[0] for end in ("min", "max"))
-            if low < high:
+            bounds = Element("param", {end: ends[end] for end in ("min", "max") if ends.get(end)})
+            both = _range(*(_stated_end(bounds, end, path, where) for end in ("min", "max")))
+            if both is not None and both[0] < both[1]:
                 found["range" if kind == "position" else kind] = (
-                    (low, high) if kind == "position" else symmetric(low, high)
+                    both if kind == "position" else symmetric(*both)
                 )
         if found:
             yield name, JointLimits(**found)
 
 
+def _stated_end(element: Element, name: str, path: Path, where: str) -> float | None:
+    """A number in an attribute, None where there is none; raises RobotError."""
+    return read_numbers(element, name, 1, path, where)[0] if name in element.attrib else None
+
+
+def _range(lower: float | None, upper: float | None) -> tuple[float, float] | None:
+    """The range between two ends of which one may not be stated; None where neither is."""
+    if lower is None and upper is None:
+        return None
+    return (-math.inf if lower is None else lower, math.inf if upper is None else upper)
+
+
 def symmetric(low: float, high: float) -> float:
-    """The largest magnitude that is allowed either way; of bounds on one side of zero the larger."""
-    return min(-low, high) if low < 0.0 < high else max(abs(low), abs(high))
+    """The largest magnitude that is allowed either way; of bounds on one side of zero the larger that is finite."""
+    if low < 0.0 < high:
+        return min(-low, high)
+    return max(abs(end) for end in (low, high) if math.isfinite(end))
 
 
 def joint_limits_beside(path: Path) -> list[Path]:
@@ -214,14 +232,44 @@ def read_joint_limits(file: Path, names: Iterable[str]) -> dict[str, JointLimits
         RobotError: it is no such file, or a limit is no number, or is the wrong way round.
     """
     content = read_yaml(file, error=RobotError, degrees=True, remedy=f"give MoveIt's {_FILE}")
-    joints = content.get("joint_limits")
+    joints = content.get("joint_limits", {} if "by_position" in content else None)
     if not isinstance(joints, dict):
-        raise RobotError("has no mapping joint_limits", source=file, remedy=f"give MoveIt's {_FILE}")
+        raise robot_error(file, None, "has no mapping joint_limits", f"give MoveIt's {_FILE}")
     found = {}
     for name in names:
         block = joints.get(name, joints.get(name.removesuffix("_joint")))
         if isinstance(block, dict):
             found[name] = _of_block(block, file, name)
+    return found
+
+
+def read_position_tables(file: Path, names: Iterable[str]) -> list[PositionTable]:
+    """Limits that depend on positions in such a file: ``by_position``, a list as that of a ``robot.yaml``.
+
+    Args:
+        file: the file.
+        names: of the robot's joints, which may be called without the ``_joint`` of theirs.
+
+    Raises:
+        RobotError: a table is none, or is of a joint that the robot does not have.
+    """
+    remedy = (
+        "write it as limits.by_position of a robot.yaml: joint, quantity, at, and limit or lower and upper"
+    )
+    blocks = read_yaml(file, error=RobotError, degrees=True, remedy=remedy).get("by_position", [])
+    if not isinstance(blocks, list) or not all(isinstance(block, dict) for block in blocks):
+        raise RobotError("is no list of tables", source=file, field="by_position", remedy=remedy)
+    known, found = {short: name for name in names for short in (name, name.removesuffix("_joint"))}, []
+    for block in blocks:
+        table = check_content(
+            PositionTable, {"source": file.name, **block}, file, remedy=remedy, error=RobotError
+        )
+        lost = {table.joint, table.over or table.joint} - set(known)
+        if lost:
+            what, has = f"no joint {min(lost)!r} in the model", ", ".join(names)
+            raise RobotError(what, source=file, field="by_position", remedy=f"the model has {has}")
+        over = None if table.over is None else known[table.over]
+        found.append(table.model_copy(update={"joint": known[table.joint], "over": over}))
     return found
 
 
@@ -232,20 +280,27 @@ def _of_block(block: Mapping[str, Any], file: Path, name: str) -> JointLimits:
         number = block[key]
         if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
             field = f"joint_limits.{name}.{key}"
-            raise RobotError(
-                f"is {str(number)[:40]!r}, no number", source=file, field=field, remedy="give one"
-            )
+            raise robot_error(file, field, f"is {str(number)[:40]!r}, no number", "give one")
         return float(number)
 
     lower, upper = value("min_position", "position"), value("max_position", "position")
-    both = None if lower is None or upper is None else (lower, upper)
+    both = _range(lower, upper)
     if both is not None and both[0] >= both[1]:
         what, remedy = (
-            f"min_position {lower:g} is not below max_position {upper:g}",
+            f"min_position {both[0]:g} is not below max_position {both[1]:g}",
             "exchange or correct them",
         )
-        raise RobotError(what, source=file, field=f"joint_limits.{name}", remedy=remedy)
+        raise robot_error(file, f"joint_limits.{name}", what, remedy)
     return JointLimits(both, *(value(f"max_{key}", key) for key in _LARGEST))
+
+
+def with_tables(tightened: Mapping[str, list[str]], tables: Iterable[PositionTable]) -> dict[str, list[str]]:
+    """What was tightened by what, and the joints of tables by the quantity that depends on a position there."""
+    found = {what: list(joints) for what, joints in tightened.items()}
+    for table in tables:
+        joints = found.setdefault(f"{table.quantity} by position", [])
+        joints += [table.joint] if table.joint not in joints else []
+    return found
 
 
 def assumed_limits(tightened: Mapping[str, Mapping[str, list[str]]]) -> tuple[Assumed, ...]:

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pinocchio as pin
 
-from excite.errors import RobotError
+from excite.robot.refusal import robot_error
 
 # What the parser reads beside these (geometry, colours, transmissions, sensors) is not the model's, and whatever is
 # wrong there the parser prints line by line.
@@ -30,7 +30,7 @@ def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False)
     """
     if floating and any(joint.get("name") == "root_joint" for joint in root.findall("joint")):
         what, remedy = "is called as readers call a free base's joint", "rename the joint"
-        raise RobotError(what, source=path, field="joint 'root_joint'", remedy=remedy)
+        raise robot_error(path, "joint 'root_joint'", what, remedy)
     text = ElementTree.tostring(_dynamics_only(root), encoding="unicode")
     try:
         if floating:
@@ -38,7 +38,7 @@ def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False)
         return pin.buildModelFromXML(text)
     except (RuntimeError, ValueError) as error:
         what = f"pinocchio refuses it ({' '.join(str(error).split())})"
-        raise RobotError(what, source=path, remedy="check the file with check_urdf") from error
+        raise robot_error(path, None, what, "check the file with check_urdf") from error
 
 
 def _complete_limit(limit: ElementTree.Element) -> ElementTree.Element:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 
-from excite.errors import RobotError
+import pinocchio as pin
+
 from excite.robot.quantities import (
     MAX_FORCE,
     MAX_INERTIA,
@@ -17,6 +19,7 @@ from excite.robot.quantities import (
     MAX_STAND_IN,
     MAX_TRAVEL,
 )
+from excite.robot.refusal import robot_error
 
 # Largest magnitude by attribute, and the likely cause of a larger one; elsewhere what stands in for "no limit".
 _LARGEST: dict[str, tuple[float, str]] = {
@@ -63,33 +66,33 @@ def read_numbers(
     place = f"{where}@{attribute}"
     wanted = "one number" if count == 1 else f"{count} numbers separated by spaces"
     if text is None:
-        raise RobotError("is missing", source=source, field=place, remedy=f"give {wanted}")
+        raise robot_error(source, place, "is missing", f"give {wanted}")
     parts = text.split()
     # str.split() also takes spaces that readers written in C do not know.
     if not text.isascii() or len(parts) != count or not all(_NUMBER.fullmatch(part) for part in parts):
-        raise RobotError(
-            f"is {shorten_text(text)!r}",
-            source=source,
-            field=place,
-            remedy=f"give {wanted}, with a decimal point",
-        )
+        raise robot_error(source, place, f"is {shorten_text(text)!r}", f"give {wanted}, with a decimal point")
     values = tuple(float(part) for part in parts)
     if not all(map(math.isfinite, values)):
-        raise RobotError(
-            f"is {shorten_text(text)!r}, too large for a number",
-            source=source,
-            field=place,
-            remedy=f"give {wanted}",
+        raise robot_error(
+            source, place, f"is {shorten_text(text)!r}, too large for a number", f"give {wanted}"
         )
     most, cause = _LARGEST.get(attribute, _STAND_IN)
     if max(map(abs, values)) > most:
-        raise RobotError(
-            f"is {shorten_text(text)!r}, more than any robot has ({most:.4g})",
-            source=source,
-            field=place,
-            remedy=cause,
+        raise robot_error(
+            source, place, f"is {shorten_text(text)!r}, more than any robot has ({most:.4g})", cause
         )
     return values
+
+
+def format_row(values: Iterable[float]) -> str:
+    """Numbers as an attribute holds them, to the last bit; a zero has no sign."""
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def write_origin(element: ElementTree.Element, pose: pin.SE3) -> None:
+    """Give an element an ``<origin>``."""
+    rpy = pin.rpy.matrixToRpy(pose.rotation)
+    ElementTree.SubElement(element, "origin", xyz=format_row(pose.translation), rpy=format_row(rpy))
 
 
 def shorten_text(text: str) -> str:

@@ -19,9 +19,10 @@ import pinocchio as pin
 from excite.errors import RobotError
 from excite.formats.documents import read_xml
 from excite.robot.joint_values import check_range
+from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.urdf.inertia import check_inertials, drop_points
 from excite.robot.urdf.limits import keep_stated_limits
-from excite.robot.urdf.numbers import read_numbers
+from excite.robot.urdf.numbers import format_row, read_numbers
 from excite.robot.urdf.tree import MOVING, check_tree, declare_world, drop_free_root, hold_planar_root
 
 # The deepest element known, a mesh of a link, is the sixth.
@@ -100,11 +101,11 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     """
     root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
-        raise RobotError(
+        raise robot_error(
+            path,
+            root.tag,
             f"is {_KINDS.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>",
-            source=path,
-            field=root.tag,
-            remedy=_REMEDIES.get(_KINDS.get(root.tag, ""), "export it as URDF or MJCF"),
+            _REMEDIES.get(_KINDS.get(root.tag, ""), "export it as URDF or MJCF"),
         )
     drop_points(root)
     declare_world(root)
@@ -118,11 +119,12 @@ def _lock_joints(joints: dict[str, ElementTree.Element], stated: Stated, path: P
     values = dict(stated.locked)
     for name in values:
         if name not in joints:
-            raise RobotError(
-                f"no joint {name!r} in the model",
-                source=path,
-                field="locked_joints",
-                remedy="the model has " + ", ".join(n for n, j in joints.items() if j.get("type") in MOVING),
+            raise unknown_name(
+                path,
+                "locked_joints",
+                "joint",
+                name,
+                (n for n, j in joints.items() if j.get("type") in MOVING),
             )
         check_range(
             name, (values[name],), joints[name].get("type") == "prismatic", f"locked_joints.{name}", path
@@ -152,7 +154,7 @@ def _fix_joint(joint: ElementTree.Element, value: float, path: Path) -> None:
     """Turn a moving joint into a fixed one at ``value``."""
     where = f"joint {joint.get('name')!r}"
     if joint.get("type") == "fixed":
-        raise RobotError("is fixed already", source=path, field=where, remedy="remove it from locked_joints")
+        raise robot_error(path, where, "is fixed already", "remove it from locked_joints")
     origin = joint.find("origin")
     if origin is None:
         origin = ElementTree.SubElement(joint, "origin")
@@ -167,8 +169,8 @@ def _fix_joint(joint: ElementTree.Element, value: float, path: Path) -> None:
         pose = pose * pin.SE3(np.eye(3), value * direction)
     else:
         pose = pose * pin.SE3(pin.exp3(value * direction), np.zeros(3))
-    origin.set("xyz", " ".join(repr(float(x)) for x in pose.translation))
-    origin.set("rpy", " ".join(repr(float(x)) for x in pin.rpy.matrixToRpy(pose.rotation)))
+    origin.set("xyz", format_row(pose.translation))
+    origin.set("rpy", format_row(pin.rpy.matrixToRpy(pose.rotation)))
     joint.set("type", "fixed")
 
 
@@ -189,11 +191,11 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
             read_numbers(limit, side, 1, path, f"joint {name!r}/limit")[0] for side in ("lower", "upper")
         )
     else:
-        raise RobotError(
+        raise robot_error(
+            path,
+            f"joint {name!r}/limit",
             "turns without end" if kind == "continuous" else "has no position limits",
-            source=path,
-            field=f"joint {name!r}/limit",
-            remedy=f"state limits.position.joints.{name} in robot.yaml",
+            f"state limits.position.joints.{name} in robot.yaml",
         )
     if limit is None:
         limit = ElementTree.SubElement(joint, "limit")

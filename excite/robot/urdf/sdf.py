@@ -16,7 +16,8 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.robot.urdf.numbers import read_numbers
+from excite.robot.refusal import robot_error
+from excite.robot.urdf.numbers import format_row, read_numbers, write_origin
 
 _MODEL, _WORLD = "__model__", "world"
 _KINDS = {"revolute", "continuous", "prismatic", "fixed"}
@@ -41,11 +42,11 @@ def convert_sdf(root: Element, path: Path) -> str:
     models = [*root.findall("model"), *root.findall("world/model")]
     if len(models) != 1:
         names = ", ".join(model.get("name", "") for model in models)
-        raise RobotError(
+        raise robot_error(
+            path,
+            "sdf",
             f"holds {len(models)} models{f', {names}' if names else ''}",
-            source=path,
-            field="sdf",
-            remedy="give a file with the robot's model alone",
+            "give a file with the robot's model alone",
         )
     return ElementTree.tostring(_Conversion(models[0], root.get("version", "1.7"), path).urdf(), "unicode")
 
@@ -78,7 +79,7 @@ class _Conversion:
         return robot
 
     def _error(self, what: str, field: str, remedy: str) -> RobotError:
-        return RobotError(what, source=self._path, field=field, remedy=remedy)
+        return robot_error(self._path, field, what, remedy)
 
     def _numbers(self, element: Element | None, tag: str, n: int, default: str | None = None) -> Array:
         """Numbers in the text of an element below another one."""
@@ -139,7 +140,7 @@ class _Conversion:
         inertial = link.find("inertial")
         written = SubElement(out, "inertial")
         holder = Element("inertial") if inertial is None else inertial
-        _write_origin(written, moved * self._own_pose(holder))
+        write_origin(written, moved * self._own_pose(holder))
         # What is left out is 1 kg and 1 kg·m² about each axis.
         SubElement(written, "mass", value=repr(float(self._numbers(holder, "mass", 1, "1")[0])))
         moments = holder.find("inertia")
@@ -160,18 +161,18 @@ class _Conversion:
         if geometry is None:
             return
         written = Element(kind)
-        _write_origin(written, moved * self._own_pose(shape))
+        write_origin(written, moved * self._own_pose(shape))
         place = SubElement(written, "geometry")
         for solid in geometry:
             if solid.tag == "box":
-                SubElement(place, "box", size=_words(self._numbers(solid, "size", 3, "1 1 1")))
+                SubElement(place, "box", size=format_row(self._numbers(solid, "size", 3, "1 1 1")))
             elif solid.tag == "sphere":
-                SubElement(place, "sphere", radius=_words(self._numbers(solid, "radius", 1, "1")))
+                SubElement(place, "sphere", radius=format_row(self._numbers(solid, "radius", 1, "1")))
             elif solid.tag in {"cylinder", "capsule"}:
-                sizes = {key: _words(self._numbers(solid, key, 1, "1")) for key in ("radius", "length")}
+                sizes = {key: format_row(self._numbers(solid, key, 1, "1")) for key in ("radius", "length")}
                 SubElement(place, solid.tag, sizes)
             elif solid.tag == "mesh":
-                scale = _words(self._numbers(solid, "scale", 3, "1 1 1"))
+                scale = format_row(self._numbers(solid, "scale", 3, "1 1 1"))
                 SubElement(place, "mesh", filename=self._mesh_name(_text(solid, "uri")), scale=scale)
         if len(place):
             out.append(written)
@@ -195,14 +196,14 @@ class _Conversion:
         SubElement(written, "parent", link=parent)
         SubElement(written, "child", link=child)
         base = pin.SE3.Identity() if parent == _WORLD else self._link_pose(parent)
-        _write_origin(written, base.actInv(self._pose(name)))
+        write_origin(written, base.actInv(self._pose(name)))
         if kind != "fixed":
             self._write_axis(written, name, joint)
 
     def _write_axis(self, written: Element, name: str, joint: Element) -> None:
         axis = joint.find("axis")
         direction = self._numbers(axis, "xyz", 3, "0 0 1")
-        SubElement(written, "axis", xyz=_words(self._axis_frame(name, axis).rotation.T @ direction))
+        SubElement(written, "axis", xyz=format_row(self._axis_frame(name, axis).rotation.T @ direction))
         limit = None if axis is None else axis.find("limit")
         lower, upper = (
             float(self._numbers(limit, key, 1, default)[0])
@@ -220,7 +221,7 @@ class _Conversion:
         SubElement(written, "limit", stated)
         dynamics = None if axis is None else axis.find("dynamics")
         if dynamics is not None:
-            sizes = {key: _words(self._numbers(dynamics, key, 1, "0")) for key in ("damping", "friction")}
+            sizes = {key: format_row(self._numbers(dynamics, key, 1, "0")) for key in ("damping", "friction")}
             SubElement(written, "dynamics", sizes)
         mimic = None if axis is None else axis.find("mimic")
         if mimic is not None:
@@ -248,12 +249,3 @@ class _Conversion:
 def _text(element: Element, tag: str, default: str = "") -> str:
     found = element.find(tag)
     return default if found is None or found.text is None else found.text.strip()
-
-
-def _words(values: Array) -> str:
-    return " ".join(repr(float(value)) for value in np.ravel(values))
-
-
-def _write_origin(element: Element, pose: pin.SE3) -> None:
-    rpy = pin.rpy.matrixToRpy(pose.rotation)
-    SubElement(element, "origin", xyz=_words(pose.translation), rpy=_words(rpy))

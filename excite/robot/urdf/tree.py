@@ -11,6 +11,7 @@ from excite.errors import RobotError
 from excite.formats.documents import all_alike
 from excite.robot.joint_values import check_range
 from excite.robot.quantities import MAX_ANGLE, MAX_STAND_IN, MAX_TRAVEL_STAND_IN
+from excite.robot.refusal import robot_error
 from excite.robot.urdf.inertia import check_geometry, check_origin
 from excite.robot.urdf.numbers import read_numbers, shorten_text
 
@@ -44,15 +45,15 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
             or limit, several roots, closed loops, or a tree too large or too deep.
     """
     if not root.get("name", "").strip():
-        raise RobotError("is missing", source=path, field="robot@name", remedy="name the robot")
+        raise robot_error(path, "robot@name", "is missing", "name the robot")
     _check_name(root.get("name", ""), "robot@name", path)
     links = _named_elements(root, "link", path)
     joints = _named_elements(root, "joint", path)
     if not links:
-        raise RobotError("has no <link>", source=path, field="robot", remedy="describe at least one")
+        raise robot_error(path, "robot", "has no <link>", "describe at least one")
     if len(links) > MAX_LINKS:
         what = f"has {len(links)} links, more than {MAX_LINKS}"
-        raise RobotError(what, source=path, field="robot", remedy="reduce the model")
+        raise robot_error(path, "robot", what, "reduce the model")
     for kind, elements in (("link", links), ("joint", joints)):
         for name, element in elements.items():
             _check_once(element, f"{kind} {name!r}", path)
@@ -62,11 +63,11 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     for name, joint in joints.items():
         parent, child = (_joint_end(joint, name, end, links, path) for end in ("parent", "child"))
         if child in carriers:
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"link {child!r}",
                 f"is the child of two joints, {carriers[child]!r} and {name!r}: a closed loop",
-                source=path,
-                field=f"link {child!r}",
-                remedy="cut the loop by removing one of them; closed loops are not modelled",
+                "cut the loop by removing one of them; closed loops are not modelled",
             )
         parents[child], carriers[child] = parent, name
         _check_joint(joint, name, path)
@@ -88,12 +89,10 @@ def _named_elements(root: ElementTree.Element, tag: str, path: Path) -> dict[str
     for number, element in enumerate(root.findall(tag)):
         name = element.get("name", "")
         if not name.strip():
-            raise RobotError("has no name", source=path, field=f"{tag} {number}", remedy="name it")
+            raise robot_error(path, f"{tag} {number}", "has no name", "name it")
         _check_name(name, f"{tag} {number}", path)
         if name in found:
-            raise RobotError(
-                "occurs twice", source=path, field=f"{tag} {name!r}", remedy="rename one of them"
-            )
+            raise robot_error(path, f"{tag} {name!r}", "occurs twice", "rename one of them")
         found[name] = element
     return found
 
@@ -107,14 +106,14 @@ def _check_count(root: ElementTree.Element, path: Path) -> None:
     ):
         if number > most:
             what = f"has {number} {what}, more than {most}"
-            raise RobotError(what, source=path, field="robot", remedy="reduce the model")
+            raise robot_error(path, "robot", what, "reduce the model")
 
 
 def _check_name(name: str, where: str, path: Path) -> None:
     if len(name) > MAX_NAME or not name.isprintable():
         what = f"has the name {shorten_text(name)!r}"
         remedy = f"give it a name of at most {MAX_NAME} printable characters"
-        raise RobotError(what, source=path, field=where, remedy=remedy)
+        raise robot_error(path, where, what, remedy)
 
 
 def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
@@ -123,16 +122,16 @@ def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
         # Published models of real arms have a mount with two: where that stands changes no torque.
         mount = tag == "origin" and element.tag == "joint" and element.get("type") == "fixed"
         if not mount and not all_alike(found):
-            raise RobotError("occurs twice", source=path, field=f"{where}/{tag}", remedy="keep one")
+            raise robot_error(path, f"{where}/{tag}", "occurs twice", "keep one")
     for child in element:
         if child.tag in _ONCE:
             _check_once(child, f"{where}/{child.tag}", path)
         elif child.tag == "geometry" and len(child) - len(child.findall("material")) > 1:
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"{where}/geometry",
                 f"holds {len(child)} solids",
-                source=path,
-                field=f"{where}/geometry",
-                remedy=f"give each a <{element.tag}> of its own",
+                f"give each a <{element.tag}> of its own",
             )
 
 
@@ -141,7 +140,7 @@ def _check_flat(element: ElementTree.Element, where: str, path: Path) -> None:
     for inside in element.iter():
         if inside is not element and inside.tag in {"link", "joint"}:
             what = f"holds the {inside.tag} {shorten_text(inside.get('name', ''))!r}"
-            raise RobotError(what, source=path, field=where, remedy="put it beside, not inside")
+            raise robot_error(path, where, what, "put it beside, not inside")
 
 
 def _joint_end(
@@ -151,11 +150,9 @@ def _joint_end(
     link = None if element is None else element.get("link")
     where = f"joint {name!r}/{end}"
     if link is None:
-        raise RobotError("is missing", source=path, field=where, remedy=f"name the {end} link")
+        raise robot_error(path, where, "is missing", f"name the {end} link")
     if link not in links:
-        raise RobotError(
-            f"unknown link {link!r}", source=path, field=where, remedy=f"define the link {link!r}"
-        )
+        raise robot_error(path, where, f"unknown link {link!r}", f"define the link {link!r}")
     return link
 
 
@@ -163,28 +160,21 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
     where, kind = f"joint {name!r}", joint.get("type")
     if kind in {"floating", "planar"}:
         what = f"is {kind}; only joints with one coordinate are modelled"
-        raise RobotError(
-            what, source=path, field=where, remedy="fix it, or let the base float with base: floating"
-        )
+        raise robot_error(path, where, what, "fix it, or let the base float with base: floating")
     if kind != "fixed" and kind not in MOVING:
-        raise RobotError(
-            f"has the type {kind!r}",
-            source=path,
-            field=where,
-            remedy="use one of fixed, " + ", ".join(MOVING),
-        )
+        raise robot_error(path, where, f"has the type {kind!r}", "use one of fixed, " + ", ".join(MOVING))
     check_origin(joint, where, path)
     if kind == "fixed":
         return
     if name == "universe":  # pinocchio's first joint, which it finds in its place
         what, remedy = "is called as readers call what the robot stands on", "rename the joint"
-        raise RobotError(what, source=path, field=where, remedy=remedy)
+        raise robot_error(path, where, what, remedy)
     axis = joint.find("axis")
     if axis is not None:
         direction = np.array(read_numbers(axis, "xyz", 3, path, f"{where}/axis"))
         if not 1e-6 < np.linalg.norm(direction) < 1e6:
             what = f"is {axis.get('xyz')!r}, which is no direction"
-            raise RobotError(what, source=path, field=f"{where}/axis", remedy="give a vector of length 1")
+            raise robot_error(path, f"{where}/axis", what, "give a vector of length 1")
     dynamics = joint.find("dynamics")
     if dynamics is not None:
         for attribute in ("damping", "friction"):
@@ -236,27 +226,27 @@ def _check_roots(links: dict[str, ElementTree.Element], parents: dict[str, str],
         if link in seen:
             loop = chain[chain.index(link) :]
             names = ", ".join(loop[:5]) + (", …" if len(loop) > 5 else "")
-            raise RobotError(
+            raise robot_error(
+                path,
+                f"link {link!r}",
                 f"is its own ancestor (closed loop of {names})",
-                source=path,
-                field=f"link {link!r}",
-                remedy="cut the loop; closed loops are not modelled",
+                "cut the loop; closed loops are not modelled",
             )
         start = depth.setdefault(link, 0)
         for steps, above in enumerate(reversed(chain), start=1):
             depth[above] = start + steps
     roots = [link for link in links if link not in parents]
     if len(roots) > 1:
-        raise RobotError(
+        raise robot_error(
+            path,
+            "robot",
             f"has {len(roots)} root links: {', '.join(roots[:5])}",
-            source=path,
-            field="robot",
-            remedy="join them by a fixed joint or remove the loose ones",
+            "join them by a fixed joint or remove the loose ones",
         )
     deepest = max(depth, key=lambda link: depth[link])
     if depth[deepest] > MAX_DEPTH:
         what = f"lies {depth[deepest]} joints from the root, more than {MAX_DEPTH}"
-        raise RobotError(what, source=path, field=f"link {deepest!r}", remedy="shorten the chain")
+        raise robot_error(path, f"link {deepest!r}", what, "shorten the chain")
 
 
 # What a URDF's root says of the base: free, or on wheels, by its joint's type, or fixed to a world of its

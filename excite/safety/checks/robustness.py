@@ -45,8 +45,8 @@ def judge_robustness(sweep: Sweep, parameters: ParameterSet, *, decides: bool = 
     rows, fine = RowsOfSet(robot, parameters), sweep.fine
     looks: dict[str, _TorqueRoom | _WrenchRoom] = {"joint_torque_nm": _TorqueRoom(sweep, parameters, rows)}
     if stands:
-        looks["zmp_m"] = _WrenchRoom(sweep, parameters, _edges_of_support(sweep), ZMP_MARGIN)
-        looks["friction"] = _WrenchRoom(sweep, parameters, _faces_of_friction(sweep), 0.0)
+        looks["zmp_m"] = _WrenchRoom(sweep, parameters, edges_of_support(sweep), ZMP_MARGIN)
+        looks["friction"] = _WrenchRoom(sweep, parameters, faces_of_friction(sweep), 0.0)
     every = np.unique(
         np.concatenate(
             [one.samples for one in looks.values() if one.is_known] or [np.zeros(0, dtype=np.intp)]
@@ -120,7 +120,7 @@ class _TorqueRoom:
 class _WrenchRoom:
     """The least ``−plane·w/f_z`` over samples and planes; None where ``f_z`` is not positive everywhere."""
 
-    def __init__(self, sweep: Sweep, parameters: ParameterSet, facing: _Facing | None, limit: float) -> None:
+    def __init__(self, sweep: Sweep, parameters: ParameterSet, facing: Facing | None, limit: float) -> None:
         self._sweep, self._set, self._limit, self._facing = sweep, parameters, limit, facing
         self._best, self._at, self.is_known = np.inf, -1, facing is not None
         self.samples = np.zeros(0, dtype=np.intp) if facing is None else facing.samples
@@ -158,7 +158,7 @@ class _WrenchRoom:
         return Worst(float(self._best), self._limit, "+".join(names), time)
 
 
-class _Facing(NamedTuple):
+class Facing(NamedTuple):
     """Planes that wrenches stay below: by phase of ``samples`` the point ``(3,)`` that moments are about, and planes
     ``(n_samples or 1, n_planes, 6)``; NaN are none."""
 
@@ -168,7 +168,7 @@ class _Facing(NamedTuple):
     planes: list[Array]
 
 
-def _edges_of_support(sweep: Sweep) -> _Facing | None:
+def edges_of_support(sweep: Sweep) -> Facing | None:
     """Edges of the support polygon, from which the zero-moment point keeps its distance [m].
 
     The point is a ratio of linear forms, ``n·p = (n_y m_x − n_x m_y)/f_z``: its distance from an edge is at least ``t``
@@ -188,10 +188,10 @@ def _edges_of_support(sweep: Sweep) -> _Facing | None:
         return None
     planes = np.zeros((*edges.shape[:2], 6))
     planes[..., 2], planes[..., 3], planes[..., 4] = edges[..., 2], -edges[..., 1], edges[..., 0]
-    return _Facing(np.arange(n), np.zeros(n, dtype=np.intp), [np.zeros(3)], [planes])
+    return Facing(np.arange(n), np.zeros(n, dtype=np.intp), [np.zeros(3)], [planes])
 
 
-def _faces_of_friction(sweep: Sweep) -> _Facing | None:
+def faces_of_friction(sweep: Sweep) -> Facing | None:
     """Faces of the cone of contact wrenches that forces inside the soles' friction pyramids supply.
 
     The distance from them along the horizontal force, as a share of the vertical one, is a coefficient of friction that
@@ -221,7 +221,7 @@ def _faces_of_friction(sweep: Sweep) -> _Facing | None:
         phase[np.searchsorted(samples, members)] = len(about)
         about.append(centre)
         planes.append((facets[sliding] / pushed[sliding, None])[None])
-    return _Facing(samples, phase, about, planes)
+    return Facing(samples, phase, about, planes)
 
 
 def _phases(sweep: Sweep) -> Iterator[NDArray[np.intp]]:

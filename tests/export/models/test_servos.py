@@ -17,7 +17,7 @@ from excite.errors import InputError
 from excite.export.registry import MODEL_FORMATS
 from excite.results import write_json
 from excite.robot.loading import load_robot, model_file
-from excite.simulation.drives import nominal_drives
+from excite.simulation.true_parameters import nominal_drives
 from tests.export.identified import identification_of
 from tests.export.models.foreign import configuration, isaaclab, mjlab, mjlab_model, usd_model, usd_values
 from tests.export.models.identified_folder import known

@@ -18,8 +18,8 @@ from excite.regressor.kernels import inverse_dynamics
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.drives import nominal_drives
 from excite.simulation.sensing import log_header
+from excite.simulation.true_parameters import nominal_drives
 
 _INERTIA = '<inertia ixx=".003" ixy="0" ixz="0" iyy=".004" iyz="0" izz=".002"/>'
 

@@ -1,1 +1,0 @@
-"""Commands that show what was found: as a page, in the browser."""

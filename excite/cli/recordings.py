@@ -1,0 +1,476 @@
+"""The commands that make logs and examine them, from ``capture`` and ``simulate`` to ``convert`` and ``doctor``."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import excite
+from excite.atomic import atomic_folder, write_text
+from excite.cli.options import (
+    Call,
+    command,
+    named_numbers,
+    one_of,
+    segment_settings,
+)
+from excite.cli.output import (
+    EXIT_NEGATIVE,
+    campaign_of,
+    command_line,
+    log_folder,
+    progress_bars,
+    stated_origin,
+)
+from excite.display import count
+from excite.errors import InputError
+from excite.identification.estimators.registry import find_estimator
+from excite.logs.vocabulary import EFFECTS
+from excite.results import write_json
+from excite.robot.catalogue import is_robot, robot_of_log
+
+if TYPE_CHECKING:
+    from excite.conversion.result import Conversion
+    from excite.doctor.examine import Chart
+    from excite.identification.estimators.settings import EstimatorSettings
+    from excite.logs.log import Log
+    from excite.robot.robot import Robot
+
+
+@command("capture")
+def write_sheet(
+    robot: str,
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Folder of a plan (plan.json and motions/).")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="The sheet (.md or .html); PLAN/capture.md if left out."),
+    ] = None,
+    *,
+    call: Call,
+) -> None:
+    """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
+    from excite.export.export import robot_beside  # lazy: pinocchio
+
+    # A plan for a model of one's own kept its robot, which then has a name and no file of this one.
+    whose = robot if Path(robot).exists() else robot_beside(plan / "plan.json", robot)
+    # The sheet is read in another folder, and on another day.
+    named = str(Path(whose).resolve()) if Path(whose).exists() else whose
+    sheet = excite.capture(excite.load_robot(whose), plan, out, named=named)
+    document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
+    minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
+    call.emit_result(
+        f"wrote {sheet.path}: {count(len(sheet.capture.logged), 'recording')}, {minutes:.0f} minutes with warm-up",
+        document,
+        then=command_line(
+            "convert", "RECORDING", "--robot", whose, "--out", log_folder(plan), "--capture", sheet.path
+        ),
+    )
+
+
+@command("simulate", cluster=True)
+def simulate_motions(
+    robot: str,
+    motions: list[Path],
+    inject: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--inject",
+            metavar="EFFECT[:LOCATION[:VALUE]]",
+            help=f"An effect that the nominal model lacks (may be repeated): {', '.join(EFFECTS)}.",
+            autocompletion=one_of(EFFECTS),
+        ),
+    ] = None,
+    nominal: Annotated[
+        bool, typer.Option("--nominal", help="Give the virtual robot the nominal inertial parameters.")
+    ] = False,
+    *,
+    call: Call,
+) -> None:
+    """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
+    from excite.campaign.experiment import planned_roles  # lazy: pydantic
+    from excite.logs.files import check_replaceable  # lazy: pinocchio
+
+    check_replaceable(call.out or Path("log"))
+    loaded = excite.load_robot(robot)
+    with call.working_in("log") as (folder, crew, progress):
+        moves, planned = excite.load_motions(motions, loaded), planned_roles(motions)
+        # Some of a plan's motions are run without the others; those that judge, alone, have to be learnt from.
+        roles = {move.name: planned[move.name] for move in moves if move.name in planned}
+        judged = all(roles.get(move.name) == "validation" for move in moves)
+        experiment = excite.simulate(
+            loaded,
+            moves,
+            inject=tuple(inject or ()),
+            nominal=nominal,
+            roles=None if judged else roles,
+            seed=call.seed,
+            jobs=crew,
+            progress=progress,
+        )
+        experiment.save(folder)
+    identify = command_line("identify", robot, folder, "--out", "result")
+    # What stands on feet that measure nothing is identified, and not diagnosed.
+    told = not loaded.floating or loaded.description.sensors.wrench
+    then = command_line("diagnose", folder, "--out", "diagnosis") if inject and told else identify
+    call.emit_result(
+        f"{experiment.summary()}\nwritten to {folder}",
+        experiment.to_json(),
+        then=then,
+    )
+    if experiment.fell:
+        raise typer.Exit(EXIT_NEGATIVE)
+
+
+@command("init-log", out=False)
+def write_log_header(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder with trials whose columns are time, q.JOINT …")
+    ],
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite a log.yaml that is there already.")
+    ] = False,
+    *,
+    call: Call,
+) -> None:
+    """Write a commented log.yaml beside trial files: what they tell, and what a person must fill in."""
+    written = excite.write_header(folder, overwrite=force)
+    document = {"schema": "excite.init-log/1", "file": str(written.path), "fill_in": list(written.fill_in)}
+    lines = [f"wrote {written.path}", *(f"  fill in: {mark}" for mark in written.fill_in)]
+    call.emit_result("\n".join(lines), document, then=command_line("doctor", folder))
+
+
+@command("convert")
+def convert_recordings(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE…", help="Recordings: text tables, Parquet, npz, HDF5, JSON, .mat, bags, MCAP …"
+        ),
+    ],
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot", metavar="ROBOT", help="Bundled robot, or path to a robot.yaml, URDF, xacro or MJCF."
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="LOG", help="Log folder that is written.")],
+    mapping: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="map.yaml that says what the recording does not tell."),
+    ] = None,
+    capture: Annotated[
+        Path | None,
+        typer.Option(
+            "--capture", metavar="SHEET", help="Sheet of `excite capture` that the log is checked against."
+        ),
+    ] = None,
+    *,
+    call: Call,
+) -> None:
+    """Make a log folder of any recording: columns, units and trials are found, and what was guessed is said."""
+    found = excite.convert(sources, robot, out, mapping, capture)
+    if not call.as_json:
+        _show_guesses(found)
+    then = _next_of_conversion(found, robot)
+    call.emit_result(found.summary(), found.to_json(), then=then)
+
+
+def _next_of_conversion(found: Conversion, robot: str) -> str:
+    """What can be done with the log; where nothing can, motions to record what it lacks in, or nothing."""
+    if found.chart is not None and not found.chart.usable:
+        fatal = {f.kind for f in found.chart.findings if f.severity == "fatal" and not f.repaired}
+        return command_line("plan", robot, "--out", "plan") if fatal == {"no_torques"} else ""
+    campaign = campaign_of(found.folder)
+    if campaign is not None:
+        return command_line("campaign", robot, "--resume", "--out", campaign)
+    if not found.log.header.measures_forces:
+        return command_line("diagnose", found.folder, "--out", "diagnosis")
+    return command_line("identify", robot, found.folder, "--out", "result")
+
+
+def _show_guesses(found: Conversion) -> None:
+    """The table of what was guessed, with reasons."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("what", "from", "because")
+    for row in found.guesses:
+        table.add_row(*row)
+    for name, role, because in found.trials:
+        table.add_row(f"trial {name}", role, because)
+    Console(file=sys.stdout, width=None if sys.stdout.isatty() else 160, markup=False).print(table)
+
+
+@command("doctor")
+def examine_log(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG|DATASET|ROBOT",
+            help="Log folder (excite.log/1); a data set of many episodes: LeRobot's, or a folder of bags or tables; or "
+            "a robot: bundled name, robot.yaml, URDF, xacro or MJCF.",
+        ),
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="The robot; by default the one that the log names."),
+    ] = None,
+    repair: Annotated[
+        Path | None,
+        typer.Option(
+            "--repair", metavar="DIR", help="Write the log with what could be repaired to this folder."
+        ),
+    ] = None,
+    *,
+    call: Call,
+) -> None:
+    """Say what is wrong with a log, worst first: rows, clock, units, signs, order, zeros, dead channels.
+
+    Of a robot say what is wrong with its description: masses, centres, inertias, limits, meshes. Of a data set say
+    which episodes differ from the others, and in what; exit code 1 where one does.
+    """
+    of_robot = is_robot(log)
+    if of_robot or _is_of_episodes(log):
+        if repair is not None or robot is not None:
+            option = "--repair" if robot is None else "--robot"
+            what = "a robot" if of_robot else "a data set"
+            raise typer.BadParameter(f"is for a log; this is {what}", param_hint=f"'{option}'")
+        if of_robot:
+            _examine_robot(log, call)
+        else:
+            _examine_episodes(log, call)
+        return
+    from excite.doctor.doctor import doctor  # lazy: pinocchio
+    from excite.logs.files import load_log  # lazy: pinocchio
+    from excite.logs.robot import nominal_robot  # lazy: pinocchio
+
+    model = None if robot is None else excite.robot_for_log(robot, log)
+    loaded = load_log(log, model)
+    nominal = model or nominal_robot(loaded)
+    chart = doctor(loaded, nominal, repair=repair)
+    document = chart.to_json()
+    if call.out is not None:
+        document |= stated_origin(robot or "", log, call.out)
+        _save_findings(nominal, loaded, chart, document, call.out)
+    if chart.usable:
+        own = robot_of_log(chart.robot, chart.log.header.robot, log)
+        then = command_line("identify", robot or own, repair or log, "--out", "result")
+        if not chart.log.header.measures_forces:
+            then = command_line("diagnose", repair or log, "--out", "diagnosis")
+        call.emit_result(chart.summary(), document, then=then)
+    chart.check_usable()
+
+
+def _is_of_episodes(path: Path) -> bool:
+    if not path.is_dir() or (path / "log.yaml").is_file():
+        return False
+    from excite.conversion.episodes import is_of_episodes  # lazy: pinocchio
+
+    return is_of_episodes(path)
+
+
+def _examine_episodes(folder: Path, call: Call) -> None:
+    from excite.conversion.episodes import examine_episodes  # lazy: pinocchio
+    from excite.report.plots.drift import save_drift  # lazy: numpy
+
+    with call.requested_workers() as crew, progress_bars() as progress:
+        chart = examine_episodes(folder, jobs=crew, progress=progress)
+    document, summary = chart.to_json(), chart.summary()
+    if call.out is not None:
+        call.write_document(document, "doctor.json")
+        write_text(call.out / "episodes.csv", chart.to_csv())
+        summary += f"\ndrift: {save_drift(document['episodes'], call.out / 'drift.png')}"
+    call.emit_result(summary, document)
+    if not chart.healthy:
+        raise typer.Exit(EXIT_NEGATIVE)
+
+
+def _examine_robot(robot: Path, call: Call) -> None:
+    from excite.robot.inspection.chart import examine_description  # lazy: pinocchio
+
+    chart = examine_description(robot)
+    document = chart.to_json()
+    if call.out is not None:
+        call.write_document(document | stated_origin(str(robot), None, call.out), "doctor.json")
+    then = command_line("plan", robot) if chart.healthy else ""
+    call.emit_result(chart.summary(), document, then=then)
+
+
+def _save_findings(robot: Robot, log: Log, chart: Chart, document: dict[str, Any], out: Path) -> None:
+    """Write what was found, and the torques that a page of it shows."""
+    from excite.doctor.model_comparison import beside_model  # lazy: pinocchio
+    from excite.report.comparisons import save_doctor_torques  # lazy: pydantic
+
+    save_doctor_torques(beside_model(robot, log, chart.log) if chart.usable else None, out)
+    write_json(document, out / "doctor.json")
+
+
+_DOCUMENT = "human.json"
+
+
+@command("human")
+def measure_person(
+    trials: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="TRIAL…", help="Recordings: C3D or CSV, or TRC with MOT/STO (markers with their forces)."
+        ),
+    ],
+    mass: Annotated[float, typer.Option("--mass", help="Mass of the person with all that is worn [kg].")],
+    height: Annotated[float, typer.Option("--height", help="Stature [m].")],
+    sex: Annotated[str, typer.Option("--sex", help="male or female: which tables are taken.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Log folder that is written.")] = Path(
+        "human_log"
+    ),
+    static: Annotated[
+        list[Path] | None,
+        typer.Option("--static", help="Recording of standing, for calibration only (may be repeated)."),
+    ] = None,
+    table: Annotated[
+        str, typer.Option("--table", help="Nominal segment inertias: de_leva (1996) or dumas (2007).")
+    ] = "de_leva",
+    markers: Annotated[
+        str | None,
+        typer.Option("--markers", help="Marker set (jovic, plug_in_gait, rajagopal) or mapping file."),
+    ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option("--up", help="Laboratory axis that points up: x, y or z; found if not given."),
+    ] = None,
+    cutoff_hz: Annotated[
+        float,
+        typer.Option(
+            "--cutoff", min=0.0, help="Low-pass on markers and forces [Hz], third order; 0 for none."
+        ),
+    ] = 6.0,
+    hold_out: Annotated[
+        float,
+        typer.Option("--hold-out", min=0.0, max=0.9, help="Share of a single trial kept for validation."),
+    ] = 0.3,
+    identify: Annotated[
+        str | None,
+        typer.Option(
+            "--identify",
+            metavar="METHOD",
+            help="Identify at once by a method below (lmi, hqp): table of segment masses, URDF, OpenSim model.",
+        ),
+    ] = None,
+    loaded: Annotated[
+        int,
+        typer.Option(
+            "--loaded", min=0, help="How many of the last trials were done wearing a weight: find it."
+        ),
+    ] = 0,
+    segment_mass: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--segment-mass",
+            metavar="SEGMENT=KG",
+            help="Nominal mass of a segment that is no table's, of a prosthesis or a stump (may be repeated).",
+        ),
+    ] = None,
+    asymmetric: list[str] | None = None,
+    mass_range: list[str] | None = None,
+    *,
+    call: Call,
+) -> None:
+    """Make a person's model (15 segments, 34 joints) and a log folder; then `excite identify DIR/robot.yaml DIR`."""
+    if identify is None and (asymmetric or mass_range):
+        option = "--asymmetric" if asymmetric else "--mass-range"
+        raise InputError("identifies nothing", field=option, remedy="add --identify hqp")
+    estimator = None if identify is None else segment_settings(identify, asymmetric, mass_range)
+    settings = excite.MeasureSettings(
+        table=table,
+        markers=markers,
+        up=up,
+        cutoff_hz=cutoff_hz,
+        hold_out=hold_out,
+        segment_mass=named_numbers("--segment-mass", segment_mass),
+    )
+    subject = excite.Subject(mass, height, sex)
+    _check_whole(trials, loaded, identify, out)
+    written_before = _written_files(out)
+    with progress_bars() as progress:
+        person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)
+    from excite.logs.files import keep_others  # lazy: pinocchio
+
+    # All of it or nothing: a folder without what was asked for would be taken for the whole.
+    with atomic_folder(out) as folder:
+        excite.write_person(person, folder)
+        person, summary = _evaluate_person(person, folder, loaded, identify, estimator)
+        files = sorted([_DOCUMENT, *(item.name for item in folder.iterdir())])
+        document = replace(person, files=tuple(files)).to_json()
+        write_json(document, folder / _DOCUMENT)
+        keep_others(out, folder, written_before)
+    # Of a log with trials that were done with a weight, the body is not to be identified as if there were none.
+    plain = identify is None and not loaded
+    then = command_line("identify", out / "robot.yaml", out, "--out", "segments") if plain else ""
+    call.emit_result(
+        f"{person.summary()}\nwrote {out}{summary}",
+        document,
+        then=then or ("" if identify is None else command_line("report", out)),
+    )
+
+
+def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Path) -> None:
+    """Say before the work is done that it could not be finished."""
+    if loaded >= len(trials):
+        from excite.formats.number import shorten_value  # lazy: numpy
+
+        raise InputError(
+            f"is {shorten_value(loaded)} of {len(trials)} recordings",
+            field="--loaded",
+            remedy="give a recording without the weight too, before those with it",
+        )
+    from excite.logs.files import check_replaceable  # lazy: pinocchio
+
+    if identify is not None:
+        find_estimator(identify)
+    check_replaceable(out)
+
+
+def _written_files(out: Path) -> list[str]:
+    """Names of the files that an earlier run wrote into the folder, which this one replaces."""
+    if not (out / _DOCUMENT).is_file():
+        return []
+    from excite.documents.document import model_of, read_document  # lazy: pydantic
+    from excite.human.measure import MeasuredPerson  # lazy: pinocchio
+
+    try:
+        return list(read_document(out / _DOCUMENT, model_of(MeasuredPerson)).content()["files"])
+    except InputError:  # what it named cannot be told: all is kept
+        return []
+
+
+def _evaluate_person(
+    person: excite.MeasuredPerson,
+    folder: Path,
+    loaded: int,
+    identify: str | None,
+    estimator: EstimatorSettings | None,
+) -> tuple[excite.MeasuredPerson, str]:
+    """The person with all that was asked for, which was written beside the log, and what is said of it."""
+    said = []
+    weight = excite.added_mass(folder, loaded) if loaded else None
+    if weight is not None:
+        person = replace(person, added_mass=weight)
+        said.append(f"\n{weight.summary()}")
+    if identify is not None:
+        found = excite.identify_person(person, folder, identify, estimator, loaded=loaded)
+        person = replace(
+            person, identification=found.identification, ground_reaction=found.reaction_table.fits
+        )
+        said.append(f"\n\n{found.summary()}")
+        worn = None
+        if weight is not None:
+            worn = excite.identify_wearing(person, folder, weight, found, loaded, identify, estimator)
+            person = replace(person, worn_weight=worn)
+            said.append(f"\n\n{worn.summary()}")
+        from excite.report.person_figures import save_person_figures  # lazy: pinocchio
+
+        save_person_figures(found, None if worn is None else worn.wearing, person.body.table, folder)
+    return person, "".join(said)

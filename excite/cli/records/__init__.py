@@ -1,1 +1,0 @@
-"""The commands that bring recordings in."""
