@@ -12,9 +12,6 @@ class Thresholds:
     Attributes:
         price: nats that a named effect costs, beside its parameters and the number of candidates. In a prototype
             twice of it changed no name on EMPS, UR10e and TIAGo, half of it none on EMPS; not varied here.
-        few: share of the blocks, those that gain most, without which an effect still has to gain. A joint that warms
-            up, and one that has play, gain on 12 of 16 blocks in drawn arms (their mean over their deviation is 0.6 and
-            0.4, below what a mean has to be that TIAGo's frictions reach, 0.9 to 2.6).
         alike: share of the nats within which a simpler effect at the same place is preferred, and another one is a
             rival. On EMPS a spring leads the offset that is there by 9.8 nats to 9.0.
         rival: the same in nats where that is more; odds of 20 to 1 lie within it. With as many, an effect whose size
@@ -36,7 +33,6 @@ class Thresholds:
     """
 
     price: float = 4.0
-    few: float = 0.25
     alike: float = 0.07
     rival: float = 5.0
     load: float = 0.1
