@@ -192,21 +192,6 @@ def _has_size(model: Model, k: int) -> bool:
     return there and bool(stdtrit(n - 1, 0.95) * deviation(reach) < 1.0)
 
 
-def has_told_size(model: Model, k: int) -> bool:
-    """Whether the 90 % interval of some parameter that an effect's name stands for leaves zero out.
-
-    By blocks left out of the fit. A gear has no such parameter, and of two blocks nobody knows an interval.
-    """
-    term, n = model.design.terms[k], len(model.left_out)
-    if term.known or n <= 2:
-        return True
-    first = model.layout.begin[model.chosen.index(k)]
-    here = slice(first, first + term.size)
-    beta, spread = term.beta(model.x[here]), term.beta(deviation(model.left_out[:, here]))
-    told = np.abs(beta) > float(stdtrit(n - 1, 0.95)) * np.abs(spread)
-    return any(sure for sure, p in zip(told, term.effect.linear, strict=True) if not p.beside)
-
-
 def _normalised(taken: Array, before: Array, after: Array, level: Array) -> Array:
     """Shares that add up to what all effects together close, ``taken``'s shape."""
     room = np.maximum(before - level, _NOTHING * level)

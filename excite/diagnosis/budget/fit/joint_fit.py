@@ -71,12 +71,6 @@ class Model:
         """Autocorrelation of what is left, ``(n_joints, n_lags)``."""
         return autocorrelation(self.residual, self.design.rows.block >= 0, self.design.rows.trial)
 
-    def share_beside(self, other: Model) -> Array:
-        """The same of what it has beside another model, or that beside it, ``(n_joints,)``."""
-        rows = self.design.rows
-        along = autocorrelation(other.residual - self.residual, rows.block >= 0, rows.trial)
-        return _share(self.correlated, along) * self.told
-
     @property
     def terms(self) -> tuple[Term, ...]:
         """Its terms."""
@@ -175,22 +169,15 @@ def _left(grams: Grams, layout: Layout, x: Array) -> Array:
     return np.maximum(out, 1e-300)
 
 
-def effective_share(
-    residual: Array, use: NDArray[np.bool_], trial: NDArray[np.int64], along: Array | None = None
-) -> Array:
+def effective_share(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
     """Effective part of the samples, ``(n_joints,)``: 1 / (1 + 2 Σ ρ) by initial positive sums (Geyer 1992, 3.3).
-
-    Of what is fitted ``along`` the samples only those parts of the rest count that look like it: 1 / (1 + 2 Σ ρ ρ'), ρ'
-    its own autocorrelation (Bartlett 1935). A slow rest tells little against a sign that changes.
 
     Args:
         residual: ``(n_joints, n_rows)`` what is left.
         use: ``(n_rows,)`` rows that are fitted.
         trial: ``(n_rows,)`` index of the trial.
-        along: ``(n_joints, n_rows)`` what was fitted; None for the mean.
     """
-    rho = autocorrelation(residual, use, trial)
-    return _share(rho, None if along is None else autocorrelation(along, use, trial)) * _told(residual, use)
+    return _share(autocorrelation(residual, use, trial)) * _told(residual, use)
 
 
 def _told(residual: Array, use: NDArray[np.bool_]) -> Array:
@@ -198,13 +185,10 @@ def _told(residual: Array, use: NDArray[np.bool_]) -> Array:
     return np.count_nonzero(residual[:, use], axis=1) / max(int(use.sum()), 1)
 
 
-def _share(rho: Array, along: Array | None = None) -> Array:
-    """The same from autocorrelations, each ``(n_joints, n_lags)``."""
+def _share(rho: Array) -> Array:
+    """The same from autocorrelations ``(n_joints, n_lags)``."""
     pairs = rho[:, 0:-1:2] + rho[:, 1::2]
     positive = np.cumprod(pairs > 0.0, axis=1)
-    if along is not None:
-        both = rho * along
-        pairs = both[:, 0:-1:2] + both[:, 1::2]
     return 1.0 / np.maximum(2.0 * (pairs * positive).sum(axis=1) - 1.0, 1.0)
 
 
