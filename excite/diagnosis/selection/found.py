@@ -98,7 +98,10 @@ def model_of_gap(
             found.append(Rival(len(terms) + len(others), odds))
             others.append(like)
         rivals[k] = tuple(found)
-    model = fit(Design(rows, (*terms, *others)), range(len(terms)))
+    # How large others would have to be to show is asked of their columns beside the model.
+    small = [a.term for a in gram.atoms if a.term.size == 1 and a.term.own is not None and not a.term.known]
+    small = [term for term in small if group_of(term) not in kept]
+    model = fit(Design(rows, (*terms, *others, *small)), range(len(terms)))
     now = predicted(selected.full, model)
     return Found(model, nats, rivals, len(groups), selected.full, now, _likely(selected))
 
@@ -186,6 +189,6 @@ def _likely(selected: Selected) -> tuple[Term, ...]:
     best: dict[tuple[str, str], Term] = {}
     for a in np.argsort(-gains):
         term = gram.atoms[a].term
-        if gains[a] > 0.0 and not (term.started or term.effect.nameless or term.effect.is_body):
+        if not (term.started or term.effect.nameless or term.effect.is_body):
             best.setdefault(term.key, replace(term))
     return tuple(best.values())[:_LISTED]
