@@ -36,7 +36,7 @@ def model_by_selection(
     tau = samples.rows([trial.measured for trial in samples.trials])[samples.identification]
     scale = np.where(stands_throughout(samples), np.inf, np.maximum(tau.std(axis=0), 1e-9))
     selected = select(full, modelled, effects, floor, np.random.default_rng(0))
-    return found_of(selected, modelled, floor, scale)
+    return found_of(selected, full, modelled, floor, scale)
 
 
 def main() -> int:

@@ -7,8 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.selection.prior import group_of, groups_of, problem_of
+from benchmarks.selection.gram import Gram
+from benchmarks.selection.prior import Slab, group_of, groups_of, problem_of
 from benchmarks.selection.sampler import gains_beside
+from benchmarks.selection.settling import Basis, settle
+from benchmarks.selection.shapes import in_plainest_forms
 from benchmarks.selection.turns import Selected
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import body
@@ -22,6 +25,7 @@ from excite.diagnosis.budget.screening import Tried
 from excite.diagnosis.budget.search import Search, predicted
 from excite.diagnosis.budget.shares import shares_of
 from excite.diagnosis.effects.form import Context
+from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.own_columns import COULOMB
 
 # Probability from which an effect is in the model, and that of a rival from which it is told.
@@ -32,11 +36,14 @@ _OF_ALL, _OF_A_JOINT = 0.01, 0.05
 _LISTED = 8
 
 
-def found_of(selected: Selected, modelled: tuple[str, ...], floor: Array, scale: Array) -> Found:
+def found_of(
+    selected: Selected, first: Baseline, modelled: tuple[str, ...], floor: Array, scale: Array
+) -> Found:
     """The model of what the posterior names.
 
     Args:
         selected: the posterior.
+        first: what every model begins with, fitted without any effect.
         modelled: words of ``modelled``.
         floor: ``(n_joints,)`` noise in the rows' band.
         scale: ``(n_joints,)`` standard deviation of each torque.
@@ -52,6 +59,17 @@ def found_of(selected: Selected, modelled: tuple[str, ...], floor: Array, scale:
     # A body beside what is named alone: what stood beside it may have cancelled a part of it.
     keys = {term.key for term in terms}
     terms = _with_bodies([term for term in free if term.key in keys], selected, rows)
+    if len(terms) < len(free):
+        # What stood beside them has bent their shapes, what they are made of and how friction changes sign.
+        begun = rows_of(first, modelled, floor)
+        basis = Basis(first, begun, modelled, selected.noise, selected.gap)
+        maker = TermMaker(Context(first), first.strict)
+        again = [term if term.effect.is_body else maker.again(term) or term for term in terms]
+        gram = Gram.of(begun, gram.discrepancy, gram.atoms, selected.noise)
+        settled = settle(basis, gram, again, once=False)
+        full, rows = settled.basis.full, settled.basis.rows
+        selected = replace(selected, full=full)
+        terms = in_plainest_forms(settled.gram, settled.terms, Slab.of(rows, selected.gap))
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, list[Tried]] = {}
@@ -110,7 +128,7 @@ def _of_some_share(
     terms: Sequence[Term], rows: Rows, floor: Array, scale: Array, context: Context
 ) -> list[Term]:
     """Terms whose sizes are what their names say, that take a share of the gap and leave less of what judges."""
-    kept = list(terms)
+    kept, moving = list(terms), np.isfinite(scale)
     while kept:
         model = fit(Design(rows, tuple(kept)), range(len(kept)))
         cannot = [k for k, term in enumerate(kept) if not term.can_be(context, model.parameters(k))]
@@ -123,7 +141,7 @@ def _of_some_share(
         weight = weight / max(float(weight.sum()), 1e-300)
         worth = np.array(
             [
-                max(float(value @ weight) / _OF_ALL, float(value.max(initial=0.0)) / _OF_A_JOINT)
+                max(float(value @ weight) / _OF_ALL, float(value[moving].max(initial=0.0)) / _OF_A_JOINT)
                 for value in shares.value
             ]
         )

@@ -14,6 +14,7 @@ from benchmarks.selection.prior import Atom, Slab, atom_of, group_of
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
+from excite.diagnosis.effects.registry import EFFECTS
 
 # Relative step of a shape's finite difference; of a wave's count, a fraction of a period over the whole range.
 _STEP, _COUNT_STEP = 2e-2, 5e-4
@@ -298,6 +299,26 @@ def other_forms(
                 if gain > own - _BEHIND:
                     found.append((replace(best, started=term.started), makers[i]))
     return found
+
+
+def in_plainest_forms(gram: Gram, terms: Sequence[Term], slab: Slab) -> list[Term]:
+    """Terms at their best shapes together, each in its law's plain form where a richer one says no more.
+
+    What stood beside them while they were found may have bent them.
+    """
+    terms, _ = searched_together(gram, terms, slab)
+    for i, term in enumerate(terms):
+        plain = EFFECTS.get(term.name)
+        if plain is None or plain.stands_in or type(plain) is type(term.effect) or term.started:
+            continue
+        maker = TermMaker(term.context, term.context.baseline.strict)
+        beside = Company.of(gram, [other for k, other in enumerate(terms) if k != i], slab)
+        begun = [maker.make(plain, term.location, theta) for theta in plain.grid(term.context, term.location)]
+        best, gain = max(_best_of(beside, maker, begun), key=lambda item: item[1], default=(term, -np.inf))
+        spared = term.n_parameters - best.n_parameters
+        if gain > beside.gain_of(term)[0] - _BEHIND * spared:
+            terms[i] = best
+    return terms
 
 
 def forms_unlike_grids(

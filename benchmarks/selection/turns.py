@@ -13,16 +13,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.selection.gram import Gram, Noise, Posterior, discrepancy_columns
-from benchmarks.selection.prior import Atom, Key, Slab, atom_of, group_of, groups_of, problem_of, with_odds
+from benchmarks.selection.prior import (
+    Atom,
+    Key,
+    Slab,
+    atom_of,
+    group_of,
+    groups_of,
+    problem_of,
+    with_odds,
+)
 from benchmarks.selection.sampler import Draws, climb, sample
-from benchmarks.selection.shapes import forms_unlike_grids, other_forms, searched_together, shape_changes
+from benchmarks.selection.settling import Basis, gears_of, settle
+from benchmarks.selection.shapes import (
+    forms_unlike_grids,
+    other_forms,
+    shape_changes,
+)
 from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library
 from excite.diagnosis.budget.record import rows_of
-from excite.diagnosis.budget.search import Prediction, predicted, signs_beside
+from excite.diagnosis.budget.search import Prediction
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
@@ -50,12 +64,14 @@ class Selected:
         full: what every model begins with, fitted; its friction changes sign as beside the largest effects.
         gram: of the last turn.
         draws: of models.
+        noise: of its rows.
         gap: ``(n_joints,)`` RMS without any effect.
     """
 
     full: Baseline
     gram: Gram
     draws: Draws
+    noise: Noise
     gap: Array
 
     @property
@@ -147,7 +163,8 @@ class _Turns:
             gram = Gram.of(self.rows, discrepancy, atoms, self.noise)
             terms = [atoms[a].term for a in posterior.chosen]
             if last:
-                return Selected(self.full, gram, _sampled(gram, terms, _LONGER * _SWEEPS, rng), self.slab.gap)
+                draws = _sampled(gram, terms, _LONGER * _SWEEPS, rng)
+                return Selected(self.full, gram, draws, self.noise, self.slab.gap)
             found, keys = self._remade(gram, terms, turn)
         raise AssertionError("there is a last turn")
 
@@ -163,19 +180,14 @@ class _Turns:
 
     def _remade(self, gram: Gram, terms: Sequence[Term], turn: int) -> tuple[Atoms, list[Term]]:
         """The likeliest model's terms with their shapes searched, made anew at what it predicts; and where to begin."""
-        terms, company = searched_together(gram, terms, self.slab)
-        sizes = [company.sizes(i) for i in range(len(terms))]
-        model = fit(Design(self.rows, tuple(terms)), range(len(terms)), left_out=False)
-        if turn == 0:
-            self.full = signs_beside(self.full, model)
-            self.rows = rows_of(self.full, self.modelled, self.noise.floor)
-            self.slab = Slab.of(self.rows, self.slab.gap)
-        now = predicted(self.full, model)
-        gears = [i for i, term in enumerate(terms) if term.known and not term.effect.timing]
-        makers = [
-            TermMaker(now.without(*(gears if i in gears else [i])), self.full.strict)
-            for i in range(len(terms))
-        ]
+        basis = Basis(self.full, self.rows, self.modelled, self.noise, self.slab.gap)
+        settled = settle(basis, gram, terms, once=turn == 0)
+        gram, terms, makers, now = settled.gram, settled.terms, settled.makers, settled.now
+        sizes = [settled.company.sizes(i) for i in range(len(terms))]
+        gears = gears_of(terms)
+        turned = settled.basis is not basis
+        self.full, self.rows = settled.basis.full, settled.basis.rows
+        self.slab = Slab.of(self.rows, self.slab.gap) if turned else self.slab
         found: Atoms = {}
         for term, maker in other_forms(gram, terms, self.slab, makers) if turn >= 1 else []:
             found.setdefault(term.key, []).append(self._with_shape(gram, maker, term, None))
@@ -183,7 +195,7 @@ class _Turns:
         joints = self._worst(gram, terms)
         for term in forms_unlike_grids(gram, terms, self.slab, whole, self.library.effects, joints):
             found.setdefault(term.key, []).append(self._with_shape(gram, whole, term, None))
-        self._grid_again(now, terms, gears, first=turn == 0)
+        self._grid_again(now, terms, gears, first=turn == 0 or turned)
         keys: list[Term] = []
         for term, x, maker in zip(terms, sizes, makers, strict=True):
             if _is_begun(term):
