@@ -1,0 +1,171 @@
+"""The shapes of a model's terms, and friction's changes of sign beside them, searched until they hold still."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.selection.gram import Gram, Noise
+from benchmarks.selection.prior import Slab
+from benchmarks.selection.shapes import Company, searched_together
+from excite.arrays import Array
+from excite.diagnosis.budget.fit.design import Design, Rows
+from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
+from excite.diagnosis.budget.record import rows_of
+from excite.diagnosis.budget.search import Prediction, predicted, signs_beside
+from excite.diagnosis.effects.form import Context
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
+
+# Searches at most, and change of a shape's logarithm from which there is another one.
+_SEARCHES, _STILL = 8, 0.003
+# Nats by which bristles have to be better than friction without memory beside an effect of friction.
+_BENT = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """What every model begins with.
+
+    Attributes:
+        full: fitted.
+        rows: its rows.
+        modelled: words of ``modelled``.
+        noise: of the rows.
+        gap: ``(n_joints,)`` RMS without any effect.
+    """
+
+    full: Baseline
+    rows: Rows
+    modelled: tuple[str, ...]
+    noise: Noise
+    gap: Array
+
+    def with_baseline(self, full: Baseline) -> Basis:
+        """The same with other changes of sign."""
+        return replace(self, full=full, rows=rows_of(full, self.modelled, self.noise.floor))
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Terms at the shapes that fit best together.
+
+    Attributes:
+        basis: with friction's changes of sign as beside the terms.
+        gram: of its rows.
+        terms: the terms.
+        company: the same, solved.
+        makers: by term, makes its columns at what the model predicts.
+        now: what the model predicts.
+    """
+
+    basis: Basis
+    gram: Gram
+    terms: list[Term]
+    company: Company
+    makers: list[TermMaker]
+    now: Prediction
+
+    @property
+    def gears(self) -> list[int]:
+        """Which terms are gears."""
+        return gears_of(self.terms)
+
+
+def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Settled:
+    """Search the shapes of terms together, friction without memory tried beside each effect of friction.
+
+    Bristles bend where friction falls with speed, and may stand for an effect that was not there yet.
+
+    Args:
+        basis: what every model begins with.
+        gram: of the record.
+        terms: the terms.
+        once: whether one search does.
+    """
+    found = _searched(basis, gram, terms, 1 if once else _SEARCHES)
+    for j in (
+        [] if once else sorted({int(t.own) for t in found.terms if t.effect.friction and t.own is not None})
+    ):
+        full = found.basis.full
+        if not full.signs[j].bent:
+            continue
+        signs = [*full.signs[:j], SignChange(WIDTHS[len(WIDTHS) // 2]), *full.signs[j + 1 :]]
+        turned = full.with_signs(signs)
+        plain = found.basis.with_baseline(turned.updated(turned.solver.fit()))
+        again = [
+            _with_signs(maker, signs).again(term) or term
+            for maker, term in zip(found.makers, found.terms, strict=True)
+        ]
+        other = _searched(plain, _gram_of(plain, gram), again, _SEARCHES)
+        if other.company.loss < found.company.loss + _BENT:
+            found = other
+    return found
+
+
+def gears_of(terms: Sequence[Term]) -> list[int]:
+    """Which of some terms are gears."""
+    return [i for i, term in enumerate(terms) if term.known and not term.effect.timing]
+
+
+def _with_signs(maker: TermMaker, signs: Sequence[SignChange]) -> TermMaker:
+    """A maker of terms at other changes of friction's sign."""
+    return TermMaker(Context(replace(maker.context.baseline, signs=tuple(signs))), maker.weight)
+
+
+def _gram_of(basis: Basis, gram: Gram) -> Gram:
+    return Gram.of(basis.rows, gram.discrepancy, gram.atoms, basis.noise)
+
+
+def _searched(basis: Basis, gram: Gram, terms: Sequence[Term], most: int) -> Settled:
+    """Terms searched until what the model predicts, of which they are made, moves them no more.
+
+    What a soft gear carries depends on how it swings itself: what it takes from the bodies behind it changes them, and
+    they its load. The searches may swing about where they end, so Anderson's mixing (1965) of the last two bodies is
+    what comes next.
+    """
+    terms = list(terms)
+    n = basis.rows.shared.shape[2]
+    last: tuple[Array, Array] | None = None
+    x = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False).x[:n]
+    for k in range(most):
+        before, signs = terms, basis.full.signs
+        terms, company = searched_together(gram, terms, Slab.of(basis.rows, basis.gap))
+        model = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
+        turned = signs_beside(basis.full, model)
+        if turned is not basis.full:
+            basis = basis.with_baseline(turned)
+            gram = _gram_of(basis, gram)
+        there = model.x[:n]
+        upcoming = there if last is None else _mixed(model.normal[:n, :n], there, there - x, *last)
+        last, x = (there, there - x), upcoming
+        now = predicted(basis.full, replace(model, x=np.concatenate([upcoming, model.x[n:]])))
+        gears = gears_of(terms)
+        makers = [
+            TermMaker(now.without(*(gears if i in gears else [i])), basis.full.strict)
+            for i in range(len(terms))
+        ]
+        if k + 1 == most or (basis.full.signs == signs and not _has_moved(before, terms)):
+            return Settled(basis, gram, terms, company, makers, now)
+        terms = [maker.again(term) or term for term, maker in zip(terms, makers, strict=True)]
+    raise AssertionError("the last search returns")
+
+
+def _has_moved(before: Sequence[Term], after: Sequence[Term]) -> bool:
+    """Whether some shape has changed by more than a trifle."""
+    return any(
+        bool(np.any(np.abs(np.log(np.divide(new.theta, old.theta))) > _STILL))
+        for old, new in zip(before, after, strict=True)
+        if new.theta and new.theta != old.theta
+    )
+
+
+def _mixed(metric: Array, there: Array, change: Array, before: Array, change_before: Array) -> Array:
+    """Between ``there`` and ``before``, where the steps that led to them would cancel (Anderson 1965)."""
+    turn = change - change_before
+    size = float(turn @ metric @ turn)
+    share = float(turn @ metric @ change) / size if size > 0.0 else 0.0
+    return np.asarray(there - np.clip(share, -1.0, 0.8) * (there - before))
