@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.selection.gram import Gram
-from benchmarks.selection.prior import Slab, group_of, groups_of, problem_of
+from benchmarks.selection.prior import group_of, groups_of, problem_of
 from benchmarks.selection.sampler import gains_beside
 from benchmarks.selection.settling import Basis, settle
 from benchmarks.selection.shapes import in_plainest_forms
@@ -69,7 +69,7 @@ def found_of(
         settled = settle(basis, gram, again, once=False)
         full, rows = settled.basis.full, settled.basis.rows
         selected = replace(selected, full=full)
-        terms = in_plainest_forms(settled.gram, settled.terms, Slab.of(rows, selected.gap))
+        terms = in_plainest_forms(settled.gram, settled.terms, settled.basis.slab)
     kept = {group_of(term) for term in terms}
     others: list[Term] = []
     rivals: dict[int, list[Tried]] = {}

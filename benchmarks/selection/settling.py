@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from excite.arrays import Array
 from excite.diagnosis.budget.fit.design import Design, Rows
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
+from excite.diagnosis.budget.polish import mixed
 from excite.diagnosis.budget.record import rows_of
+from excite.diagnosis.budget.refine import RICHER
 from excite.diagnosis.budget.search import Prediction, predicted, signs_beside
 from excite.diagnosis.effects.form import Context
 from excite.diagnosis.equations.baseline import Baseline
@@ -22,8 +25,6 @@ from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignCh
 
 # Searches at most, and change of a shape's logarithm from which there is another one.
 _SEARCHES, _STILL = 8, 0.003
-# Nats by which bristles have to be better than friction without memory beside an effect of friction.
-_BENT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,11 @@ class Basis:
     modelled: tuple[str, ...]
     noise: Noise
     gap: Array
+
+    @cached_property
+    def slab(self) -> Slab:
+        """The unit of an effect's torque in these rows."""
+        return Slab.of(self.rows, self.gap)
 
     def with_baseline(self, full: Baseline) -> Basis:
         """The same with other changes of sign."""
@@ -69,11 +75,6 @@ class Settled:
     makers: list[TermMaker]
     now: Prediction
 
-    @property
-    def gears(self) -> list[int]:
-        """Which terms are gears."""
-        return gears_of(self.terms)
-
 
 def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Settled:
     """Search the shapes of terms together, friction without memory tried beside each effect of friction.
@@ -87,9 +88,9 @@ def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Se
         once: whether one search does.
     """
     found = _searched(basis, gram, terms, 1 if once else _SEARCHES)
-    for j in (
-        [] if once else sorted({int(t.own) for t in found.terms if t.effect.friction and t.own is not None})
-    ):
+    if once:
+        return found
+    for j in sorted({int(t.own) for t in found.terms if t.effect.friction and t.own is not None}):
         full = found.basis.full
         if not full.signs[j].bent:
             continue
@@ -101,7 +102,7 @@ def settle(basis: Basis, gram: Gram, terms: Sequence[Term], *, once: bool) -> Se
             for maker, term in zip(found.makers, found.terms, strict=True)
         ]
         other = _searched(plain, _gram_of(plain, gram), again, _SEARCHES)
-        if other.company.loss < found.company.loss + _BENT:
+        if other.company.loss < found.company.loss + RICHER:
             found = other
     return found
 
@@ -133,14 +134,14 @@ def _searched(basis: Basis, gram: Gram, terms: Sequence[Term], most: int) -> Set
     x = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False).x[:n]
     for k in range(most):
         before, signs = terms, basis.full.signs
-        terms, company = searched_together(gram, terms, Slab.of(basis.rows, basis.gap))
+        terms, company = searched_together(gram, terms, basis.slab)
         model = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
         turned = signs_beside(basis.full, model)
         if turned is not basis.full:
             basis = basis.with_baseline(turned)
             gram = _gram_of(basis, gram)
         there = model.x[:n]
-        upcoming = there if last is None else _mixed(model.normal[:n, :n], there, there - x, *last)
+        upcoming = there if last is None else mixed(model.normal[:n, :n], there, there - x, *last)
         last, x = (there, there - x), upcoming
         now = predicted(basis.full, replace(model, x=np.concatenate([upcoming, model.x[n:]])))
         gears = gears_of(terms)
@@ -161,11 +162,3 @@ def _has_moved(before: Sequence[Term], after: Sequence[Term]) -> bool:
         for old, new in zip(before, after, strict=True)
         if new.theta and new.theta != old.theta
     )
-
-
-def _mixed(metric: Array, there: Array, change: Array, before: Array, change_before: Array) -> Array:
-    """Between ``there`` and ``before``, where the steps that led to them would cancel (Anderson 1965)."""
-    turn = change - change_before
-    size = float(turn @ metric @ turn)
-    share = float(turn @ metric @ change) / size if size > 0.0 else 0.0
-    return np.asarray(there - np.clip(share, -1.0, 0.8) * (there - before))

@@ -187,7 +187,7 @@ class _Turns:
         gears = gears_of(terms)
         turned = settled.basis is not basis
         self.full, self.rows = settled.basis.full, settled.basis.rows
-        self.slab = Slab.of(self.rows, self.slab.gap) if turned else self.slab
+        self.slab = settled.basis.slab
         found: Atoms = {}
         for term, maker in other_forms(gram, terms, self.slab, makers) if turn >= 1 else []:
             found.setdefault(term.key, []).append(self._with_shape(gram, maker, term, None))
