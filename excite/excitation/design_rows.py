@@ -32,7 +32,8 @@ from excite.safety.checks.sweep import Sweep
 from excite.safety.parameter_set import RowsOfSet, stated_parameters
 
 # What designs keep of the distance from the edge beyond the check's [m], and of the friction, for what happens between
-# the samples; shares of either that count as much as a hundredth of a limit.
+# the samples; shares of either that count as much as a hundredth of a limit. Set while designing for one humanoid (G1);
+# no experiment has varied them.
 _EDGE_ROOM, _FRICTION_ROOM = 0.005, 0.02
 _EDGE_UNIT, _FRICTION_UNIT = 0.02, 0.1
 

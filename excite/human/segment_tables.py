@@ -13,8 +13,6 @@ from excite.human.segments import Sex
 # end point; radii of gyration about the sagittal (fore-aft), transverse (left-right) and longitudinal axis through
 # the centre of mass in per cent of the length.
 
-DE_LEVA_SOURCE = "de Leva 1996, J. Biomech. 29(9):1223-1230, table 4"
-
 
 @dataclass(frozen=True)
 class DeLevaRow:
@@ -88,8 +86,6 @@ DE_LEVA_TABLE: dict[Sex, dict[str, DeLevaRow]] = {
 # Adults measured by stereophotogrammetry (31 men, mean 1.77 m and 80.5 kg; 46 women, 1.61 m and 63.9 kg). Axes are
 # those of the International Society of Biomechanics: X forward, Y up, Z to the right; right segments. Origins: the
 # pelvis at the lumbar joint, torso and head at the cervical joint, limbs at their proximal joints.
-
-DUMAS_SOURCE = "Dumas et al. 2007, J. Biomech. 40(3):543-553, table 2, with corrigendum 40(7):1651-1652"
 
 
 @dataclass(frozen=True)

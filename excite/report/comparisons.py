@@ -255,12 +255,14 @@ def _read_field(
 ) -> tuple[Any, str]:
     """A field as it is used, and what is wrong with it; lengths of axes by their letters stand in ``sizes``."""
     if value.dtype.kind not in _KINDS[kind] or value.ndim != len(axes):
-        return None, f"is {value.ndim}-dimensional {value.dtype}, not {kind} of {len(axes)} dimensions"
+        wanted = f"{kind} of {len(axes)} dimensions" if axes else f"a {kind}"
+        return None, f"is {value.ndim}-dimensional {value.dtype}, not {wanted}"
     expected = tuple(sizes.setdefault(axis, n) for axis, n in zip(axes, value.shape, strict=True))
     if value.shape != expected:
         return None, f"has shape {value.shape}, not {expected}"
     if not 0 < sizes.get("c", 1) <= MOST_CHANNELS or not sizes.get("n", 1):
-        return None, f"has {value.shape} entries, not 1 to {MOST_CHANNELS} names and at least one row"
+        rows = f" and {sizes['n']} rows, not one or more" if "n" in sizes else ""
+        return None, f"has {sizes.get('c', 1)} names, not 1 to {MOST_CHANNELS}{rows}"
     if kind in {"text", "texts"}:
         texts = tuple(str(item) for item in value.ravel())
         fault = "" if all(map(str.isprintable, texts)) else "holds characters that cannot be shown"

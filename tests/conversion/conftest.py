@@ -10,9 +10,9 @@ import pytest
 from tests.conversion import written
 
 
-@pytest.fixture(scope="session")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    return written.arm_urdf(tmp_path / "arm.urdf")
 
 
 @pytest.fixture

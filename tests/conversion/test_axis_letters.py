@@ -19,6 +19,11 @@ PULSES = {"U": 76_800.0, "T": 57_300.0, "B": 35_600.0}
 
 
 @pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
+
+
+@pytest.fixture(scope="module")
 def data() -> dict[str, np.ndarray]:
     return written.motion(300)
 

@@ -185,6 +185,11 @@ def data() -> dict[str, np.ndarray]:
     return written.motion()
 
 
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_ends_in_the_same_log(name, data, arm, tmp_path):
     source = FORMATS[name](tmp_path, data)

@@ -30,6 +30,11 @@ def types() -> Any:
     return messages.store()
 
 
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
+
+
 def swing(joints: int, n: int = 120, middle: Any = 0.0) -> dict[str, np.ndarray]:
     """A motion of many joints at 100 Hz, about a middle that no joint rests at exactly."""
     rng = np.random.default_rng(7)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +27,11 @@ from tests.conversion.written import JOINTS
 @pytest.fixture(scope="module")
 def data() -> dict[str, np.ndarray]:
     return written.motion(N)
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
 
 
 def _xml(row: np.ndarray) -> str:

@@ -27,6 +27,11 @@ def data() -> dict[str, np.ndarray]:
     return written.motion(N)
 
 
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written.arm_urdf(tmp_path_factory.mktemp("arm") / "arm.urdf")
+
+
 def holds(found: Conversion, data: dict[str, np.ndarray], atol: float = 1e-5) -> None:
     trial = found.log.trials[0]
     np.testing.assert_allclose(trial.time - trial.time[0], data["time"], atol=1e-6)
