@@ -267,8 +267,20 @@ def late(baseline: Baseline, delay: float) -> Array:
     return np.concatenate(parts) - baseline.total
 
 
+def _said_later(baseline: Baseline, delay: float) -> Array:
+    """By how much the log's torques a while later differ from those now, ``(n_samples, n_joints)`` [N·m].
+
+    Cubic splines leave the power of the noise in the rows' band; lines between samples would take a part of it.
+    """
+    parts = []
+    for trial in baseline.samples.trials:
+        later = np.minimum(trial.time + delay, trial.time[-1])
+        parts.append(trial.spline(later) - trial.measured)
+    return np.concatenate(parts)
+
+
 class TimeDelay(Effect):
-    """``τ_logged(t) = τ(t − d)``, on the model's side: filtering the measurement would fake an improvement.
+    """``τ_logged(t) = τ(t − d)``.
 
     The column is the secant ``(τ̂(t − d) − τ̂(t))/d`` of the predicted torque.
     """
@@ -312,7 +324,11 @@ class TimeDelay(Effect):
 
 
 class WholeDelay(TimeDelay):
-    """The same, all of the torque late by what is searched: a secant of free size leans on longer, smoother delays."""
+    """The same, all of the torque late by what is searched: a secant of free size leans on longer, smoother delays.
+
+    ``τ_logged(t + d) = τ(t)``: what the log says later is set beside the model, whose columns do not depend on the
+    delay. On the model's side the delay would be that of a prediction, which was fitted beside the delay before.
+    """
 
     linear: ClassVar[tuple[Parameter, ...]] = ()
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 4e-4, 0.15),)
@@ -325,8 +341,8 @@ class WholeDelay(TimeDelay):
         return None
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        columns = super().shape(context, location, theta).columns
-        return Shape(offset={j: theta[0] * block[:, 0] for j, block in columns.items()})
+        early = -_said_later(context.baseline, theta[0])
+        return Shape(offset={j: early[:, j] for j in range(early.shape[1])})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         return theta[0] >= _SAMPLE / context.baseline.samples.rate_hz

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from excite.arrays import Array
 
@@ -59,6 +61,11 @@ class ArmTrial:
     q_cmd: Array | None = None
     known: Array | None = None
     beyond: NDArray[np.bool_] | None = None
+
+    @cached_property
+    def spline(self) -> CubicSpline:
+        """Unfiltered torque as it was measured, between its samples too."""
+        return CubicSpline(self.time, self.measured)
 
     @property
     def measured(self) -> Array:

@@ -14,11 +14,12 @@ from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.record import rows_of
 from excite.diagnosis.effects.form import Context
+from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.selection.gram import Gram, Noise
 from excite.diagnosis.selection.prior import Slab
-from excite.diagnosis.selection.shapes import Company, searched_together
+from excite.diagnosis.selection.shapes import Company, moved, searched_together, shape_changes
 
 # Searches at most, and change of a shape's logarithm from which there is another one.
 _SEARCHES, _STILL = 8, 0.003
@@ -133,6 +134,7 @@ def _searched(basis: Basis, gram: Gram, terms: Sequence[Term], most: int) -> Set
     x = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False).x[:n]
     for k in range(most):
         before, signs = terms, basis.full.signs
+        terms = [_timed(basis.rows, terms, i) for i in range(len(terms))]
         terms, company = searched_together(gram, terms, Slab.of(basis.rows, basis.gap))
         model = fit(Design(basis.rows, tuple(terms)), range(len(terms)), left_out=False)
         turned = signs_beside(basis.full, model)
@@ -152,6 +154,23 @@ def _searched(basis: Basis, gram: Gram, terms: Sequence[Term], most: int) -> Set
             return Settled(basis, gram, terms, company, makers, now)
         terms = [maker.again(term) or term for term, maker in zip(terms, makers, strict=True)]
     raise AssertionError("the last search returns")
+
+
+def _timed(rows: Rows, terms: Sequence[Term], i: int) -> Term:
+    """A term; of a delay with its length after one of Gauss and Newton's steps beside the others.
+
+    Rows count alike: whitened ones would tell it by the instants at which friction changes sign, which are late or
+    early for reasons of their own.
+    """
+    term = terms[i]
+    if not (term.effect.timing and term.known):
+        return term
+    maker = TermMaker(term.context, term.context.baseline.strict)
+    ((_, change),) = shape_changes(maker, term, np.ones(1))
+    columns = {j: values[:, None] for j, values in change.items()}
+    step = replace(term, effect=EFFECTS[term.name], columns=columns, known=False, kept=(0,))
+    model = fit(Design(rows, (*terms, step)), range(len(terms) + 1), left_out=False)
+    return moved(maker, term, {0: float(model.parameters(len(terms))[0])}, 1.0) or term
 
 
 def _has_moved(before: Sequence[Term], after: Sequence[Term]) -> bool:

@@ -77,7 +77,7 @@ def moved(maker: TermMaker, term: Term, steps: Mapping[int, float], factor: floa
 def is_searched(term: Term) -> bool:
     """Whether a term has a shape that is searched here."""
     begun = term.started and not term.effect.along
-    return bool(term.theta) and not begun and not (term.effect.stands_in and term.effect.timing)
+    return bool(term.theta) and not begun and not term.effect.timing
 
 
 @dataclass(frozen=True, eq=False)
