@@ -22,6 +22,10 @@ from excite.finding import Finding, list_names
 
 # Power above the floor, as a share of the floor, below which a channel has no gap to share out.
 _NOTHING = 0.05
+# Deviation of a whole share beyond what blocks tell, as its square root: which of several effects that overlap takes
+# what is theirs together is a matter of convention. Set on 48 drawn arms with a little of everything, where the
+# intervals of blocks alone hold 70 to 80 %.
+_CONVENTION = 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +169,7 @@ def shares_of(model: Model, floor: Array) -> Shares:
     spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values))
     freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
     wide = float(stdtrit(freedom, 0.95))
-    half = np.where(room > 0.0, wide * spread, 0.0)
+    half = np.where(room > 0.0, wide * (spread + _CONVENTION * np.sqrt(np.maximum(value, 0.0))), 0.0)
     left = np.maximum(everything.mean, 1e-300)
     more = np.array([item.mean for item in lost]) / left
     unsure = wide * np.array([np.hypot(deviation(item.blocks), deviation(item.fits)) for item in lost]) / left
