@@ -167,7 +167,7 @@ def detectable_sizes(model: Model, robot: Robot, candidates: int) -> tuple[Detec
     smallest: dict[tuple[str, str], Detectable] = {}
     for k, term in enumerate(model.design.terms):
         j = term.own
-        if term.known or term.size != 1 or j is None or len(term.columns) != 1 or k in model.chosen:
+        if term.known or term.size != 1 or j is None or set(term.columns) != {j} or k in model.chosen:
             continue
         g, where = model.design.fitted.total[j], model.design.place[k][j]
         columns, numbers = model.layout.columns[j], model.layout.numbers[j]
