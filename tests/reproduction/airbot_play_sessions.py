@@ -77,7 +77,7 @@ def waves_a_turn(data_dir: Path, joint: int) -> tuple[float, float]:
     """
     periods, found = np.arange(20.0, 420.0, 0.5), []
     for name in AGAIN:
-        rows = format_of(data_dir / FOLDER / f"{name}.csv").read(data_dir / FOLDER / f"{name}.csv")
+        rows = format_of(data_dir / FOLDER / f"{name}.csv").read(data_dir / FOLDER / f"{name}.csv").columns
         time, q, tau = rows["t_s"], rows[f"q{joint}_rad"], rows[f"tau{joint}_Nm"]
         v = np.gradient(q, time)
         fast = filtfilt(*butter(4, 1.5, "high", fs=1.0 / float(np.median(np.diff(time)))), tau)

@@ -553,7 +553,7 @@ def unison(baseline: Baseline) -> Finding | None:
     samples = baseline.samples
     q = samples.stacked("q")[:, list(samples.index)]
     count = independent_joints(q)
-    if len(samples.joints) < 3 or count >= THRESHOLDS.unison * len(samples.joints):
+    if len(samples.joints) < 3 or count >= THRESHOLDS.unison:
         return None
     scales = torque_scales(baseline)
     said = ", ".join(f"{name} {value:.3g}" for name, value in scales.items())
