@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.blind.documents import HiddenEffect
 from excite.diagnosis.answer.answer import Diagnosis
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.next_experiment.choice import FILE
+from excite.diagnosis.next_experiment.advice import FILE
 from excite.motion.files import load_motion
 from excite.safety.check import check_motion
 from tests.benchmarks.table import Row

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.diagnosis.budget.between_trials import sizes_by_trial
+from excite.diagnosis.budget.made import sizes_by_trial
 from excite.diagnosis.budget.record import begun_baseline
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.noise_floor import spectral_floor

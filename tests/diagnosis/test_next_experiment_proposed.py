@@ -22,8 +22,8 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.dry_friction.friction_sign import SignChange
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
+from excite.diagnosis.next_experiment.advice import FILE
 from excite.diagnosis.next_experiment.candidates import beyond, joined_motions, near
-from excite.diagnosis.next_experiment.choice import FILE
 from excite.diagnosis.next_experiment.evidence import Expectation
 from excite.logs.log import Log, LogHeader, Trial
 from excite.motion.files import load_motion

@@ -16,7 +16,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.resampling import arm_samples
-from excite.diagnosis.next_experiment.choice import propose
+from excite.diagnosis.next_experiment.advice import propose
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
