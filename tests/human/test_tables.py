@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.human.body import ANTHROPOMETRY, body_of
-from excite.human.segment_tables import DE_LEVA_TABLE, DUMAS_TABLE
+from excite.human.body import DE_LEVA_TABLE, DUMAS_TABLE
 from excite.human.segments import NAMES, Subject
 
 
