@@ -5,14 +5,11 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 import excite
 from excite.atomic import all_or_nothing
 from excite.cli.options import (
-    ApplyOption,
     Call,
     command,
     segment_settings,
@@ -33,60 +30,20 @@ if TYPE_CHECKING:
 @command("identify")
 def identify_robot(
     robot: str,
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log folders (excite.log/1).")],
+    logs: list[Path],
     method: str = DEFAULT_METHOD,
-    total_mass: Annotated[
-        float | None, typer.Option("--total-mass", min=0.0, help="Weighed mass of the robot [kg].")
-    ] = None,
+    total_mass: float | None = None,
     cutoff_hz: float | None = None,
-    bounds: Annotated[
-        Path | None,
-        typer.Option(
-            "--bounds",
-            metavar="FILE",
-            help="Bounds of masses, centres of mass, inertias, drives (excite.physical_bounds/1), for physical, "
-            "cls1, cls2, cls3.",
-        ),
-    ] = None,
-    bounds_template: Annotated[
-        Path | None,
-        typer.Option(
-            "--bounds-template",
-            metavar="FILE",
-            help="Write bounds of this robot to edit, and identify nothing.",
-        ),
-    ] = None,
+    bounds: Path | None = None,
+    bounds_template: Path | None = None,
     asymmetric: list[str] | None = None,
     mass_range: list[str] | None = None,
-    drives: Annotated[
-        bool, typer.Option("--drives", help="Write identified friction into the model files too.")
-    ] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Write a URDF even of parameters that no rigid body has.")
-    ] = False,
-    template: Annotated[
-        Path | None,
-        typer.Option(
-            "--template",
-            metavar="FILE",
-            help="MuJoCo model of the robot: identified.xml is its text with the identified inertials.",
-        ),
-    ] = None,
-    align: Annotated[
-        bool, typer.Option("--align", help="Estimate how late torques were logged, and take it out.")
-    ] = False,
-    explain_signals: Annotated[
-        bool,
-        typer.Option("--explain-signals", help="Show what each step of the signal processing does."),
-    ] = False,
-    sessions: Annotated[
-        bool,
-        typer.Option(
-            "--sessions",
-            help="Also identify each session (as log.yaml names them, else each log) and pool them; "
-            "with --out, ranges.yaml for domain randomisation.",
-        ),
-    ] = False,
+    drives: bool = False,
+    force: bool = False,
+    template: Path | None = None,
+    align: bool = False,
+    explain_signals: bool = False,
+    sessions: bool = False,
     *,
     call: Call,
 ) -> None:
@@ -187,33 +144,14 @@ def _show_best(error: excite.NoSolutionError, best: excite.Identification, call:
 @command("identify-load")
 def identify_load(
     robot: str,
-    without: Annotated[Path, typer.Argument(metavar="WITHOUT", help="Log folder of the bare robot.")],
-    loaded: Annotated[Path, typer.Argument(metavar="LOADED", help="Log folder with the load.")],
-    mass: Annotated[
-        float | None, typer.Option("--mass", help="Mass of the load [kg], where a scale told it.")
-    ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", metavar="LOG", help="Log folder with another load, of known mass."),
-    ] = None,
-    calibration_mass: Annotated[
-        float | None, typer.Option("--calibration-mass", help="Mass of that other load [kg].")
-    ] = None,
+    without: Path,
+    loaded: Path,
+    mass: float | None = None,
+    calibration: Path | None = None,
+    calibration_mass: float | None = None,
     cutoff_hz: float | None = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="MAKER",
-            help="Write the load for an arm's controller: ur, franka, kuka, fanuc or abb.",
-        ),
-    ] = None,
-    flange: Annotated[
-        str | None,
-        typer.Option(
-            "--flange", metavar="FRAME", help="Frame of the description that is the maker's flange."
-        ),
-    ] = None,
+    controller: str | None = None,
+    flange: str | None = None,
     *,
     call: Call,
 ) -> None:
@@ -256,20 +194,10 @@ def identify_load(
 
 @command("diagnose")
 def diagnose_log(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log folder (excite.log/1).")],
-    budget: Annotated[
-        bool,
-        typer.Option("--budget/--no-budget", help="Whether the answer holds where each joint's gap goes."),
-    ] = True,
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            metavar="ROBOT",
-            help="The nominal robot, where it is not the one that the log names: bundled, a robot.yaml or a URDF.",
-        ),
-    ] = None,
-    apply: ApplyOption = None,
+    log: Path,
+    budget: bool = True,
+    robot: str | None = None,
+    apply: Path | None = None,
     *,
     call: Call,
 ) -> None:

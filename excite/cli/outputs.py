@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 import excite
 from excite.cli.options import (
     Call,
-    ModelOutOption,
     command,
-    one_of,
 )
 from excite.cli.output import command_line
 from excite.display import count
-from excite.export.registry import EXPORTERS, MODEL_FORMATS
 
 if TYPE_CHECKING:
     from excite.export.models.model_format import Lost
@@ -36,36 +33,11 @@ _RANK = {"com": 1, **dict.fromkeys(("Ixx", "Iyy", "Izz"), 2), **dict.fromkeys(("
 
 @command("model")
 def write_model(
-    result: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RESULT",
-            help="What `excite identify`, `campaign` or `diagnose --apply` wrote: the folder, or the JSON in it.",
-        ),
-    ],
-    format_name: Annotated[
-        str,
-        typer.Option(
-            "--format",
-            help=f"One of {', '.join(MODEL_FORMATS)} (docs/simulators.md: what each holds, in which units).",
-            autocompletion=one_of(MODEL_FORMATS),
-        ),
-    ],
-    out: ModelOutOption,
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            metavar="ROBOT",
-            help="The robot that it was identified with, where the result does not say: bundled, or a file.",
-        ),
-    ] = None,
-    template: Annotated[
-        Path | None,
-        typer.Option(
-            "--template", metavar="FILE", help="MuJoCo model of the robot, whose text mjcf and mjlab keep."
-        ),
-    ] = None,
+    result: Path,
+    format_name: str,
+    out: Path,
+    robot: str | None = None,
+    template: Path | None = None,
     *,
     call: Call,
 ) -> None:
@@ -148,50 +120,12 @@ def _describe_lost(lost: tuple[Lost, ...]) -> list[str]:
 @command("export")
 def export_motions(
     motions: list[Path],
-    format_name: Annotated[
-        str,
-        typer.Option(
-            "--format",
-            help=f"One of {', '.join(EXPORTERS)} (docs/formats.md says what reads each).",
-            autocompletion=one_of(EXPORTERS),
-        ),
-    ],
-    rate_hz: Annotated[
-        float | None,
-        typer.Option(
-            "--rate",
-            min=1e-3,
-            help="Samples per second; the controller's, or the motion's own, where left out.",
-        ),
-    ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            help="Robot (bundled, a robot.yaml or a model), where the motions do not name a bundled one.",
-        ),
-    ] = None,
-    unsafe_anyway: Annotated[
-        str | None,
-        typer.Option(
-            "--unsafe-anyway",
-            metavar="REASON",
-            help="Write motions that fail the check all the same; reason and violations stand in what is written.",
-        ),
-    ] = None,
-    approach: Annotated[
-        bool,
-        typer.Option(
-            "--approach",
-            help="Lead from the robot's rest posture to the start and back, checked with the motion.",
-        ),
-    ] = False,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="NAME=VALUE", help="A setting of the format, such as a gain; repeatable."
-        ),
-    ] = None,
+    format_name: str,
+    rate_hz: float | None = None,
+    robot: str | None = None,
+    unsafe_anyway: str | None = None,
+    approach: bool = False,
+    settings: list[str] | None = None,
     *,
     call: Call,
 ) -> None:
@@ -248,7 +182,7 @@ def _parse_settings(texts: list[str]) -> dict[str, str]:
 
 @command("report")
 def write_report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that another command wrote.")],
+    folder: Path,
     *,
     call: Call,
 ) -> None:
@@ -260,27 +194,10 @@ def write_report(
 
 @command("view")
 def view_motions(
-    thing: Annotated[
-        Path,
-        typer.Argument(
-            metavar="THING", help="A motion file, or the folder of motions, a plan, a log or a diagnosis."
-        ),
-    ],
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot", metavar="ROBOT", help="The robot, where the files do not say or it lies elsewhere."
-        ),
-    ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            "--record",
-            metavar="FILE.html",
-            help="Write it as a page that needs no network, and serve nothing; in --out where that is given.",
-        ),
-    ] = None,
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port to serve at.")] = 8080,
+    thing: Path,
+    robot: str | None = None,
+    record: Path | None = None,
+    port: int = 8080,
     *,
     call: Call,
 ) -> None:
