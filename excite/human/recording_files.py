@@ -214,7 +214,8 @@ def read_storage_file(path: Path) -> Recording:
     """``NAME_vx … vz`` forces [N], ``NAME_px … pz`` points of application [m], torques ``…torque…x … z`` [N·m]."""
     columns = read_storage(path, LogError)
     time = checked_time(columns["time"], path)
-    plates, findings = [], []
+    plates: list[PlateRecording] = []
+    findings: list[Finding] = []
     for plate in columns_of(list(columns), _STORED_PLATE).plates:
         words = set(re.split(r"[_.]", plate.name.lower()))
         foot = "right" if {"r", "right"} & words else "left" if {"l", "left"} & words else None
