@@ -36,12 +36,8 @@ from excite.simulation.rehearsal import FELL, SLIPPED, TOUCHED
 N_CANDIDATES, TURNS, ENOUGH = 140, 3, 3
 
 
-# Of the first candidates refused ones are tried again: among so many are as many as are tried, where few are safe.
-_HELD = 64
-
-
 @contextmanager
-def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+def add_seconds(seconds: dict[str, float], stage: str) -> Iterator[None]:
     """Add to the seconds of a stage what the block takes."""
     started = time.perf_counter()
     try:
@@ -57,6 +53,9 @@ class Judged:
         asked: for what.
         seconds: by stage of a plan [s].
     """
+
+    # Of the first candidates refused ones are tried again: among so many are as many as are tried, where few are safe.
+    _HELD = 64
 
     def __init__(
         self, generator: str | None, asked: Asked, seed: np.random.SeedSequence, keeper: Keeper, turns: int
@@ -86,9 +85,9 @@ class Judged:
 
     def _another_turn(self) -> FilterReport:
         asked = self.asked
-        with timed(self.seconds, "generate"):
+        with add_seconds(self.seconds, "generate"):
             source = candidates_of(self._generator, asked, self._seed, self._turn)
-        with timed(self.seconds, "filter"):
+        with add_seconds(self.seconds, "filter"):
             found = filter_candidates(
                 asked.robot,
                 self._reading(source.candidates),
@@ -106,7 +105,7 @@ class Judged:
     def _reading(self, candidates: Iterable[Filtered]) -> Iterator[Filtered]:
         """The candidates, once, of which the first are remembered."""
         for candidate in candidates:
-            if len(self._held) < _HELD:
+            if len(self._held) < self._HELD:
                 self._held.append(candidate)
             yield candidate
 
@@ -116,7 +115,7 @@ class Judged:
         asked = self.asked
         few = len(report.kept) - len(fallen) < _FEW * report.generated
         remedy = None
-        with timed(self.seconds, "filter"):
+        with add_seconds(self.seconds, "filter"):
             if few and not report.interrupted:
                 again = [self._held[index] for index in report.first_refused if index < len(self._held)]
                 remedy = find_remedy(

@@ -19,9 +19,9 @@ from excite.campaign.candidates import (
     TURNS,
     Judged,
     Refusals,
+    add_seconds,
     check_generator,
     none_is_safe,
-    timed,
 )
 from excite.campaign.expected import TARGET_RSD, Outlook, check_target, is_predictable, outlook
 from excite.campaign.optimised_series import Asked, SeriesSettings
@@ -144,7 +144,7 @@ def choose_motions(
     load = UNKNOWN_LOAD
     while True:
         try:
-            choice = _select(robot, pool, base, rule, known, load)
+            choice = _select_standing(robot, pool, base, rule, known, load)
             if interrupted:
                 return replace(choice, load=None, interrupted=True)
             names = choice.pool.names
@@ -168,7 +168,7 @@ class _AllFallError(NoSolutionError):
     """No motion stands its rehearsal."""
 
 
-def _select(
+def _select_standing(
     robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, known: Rehearsed, load: float
 ) -> Choice:
     """What a rule selects of the motions not known to fall; raises NoSolutionError where that is nothing."""
@@ -322,7 +322,7 @@ def plan(
     rule = Rule(selection, budget_s, asked=tuple(parameters), target_rsd=target_rsd)
     report, base, choice = _judge_and_choose(judged, rule, folder)
     refusals = judged.refusals(report, choice.fallen)
-    with timed(stages, "choose"):
+    with add_seconds(stages, "choose"):
         pool, indices = choice.pool, choice.selection.indices
         chosen = compute_conditioning(robot, pool.factors.only(indices), base)
         seconds = float(pool.durations[list(indices)].sum())
@@ -387,9 +387,9 @@ def _judge_and_choose(judged: Judged, rule: Rule, folder: TemporaryFolder) -> _C
             if report.interrupted:
                 raise KeyboardInterrupt
             raise none_is_safe(asked.robot, judged.refusals(report))
-        with timed(judged.seconds, "rank"):
+        with add_seconds(judged.seconds, "rank"):
             pool = Pool(report.kept, folder, ranked_segments(asked.robot))
-        with timed(judged.seconds, "choose"):
+        with add_seconds(judged.seconds, "choose"):
             try:
                 choice = choose_motions(
                     asked.robot,

@@ -57,7 +57,7 @@ _WORDS: dict[str, Callable[[], Iterable[str]]] = {
 }
 
 
-def _completion(words: str) -> Callable[[str], list[str]]:
+def _complete_words(words: str) -> Callable[[str], list[str]]:
     # typer goes by the name of the argument.
     def matching(incomplete: str) -> list[str]:
         return [name for name in _WORDS[words]() if name.startswith(incomplete)]
@@ -229,7 +229,7 @@ def _declared(command: str, one: inspect.Parameter) -> inspect.Parameter:
             low, high = (float(end) if end else None for end in row["range"].split(".."))
             more |= {"min": low, "max": high}
         if row["words"]:
-            more["autocompletion"] = _completion(row["words"])
+            more["autocompletion"] = _complete_words(row["words"])
         if row["check"]:
             more["callback"] = _CHECKS[row["check"]]
         if row["default"]:
@@ -247,13 +247,13 @@ def stated_source(
     return Source(package_path=tuple(package_path or ()), arguments=arguments, limits=limits)
 
 
-def _rows(name: str) -> list[dict[str, str]]:
+def _read_rows(name: str) -> list[dict[str, str]]:
     with Path(__file__).with_name(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
 # By command and parameter; types and defaults are the functions' own. Rows without a command are for all of them.
-_TABLE = {(row["command"], row["parameter"]): row for row in _rows("options.csv")}
+_TABLE = {(row["command"], row["parameter"]): row for row in _read_rows("options.csv")}
 _CHECKS = {"folder": _usable_folder, "jobs": _possible_jobs, "arguments": _named_arguments}
 # Options of every command, whether its work depends on them or not.
 _EVERY = ("as_json", "seed", "jobs")
@@ -365,7 +365,7 @@ def _kept_arguments(arguments: Sequence[str]) -> Iterator[str]:
 # The lines tell one story, so that what one of them reads an earlier one has written.
 
 EXAMPLES: dict[str, list[tuple[str, str]]] = {}
-for _row in _rows("examples.csv"):
+for _row in _read_rows("examples.csv"):
     EXAMPLES.setdefault(_row["command"], []).append((_row["line"], _row["meaning"]))
 
 

@@ -19,7 +19,7 @@ from excite.human.segments import NAMES, PAIRS, PARENTS, SEGMENTS, Segment
 from excite.human.skeleton import frame_turn
 
 
-def _element(tag: str, *content: ElementTree.Element | str, **attributes: str) -> ElementTree.Element:
+def _build_element(tag: str, *content: ElementTree.Element | str, **attributes: str) -> ElementTree.Element:
     """An element with children, or with text."""
     found = ElementTree.Element(tag, attributes)
     for item in content:
@@ -30,12 +30,12 @@ def _element(tag: str, *content: ElementTree.Element | str, **attributes: str) -
     return found
 
 
-def _leaves(**texts: str) -> list[ElementTree.Element]:
+def _build_leaves(**texts: str) -> list[ElementTree.Element]:
     """Elements that hold a text each."""
-    return [_element(tag, text) for tag, text in texts.items()]
+    return [_build_element(tag, text) for tag, text in texts.items()]
 
 
-def _document(root: ElementTree.Element) -> str:
+def _render_document(root: ElementTree.Element) -> str:
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
@@ -68,11 +68,11 @@ def virtual_links() -> tuple[str, ...]:
 
 def urdf_text(body: Body) -> str:
     """The URDF: one link a segment, angles named as in :data:`~excite.human.segments.JOINT_NAMES`."""
-    robot = _element("robot", name="human")
+    robot = _build_element("robot", name="human")
     offsets = body.offsets
     limits = {"velocity": f"{_SPEED}", "effort": f"{_TORQUE}"}
     for k, segment in enumerate(SEGMENTS):
-        robot.append(_link(segment.name, body.inertias[k], segment_box(body, k), frame_turn(k)))
+        robot.append(_build_link(segment.name, body.inertias[k], segment_box(body, k), frame_turn(k)))
         if k == 0:
             continue
         carrier, turn = NAMES[PARENTS[k]], frame_turn(PARENTS[k])
@@ -81,49 +81,49 @@ def urdf_text(body: Body) -> str:
             last = i == len(segment.axes) - 1
             child = segment.name if last else f"{segment.name}_axis_{i + 1}"
             if not last:
-                robot.append(_element("link", name=child))
+                robot.append(_build_element("link", name=child))
             bound = _MIDDLE_RANGE if i == 1 else _OUTER_RANGE
             low, high = _HINGE if len(segment.axes) == 1 else (-bound, bound)
             robot.append(
-                _element(
+                _build_element(
                     "joint",
-                    _element("parent", link=carrier),
-                    _element("child", link=child),
-                    _origin(place, turn),
-                    _element("axis", xyz=_format_values(np.eye(3)[axis.index] * axis.sign)),
-                    _element("limit", lower=f"{low}", upper=f"{high}", **limits),
+                    _build_element("parent", link=carrier),
+                    _build_element("child", link=child),
+                    _build_origin(place, turn),
+                    _build_element("axis", xyz=_format_values(np.eye(3)[axis.index] * axis.sign)),
+                    _build_element("limit", lower=f"{low}", upper=f"{high}", **limits),
                     name=name,
                     type="revolute",
                 )
             )
             carrier, turn, place = child, np.eye(3), np.zeros(3)
-    return _document(robot)
+    return _render_document(robot)
 
 
-def _link(name: str, inertia: BodyInertia, box: Array, turn: Array) -> ElementTree.Element:
+def _build_link(name: str, inertia: BodyInertia, box: Array, turn: Array) -> ElementTree.Element:
     moments = turn @ inertia.inertia @ turn.T
     values = {f"i{'xyz'[i]}{'xyz'[j]}": f"{moments[i, j]:.12g}" for i in range(3) for j in range(i, 3)}
-    inertial = _element(
+    inertial = _build_element(
         "inertial",
-        _origin(turn @ inertia.center, np.eye(3)),
-        _element("mass", value=f"{inertia.mass:.12g}"),
-        _element("inertia", **values),
+        _build_origin(turn @ inertia.center, np.eye(3)),
+        _build_element("mass", value=f"{inertia.mass:.12g}"),
+        _build_element("inertia", **values),
     )
     shapes = [
-        _element(
+        _build_element(
             kind,
-            _origin(turn @ box.mean(axis=0), turn),
-            _element("geometry", _element("box", size=_format_values(box[1] - box[0]))),
+            _build_origin(turn @ box.mean(axis=0), turn),
+            _build_element("geometry", _build_element("box", size=_format_values(box[1] - box[0]))),
         )
         for kind in ("visual", "collision")
     ]
-    return _element("link", inertial, *shapes, name=name)
+    return _build_element("link", inertial, *shapes, name=name)
 
 
-def _origin(place: Array, rotation: Array) -> ElementTree.Element:
+def _build_origin(place: Array, rotation: Array) -> ElementTree.Element:
     # Roll, pitch and yaw about the parent's axes.
     turn = Rotation.from_matrix(rotation).as_euler("xyz")
-    return _element("origin", xyz=_format_values(place), rpy=_format_values(turn))
+    return _build_element("origin", xyz=_format_values(place), rpy=_format_values(turn))
 
 
 def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
@@ -199,9 +199,9 @@ def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human
     }
     if markers is not None:
         sets["MarkerSet"] = [
-            _element(
+            _build_element(
                 "Marker",
-                *_leaves(
+                *_build_leaves(
                     socket_parent_frame=f"/bodyset/{NAMES[int(segment)]}",
                     location=_format_values(TO_ISB @ local),
                     fixed="true",
@@ -210,14 +210,17 @@ def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human
             )
             for label, segment, local in zip(markers.labels, markers.segment, markers.local, strict=True)
         ]
-    model = _element(
+    model = _build_element(
         "Model",
-        *_leaves(gravity="0 -9.81 0", credits=f"excite; segments by {body.table}"),
-        _element("Ground", name="ground"),
-        *(_element(kind, _element("objects", *members), name=kind.lower()) for kind, members in sets.items()),
+        *_build_leaves(gravity="0 -9.81 0", credits=f"excite; segments by {body.table}"),
+        _build_element("Ground", name="ground"),
+        *(
+            _build_element(kind, _build_element("objects", *members), name=kind.lower())
+            for kind, members in sets.items()
+        ),
         name=name,
     )
-    return _document(_element("OpenSimDocument", model, Version=_VERSION))
+    return _render_document(_build_element("OpenSimDocument", model, Version=_VERSION))
 
 
 def coordinate_names() -> tuple[str, ...]:
@@ -227,12 +230,12 @@ def coordinate_names() -> tuple[str, ...]:
 
 def _osim_body(name: str, inertia: BodyInertia) -> ElementTree.Element:
     moments = TO_ISB @ inertia.inertia @ TO_ISB.T
-    texts = _leaves(
+    texts = _build_leaves(
         mass=f"{inertia.mass:.12g}",
         mass_center=_format_values(TO_ISB @ inertia.center),
         inertia=_format_values(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
     )
-    return _element("Body", *texts, name=name)
+    return _build_element("Body", *texts, name=name)
 
 
 def _osim_joint(segment: Segment, k: int, offset: Array) -> ElementTree.Element:
@@ -244,9 +247,9 @@ def _osim_joint(segment: Segment, k: int, offset: Array) -> ElementTree.Element:
     )
     names = PELVIS if free else _coordinate_names(segment)
     coordinates = [
-        _element(
+        _build_element(
             "Coordinate",
-            *_leaves(default_value="0", range="-10 10" if name.startswith("pelvis_t") else "-3.2 3.2"),
+            *_build_leaves(default_value="0", range="-10 10" if name.startswith("pelvis_t") else "-3.2 3.2"),
             name=name,
         )
         for name in names
@@ -263,19 +266,19 @@ def _osim_joint(segment: Segment, k: int, offset: Array) -> ElementTree.Element:
     place = np.zeros(3) if free else TO_ISB @ offset
     # The last axis of a shoulder is turned against the arm's own frame.
     turn = TO_ISB @ frame_turn(k).T @ TO_ISB.T
-    return _element(
+    return _build_element(
         "CustomJoint",
-        *_leaves(
+        *_build_leaves(
             socket_parent_frame=f"{carrier}_offset",
             socket_child_frame=f"{segment.name}_offset",
         ),
-        _element("coordinates", *coordinates),
-        _element(
+        _build_element("coordinates", *coordinates),
+        _build_element(
             "frames",
             _osim_frame(carrier, "/ground" if free else f"/bodyset/{carrier}", place, np.eye(3)),
             _osim_frame(segment.name, f"/bodyset/{segment.name}", np.zeros(3), turn),
         ),
-        _element("SpatialTransform", *transform),
+        _build_element("SpatialTransform", *transform),
         name="ground_pelvis" if free else str(segment.joint),
     )
 
@@ -283,18 +286,20 @@ def _osim_joint(segment: Segment, k: int, offset: Array) -> ElementTree.Element:
 def _osim_frame(owner: str, socket: str, place: Array, rotation: Array) -> ElementTree.Element:
     # OpenSim's orientation: turns about body-fixed x, y, z.
     turn = Rotation.from_matrix(rotation).as_euler("XYZ")
-    texts = _leaves(socket_parent=socket, translation=_format_values(place), orientation=_format_values(turn))
-    return _element("PhysicalOffsetFrame", *texts, name=f"{owner}_offset")
+    texts = _build_leaves(
+        socket_parent=socket, translation=_format_values(place), orientation=_format_values(turn)
+    )
+    return _build_element("PhysicalOffsetFrame", *texts, name=f"{owner}_offset")
 
 
 def _osim_axis(name: str, axis: Array, coordinate: str | None) -> ElementTree.Element:
     kind, tag, value = (
         ("Constant", "value", "0") if coordinate is None else ("LinearFunction", "coefficients", "1 0")
     )
-    return _element(
+    return _build_element(
         "TransformAxis",
-        *([] if coordinate is None else _leaves(coordinates=coordinate)),
-        *_leaves(axis=_format_values(axis)),
-        _element(kind, _element(tag, value), name="function"),
+        *([] if coordinate is None else _build_leaves(coordinates=coordinate)),
+        *_build_leaves(axis=_format_values(axis)),
+        _build_element(kind, _build_element(tag, value), name="function"),
         name=name,
     )

@@ -74,10 +74,9 @@ _LEVER_UNITS = {
 _BROUGHT, _ABOUT = 0.25, 0.3
 # The centre of pressure of somebody who stands still moves by some millimetres: by less it moves under nobody [m].
 _LEAST_SWAY = 5e-4
-# Points of application further than a laboratory is long are no metres; a free moment of a foot is a few N·m.
-_LABORATORY_M, _FREE_MOMENT_NM = 5.0, 200.0
+# A free moment of a foot is a few N·m.
+_FREE_MOMENT_NM = 200.0
 _SHARED = 0.15
-_MOST_PLATES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,12 +149,12 @@ class _Plates:
     feet: dict[str, Array]
     findings: list[Finding] = field(default_factory=list)
 
-    def note(self, kind: str, text: str, values: dict[str, float], *names: str) -> None:
+    def add_finding(self, kind: str, text: str, values: dict[str, float], *names: str) -> None:
         """Add a finding."""
         self.findings.append(Finding(kind, f"{self.source.name}: {text}", values, names))
 
     @cached_property
-    def ground(self) -> float:
+    def ground_height(self) -> float:
         """Height of the plates' surfaces [m]."""
         heights = [float(plate.corners[:, 2].mean()) for plate in self.plates if plate.corners is not None]
         return float(np.mean(heights)) if heights else 0.0
@@ -171,7 +170,7 @@ class _Plates:
                 names.append(plate.name)
         if names:
             text = f"vertical forces of {' and '.join(names)} point down: they are those on the plates; turned round"
-            self.note("reaction_sign", text, {"mean_n": mean}, *names)
+            self.add_finding("reaction_sign", text, {"mean_n": mean}, *names)
 
     def convert_forces(self, weight: float) -> None:
         """Forces in newtons: of the units, one for each plate, that in which they carry the person's weight [N]."""
@@ -181,7 +180,7 @@ class _Plates:
         has_load = np.abs(vertical).max(axis=0) > 1e-3 * _UNLOADED_N
         units = (1.0, *_FORCE_UNITS)
         choices = [units if one else units[:1] for one in has_load]
-        few = len(choices) <= _MOST_PLATES
+        few = len(choices) <= 4
         factors = np.array(list(product(*choices)) if few else [(one,) * len(choices) for one in choices[0]])
         share = (np.abs(factors @ vertical.T - weight) < _ABOUT * weight).mean(axis=1)
         best = int(np.argmax(share))
@@ -196,7 +195,7 @@ class _Plates:
                     f"{weight:.0f} N in {100 * share[best]:.0f} % of the frames, and as newtons in "
                     f"{100 * share[0]:.0f} %; converted"
                 )
-                self.note("units", text, {"factor": factor}, plate.name)
+                self.add_finding("units", text, {"factor": factor}, plate.name)
 
     def leave_out_unloaded(self) -> None:
         """Leave out plates that nobody stands on; raises LogError where none is left."""
@@ -205,7 +204,7 @@ class _Plates:
             largest = float(np.linalg.norm(plate.force, axis=1).max())
             if largest < _UNLOADED_N:
                 text = f"{plate.name} carries no load (at most {largest:.1f} N); left out"
-                self.note("no_load", text, {"largest_n": largest}, plate.name)
+                self.add_finding("no_load", text, {"largest_n": largest}, plate.name)
             else:
                 self.plates.append(plate)
         if not self.plates:
@@ -216,9 +215,9 @@ class _Plates:
                 remedy="check that the amplifiers were on, and that the right channels were exported",
             )
 
-    def distances(self, plate: PlateRecording) -> dict[str, Array]:
+    def foot_distances(self, plate: PlateRecording) -> dict[str, Array]:
         """Horizontal distance of the centre of pressure from each foot's line, ``(n,)``, NaN where not loaded."""
-        point = pressure_center(plate.force, plate.moment, self.ground)[:, :2]
+        point = pressure_center(plate.force, plate.moment, self.ground_height)[:, :2]
         found = {}
         for side, line in self.feet.items():
             heel, toe = line[:, 0, :2], line[:, 1, :2]
@@ -227,14 +226,14 @@ class _Plates:
             found[side] = np.linalg.norm(point - heel - np.clip(share, 0.0, 1.0)[:, None] * along, axis=1)
         return found
 
-    def miss(self, plate: PlateRecording) -> float:
+    def typical_miss(self, plate: PlateRecording) -> float:
         """Typical distance of the centre of pressure from the nearer foot [m]."""
-        nearest = np.minimum(*self.distances(plate).values())
+        nearest = np.minimum(*self.foot_distances(plate).values())
         return float(np.nanmedian(nearest)) if np.isfinite(nearest).any() else 0.0
 
-    def sway(self, plate: PlateRecording) -> float:
+    def typical_sway(self, plate: PlateRecording) -> float:
         """Typical distance of the centre of pressure from its middle [m]; NaN where the plate is not loaded."""
-        point = pressure_center(plate.force, plate.moment, self.ground)[:, :2]
+        point = pressure_center(plate.force, plate.moment, self.ground_height)[:, :2]
         point = point[np.isfinite(point[:, 0])]
         if not len(point):
             return float("nan")
@@ -242,25 +241,25 @@ class _Plates:
 
     def is_possible(self, plate: PlateRecording) -> bool:
         """Whether a centre of pressure lies under a foot and moves, as far as it is loaded."""
-        sway = self.sway(plate)
-        return not np.isfinite(sway) or (sway > _LEAST_SWAY and self.miss(plate) < NEAR)
+        sway = self.typical_sway(plate)
+        return not np.isfinite(sway) or (sway > _LEAST_SWAY and self.typical_miss(plate) < NEAR)
 
     def in_metres(self, plate: PlateRecording) -> PlateRecording:
         """The plate in the unit of length of its moments in which its centre of pressure moves under a foot."""
         if self.is_possible(plate):
             return plate
-        miss, sway = self.miss(plate), self.sway(plate)
+        miss, sway = self.typical_miss(plate), self.typical_sway(plate)
         if plate.corners is None:
-            point = np.nan_to_num(pressure_center(plate.force, plate.moment, self.ground))
+            point = np.nan_to_num(pressure_center(plate.force, plate.moment, self.ground_height))
             free = plate.moment - np.cross(point, plate.force)
             factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
             scaled = replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free)
-            if miss > _LABORATORY_M and self.miss(scaled) <= FAR:
+            if miss > 5.0 and self.typical_miss(scaled) <= FAR:
                 text = (
                     f"points of application of {plate.name} lie kilometres from the feet: they are millimetres; "
                     "converted"
                 )
-                self.note("units", text, {"factor": 1e-3}, plate.name)
+                self.add_finding("units", text, {"factor": 1e-3}, plate.name)
                 return scaled
             return plate
         about = np.cross(plate.corners.mean(axis=0), plate.force)
@@ -271,24 +270,24 @@ class _Plates:
                     f"moments of {plate.name} are {unit}: as they stand the centre of pressure moves by "
                     f"{1e3 * sway:.2g} mm and lies {100 * miss:.0f} cm from a foot; converted"
                 )
-                self.note("units", text, {"factor": factor}, plate.name)
+                self.add_finding("units", text, {"factor": factor}, plate.name)
                 return scaled
         if sway < _LEAST_SWAY:
             text = (
                 f"the centre of pressure of {plate.name} moves by {1e3 * sway:.2g} mm only: check that its moments "
                 "were recorded, and their unit"
             )
-            self.note("moments", text, {"sway_m": sway}, plate.name)
+            self.add_finding("moments", text, {"sway_m": sway}, plate.name)
         return plate
 
     def exchange_places(self) -> None:
         """Give plates each other's places where that brings the centres of pressure under the feet."""
-        own, worst = self.plates, max(map(self.miss, self.plates))
-        if worst < NEAR or any(one.corners is None for one in own) or not 2 <= len(own) <= _MOST_PLATES:
+        own, worst = self.plates, max(map(self.typical_miss, self.plates))
+        if worst < NEAR or any(one.corners is None for one in own) or not 2 <= len(own) <= 4:
             return
         orders = list(permutations(range(len(own))))
         moved = [[_move_plate(own[i], own[j]) for i, j in enumerate(order)] for order in orders]
-        misses = [max(map(self.miss, plates)) for plates in moved]
+        misses = [max(map(self.typical_miss, plates)) for plates in moved]
         best = int(np.argmin(misses))
         if misses[best] > 0.5 * worst or misses[best] > FAR:
             return
@@ -298,13 +297,13 @@ class _Plates:
             f"{' and '.join(names)} are swapped: their forces act {100 * worst:.0f} cm from any "
             f"foot, and {100 * misses[best]:.0f} cm with each other's place; put back"
         )
-        self.note("swapped_plates", text, {"miss_m": worst, "mended_m": misses[best]}, *names)
+        self.add_finding("swapped_plates", text, {"miss_m": worst, "mended_m": misses[best]}, *names)
 
     def assign_feet(self) -> tuple[PlateReading, ...]:
         """Each plate with the foot that stands on it; raises LogError where none does."""
         readings, swapped = [], {}
         for plate in self.plates:
-            distances = self.distances(plate)
+            distances = self.foot_distances(plate)
             right, left = distances["right"], distances["left"]
             loaded = np.isfinite(right)
             foot = "right" if np.nansum(right[loaded] < left[loaded]) >= 0.5 * loaded.sum() else "left"
@@ -322,24 +321,28 @@ class _Plates:
             share = float(weight[right[near] < left[near]].sum() / max(weight.sum(), 1e-9))
             if _SHARED < share < 1.0 - _SHARED:
                 text = f"both feet step on {plate.name} ({100 * share:.0f} % of its load is the right's)"
-                self.note("shared_plate", text, {"right_share": share}, plate.name)
+                self.add_finding("shared_plate", text, {"right_share": share}, plate.name)
             if plate.foot not in (None, foot):
                 swapped[plate.name] = foot
-            center = self.center(plate)
+            center = self.plate_center(plate)
             moment = plate.moment - np.cross(center, plate.force)
             readings.append(PlateReading(plate.name, center, plate.force, moment, f"{foot}_foot", float(rms)))
         if swapped:
             listing = ", ".join(f"{name} lies under the {foot} foot" for name, foot in swapped.items())
             text = f"left and right plates are swapped: {listing}; assigned by the markers"
-            self.note("swapped_plates", text, {}, *swapped)
+            self.add_finding("swapped_plates", text, {}, *swapped)
         return tuple(readings)
 
-    def center(self, plate: PlateRecording) -> Array:
+    def plate_center(self, plate: PlateRecording) -> Array:
         """Of its surface, or of the centres of pressure ``(3,)`` [m]."""
         if plate.corners is not None:
             return plate.corners.mean(axis=0)
-        point = pressure_center(plate.force, plate.moment, self.ground)
-        return np.nanmedian(point, axis=0) if np.isfinite(point).any() else np.array([0.0, 0.0, self.ground])
+        point = pressure_center(plate.force, plate.moment, self.ground_height)
+        return (
+            np.nanmedian(point, axis=0)
+            if np.isfinite(point).any()
+            else np.array([0.0, 0.0, self.ground_height])
+        )
 
 
 def _move_plate(plate: PlateRecording, other: PlateRecording) -> PlateRecording:

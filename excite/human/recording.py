@@ -73,7 +73,9 @@ class Recording:
         markers = {label: values @ rotation.T for label, values in self.markers.items()}
         return replace(self, markers=markers, plates=plates)
 
-    def finding(self, kind: str, text: str, values: Mapping[str, float], channels: Sequence[str]) -> Finding:
+    def build_finding(
+        self, kind: str, text: str, values: Mapping[str, float], channels: Sequence[str]
+    ) -> Finding:
         """A finding of the file, which its text names."""
         return Finding(kind, f"{self.source.name}: {text}", values, tuple(channels))
 
@@ -126,7 +128,9 @@ def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
     if not unknown:
         return found
     text = f"{len(unknown)} labels are not in marker set {markers.name!r}: {list_names(unknown)}"
-    return found.noting(found.finding("unknown_markers", text, {"markers": float(len(unknown))}, unknown))
+    return found.noting(
+        found.build_finding("unknown_markers", text, {"markers": float(len(unknown))}, unknown)
+    )
 
 
 def absent_markers(recording: Recording, wanted: tuple[str, ...]) -> tuple[Finding, ...]:
@@ -138,7 +142,7 @@ def absent_markers(recording: Recording, wanted: tuple[str, ...]) -> tuple[Findi
     rare = [label for label in share if share[label] < _SEEN_TOO_SELDOM]
     gaps = [label for label in share if _SEEN_TOO_SELDOM <= share[label] < 1.0]
     found = [
-        recording.finding(
+        recording.build_finding(
             "missing_markers", f"{text}: {list_names(labels, 12)}", {"markers": float(len(labels))}, labels
         )
         for text, labels in (
@@ -151,7 +155,7 @@ def absent_markers(recording: Recording, wanted: tuple[str, ...]) -> tuple[Findi
         worst = min(gaps, key=share.__getitem__)
         left = 1.0 - share[worst]
         text = f"{len(gaps)} markers have gaps, most of all {worst} ({100 * left:.1f} % of frames)"
-        found.append(recording.finding("gaps", text, {"worst_share": left}, gaps))
+        found.append(recording.build_finding("gaps", text, {"worst_share": left}, gaps))
     return tuple(found)
 
 
@@ -182,7 +186,7 @@ def in_metres(recording: Recording, subject: Subject) -> Recording:
             markers = {label: values * factor for label, values in recording.markers.items()}
             values = {"span": float(extent), "factor": factor}
             return replace(recording, markers=markers).noting(
-                recording.finding("units", text, values, ["markers"])
+                recording.build_finding("units", text, values, ["markers"])
             )
     raise LogError(
         said,

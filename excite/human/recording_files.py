@@ -124,7 +124,7 @@ class Plate:
     name: str
     columns: dict[str, str] = field(default_factory=dict)
 
-    def axes(self, kind: str) -> dict[str, str]:
+    def columns_by_axis(self, kind: str) -> dict[str, str]:
         """Columns of a kind by axis."""
         return {axis: self.columns[kind + axis] for axis in "xyz" if kind + axis in self.columns}
 
@@ -165,7 +165,7 @@ def columns_of(labels: Sequence[str], pattern: re.Pattern[str] = _PLATE) -> Colu
             plate.columns[key] = name
     # In a file of forces one component tells of a plate, and the others are missed.
     least = 3 if pattern is _PLATE else 1
-    loaded = tuple(plate for plate in plates.values() if len(plate.axes("f")) >= least)
+    loaded = tuple(plate for plate in plates.values() if len(plate.columns_by_axis("f")) >= least)
     taken = {name for plate in loaded for name in plate.columns.values()}
     markers: dict[str, dict[str, str]] = {}
     for name in labels:
@@ -249,8 +249,8 @@ def _table_plate(
     table: Mapping[str, Array], plate: Plate, time: Array, path: Path, found: list[Finding]
 ) -> PlateRecording:
     """Forces with moments about the origin, or with points of application and the torque besides."""
-    force = _column_vector(table, plate.axes("f"), f"{plate.name}, f", path)
-    points, torques, moments = (plate.axes(kind) for kind in "ptm")
+    force = _column_vector(table, plate.columns_by_axis("f"), f"{plate.name}, f", path)
+    points, torques, moments = (plate.columns_by_axis(kind) for kind in "ptm")
     if len(points) >= 2:
         zero = np.zeros(len(time))
         point, torque = (
