@@ -57,10 +57,10 @@ _WORDS: dict[str, Callable[[], Iterable[str]]] = {
 }
 
 
-def _complete_words(words: str) -> Callable[[str], list[str]]:
+def _complete_words(words: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     # typer goes by the name of the argument.
     def matching(incomplete: str) -> list[str]:
-        return [name for name in _WORDS[words]() if name.startswith(incomplete)]
+        return [name for name in words() if name.startswith(incomplete)]
 
     return matching
 
@@ -224,16 +224,16 @@ def _declared(command: str, one: inspect.Parameter) -> inspect.Parameter:
     annotation = one.annotation
     if row is not None and get_origin(annotation) is not Annotated:
         words = {name: ", ".join(_WORDS[name]()) for name in _WORDS if f"{{{name}}}" in row["help"]}
-        more: dict[str, Any] = {"help": row["help"].format(**words), "metavar": row["metavar"] or None}
-        if row["range"]:
-            low, high = (float(end) if end else None for end in row["range"].split(".."))
-            more |= {"min": low, "max": high}
-        if row["words"]:
-            more["autocompletion"] = _complete_words(row["words"])
-        if row["check"]:
-            more["callback"] = _CHECKS[row["check"]]
-        if row["default"]:
-            more["show_default"] = row["default"]
+        low, high = (float(end) if end else None for end in (row["range"] or "..").split(".."))
+        more: dict[str, Any] = {
+            "help": row["help"].format(**words),
+            "metavar": row["metavar"] or None,
+            "min": low,
+            "max": high,
+            "autocompletion": _COMPLETIONS.get(row["words"]),
+            "callback": _CHECKS.get(row["check"]),
+            "show_default": row["default"] or True,
+        }
         flags = row["flags"].split()
         annotation = Annotated[annotation, typer.Option(*flags, **more) if flags else typer.Argument(**more)]
     return one.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=annotation)
@@ -254,6 +254,7 @@ def _read_rows(name: str) -> list[dict[str, str]]:
 
 # By command and parameter; types and defaults are the functions' own. Rows without a command are for all of them.
 _TABLE = {(row["command"], row["parameter"]): row for row in _read_rows("options.csv")}
+_COMPLETIONS = {name: _complete_words(words) for name, words in _WORDS.items()}
 _CHECKS = {"folder": _usable_folder, "jobs": _possible_jobs, "arguments": _named_arguments}
 # Options of every command, whether its work depends on them or not.
 _EVERY = ("as_json", "seed", "jobs")
