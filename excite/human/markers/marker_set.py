@@ -79,8 +79,8 @@ def _find_landmark(name: str) -> tuple[Landmark, str | None]:
 
 
 SCHEMA = "excite.markers/1"
-MARKER_SETS = ("jovic", "plug_in_gait", "rajagopal")
-"""Sets that come with excite, each a mapping file beside this module."""
+MARKER_SETS = {path.stem: path for path in sorted((_HERE / "sets").glob("*.yaml"))}
+"""Sets that come with excite: mapping files as users write them."""
 _FEWEST = 10
 _SHARE = 0.5
 
@@ -145,7 +145,7 @@ def read_marker_set(name_or_path: str | Path) -> MarkerSet:
         InputError: the file is missing or malformed, or names no segment or landmark.
     """
     name = str(name_or_path)
-    path = _HERE / f"{name}.yaml" if name in MARKER_SETS else Path(name_or_path)
+    path = MARKER_SETS.get(name, Path(name_or_path))
     # Not Path.is_file, which raises for names that no file can have.
     if not os.path.isfile(path):
         raise UnknownNameError("marker set (or mapping file)", name[:200], list(MARKER_SETS))
