@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import inspect
+import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -224,7 +225,7 @@ def _declared(command: str, one: inspect.Parameter) -> inspect.Parameter:
     annotation = one.annotation
     if row is not None and get_origin(annotation) is not Annotated:
         words = {name: ", ".join(_WORDS[name]()) for name in _WORDS if f"{{{name}}}" in row["help"]}
-        low, high = (float(end) if end else None for end in (row["range"] or "..").split(".."))
+        low, high = (json.loads(end or "null") for end in (row["range"] or "..").split(".."))
         more: dict[str, Any] = {
             "help": row["help"].format(**words),
             "metavar": row["metavar"] or None,
