@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -35,13 +36,26 @@ from excite.simulation.rehearsal import FELL, SLIPPED, TOUCHED
 N_CANDIDATES, TURNS, ENOUGH = 140, 3, 3
 
 
+@contextmanager
+def add_seconds(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    """Add to the seconds of a stage what the block takes."""
+    started = time.perf_counter()
+    try:
+        yield
+    finally:
+        seconds[stage] += time.perf_counter() - started
+
+
 class Judged:
     """The candidates so far.
 
     Attributes:
         asked: for what.
-        seconds: by stage, ``generate`` and ``filter`` [s].
+        seconds: by stage of a plan [s].
     """
+
+    # Of the first candidates refused ones are tried again: among so many are as many as are tried, where few are safe.
+    _HELD = 64
 
     def __init__(
         self, generator: str | None, asked: Asked, seed: np.random.SeedSequence, keeper: Keeper, turns: int
@@ -49,9 +63,10 @@ class Judged:
         self._generator, self.asked, self._seed, self._keeper = generator, asked, seed, keeper
         # A search has looked for the best already.
         self._left = 1 if generator in SEARCHES else turns
-        self._first, self._turn = FirstOf(), 0
+        self._turn = 0
+        self._held: list[Filtered] = []
         self._report: FilterReport | None = None
-        self.seconds = {"generate": 0.0, "filter": 0.0}
+        self.seconds = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
 
     @property
     def exhausted(self) -> bool:
@@ -69,33 +84,45 @@ class Judged:
                 return report
 
     def _another_turn(self) -> FilterReport:
-        robot, jobs, progress = self.asked.robot, self.asked.jobs, self.asked.progress
-        started = time.perf_counter()
-        source = candidates_of(self._generator, self.asked, self._seed, self._turn)
-        generated = time.perf_counter()
-        read = self._first.reading(source.candidates)
-        found = filter_candidates(
-            robot,
-            read,
-            jobs=jobs,
-            total=source.count,
-            progress=progress,
-            keep=self._keeper,
-            partial=True,
-            robust=self.asked.robust,
-        )
+        asked = self.asked
+        with add_seconds(self.seconds, "generate"):
+            source = candidates_of(self._generator, asked, self._seed, self._turn)
+        with add_seconds(self.seconds, "filter"):
+            found = filter_candidates(
+                asked.robot,
+                self._reading(source.candidates),
+                jobs=asked.jobs,
+                total=source.count,
+                progress=asked.progress,
+                keep=self._keeper,
+                partial=True,
+                robust=asked.robust,
+            )
         self._report = found if self._report is None else self._report.joined(found)
         self._turn, self._left = self._turn + 1, 0 if found.interrupted else self._left - 1
-        self.seconds["generate"] += generated - started
-        self.seconds["filter"] += time.perf_counter() - generated
         return self._report
 
+    def _reading(self, candidates: Iterable[Filtered]) -> Iterator[Filtered]:
+        """The candidates, once, of which the first are remembered."""
+        for candidate in candidates:
+            if len(self._held) < self._HELD:
+                self._held.append(candidate)
+            yield candidate
+
     def refusals(self, report: FilterReport, fallen: Sequence[Rejection] = ()) -> Refusals:
-        """What refuses them, in rehearsal too; where few are safe, changes are tried on some."""
-        started = time.perf_counter()
-        found = refusals_of(self.asked, report, self._first, fallen)
-        self.seconds["filter"] += time.perf_counter() - started
-        return found
+        """What refuses them, in rehearsal too; where few are safe, changes are tried on some that the filter refused,
+        unless the user broke off."""
+        asked = self.asked
+        few = len(report.kept) - len(fallen) < _FEW * report.generated
+        remedy = None
+        with add_seconds(self.seconds, "filter"):
+            if few and not report.interrupted:
+                again = [self._held[index] for index in report.first_refused if index < len(self._held)]
+                remedy = find_remedy(
+                    asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust
+                )
+            refused = joined_refusals(report.refused, tally_refusals(asked.robot, fallen))
+        return Refusals(report.generated, refused, few, remedy)
 
 
 # Why a plan has few motions, or none: what refuses its candidates, and the change that lets most of them
@@ -122,23 +149,6 @@ _ADVICE = {
 
 # Where less than this share of the candidates is safe, what refuses the rest costs more than it leaves: it is said.
 _FEW = 0.5
-
-
-class FirstOf:
-    """Candidates as they are read, of which the first are remembered, so that refused ones can be tried again."""
-
-    # Among these are as many refused ones as are tried, where few are safe.
-    _HELD = 64
-
-    def __init__(self) -> None:
-        self.held: list[Filtered] = []
-
-    def reading(self, candidates: Iterable[Filtered]) -> Iterator[Filtered]:
-        """The candidates, once; others may be read after them."""
-        for candidate in candidates:
-            if len(self.held) < self._HELD:
-                self.held.append(candidate)
-            yield candidate
 
 
 @dataclass(frozen=True)
@@ -189,20 +199,6 @@ class Refusals(Stated):
     def summary(self) -> str:
         """The table and the change, where few candidates are safe; else empty."""
         return f"{self.table()}\nmost likely to help: {self.change}" if self.few and self.refused else ""
-
-
-def refusals_of(
-    asked: Asked, report: FilterReport, first: FirstOf, fallen: Sequence[Rejection] = ()
-) -> Refusals:
-    """What refuses a plan's candidates, those that do not stand their rehearsal too; where few are safe, changes are
-    tried on some that the filter refused, unless the user broke off."""
-    few = len(report.kept) - len(fallen) < _FEW * report.generated
-    remedy = None
-    if few and not report.interrupted:
-        again = [first.held[index] for index in report.first_refused if index < len(first.held)]
-        remedy = find_remedy(asked.robot, report.refused, again[:TRIED], jobs=asked.jobs, robust=asked.robust)
-    refused = joined_refusals(report.refused, tally_refusals(asked.robot, fallen))
-    return Refusals(report.generated, refused, few, remedy)
 
 
 def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:

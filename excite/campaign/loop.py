@@ -187,8 +187,7 @@ class _State:
             jobs=self.jobs,
             progress=self.progress,
         )
-        if experiment.fell:
-            experiment = experiment.without_falls()
+        experiment = experiment.without_falls()
         experiment.save(self.journal.log_folder(number))
         return experiment.log
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from excite.campaign.candidates import (
     TURNS,
     Judged,
     Refusals,
+    add_seconds,
     check_generator,
     none_is_safe,
 )
@@ -119,16 +119,8 @@ class Choice:
     interrupted: bool = False
 
 
-@dataclass(frozen=True)
-class Rehearsed:
-    """What became of motions in rehearsal, by name and load, so that none is rehearsed twice."""
-
-    found: dict[tuple[str, float], Rejection | None] = field(default_factory=dict)
-
-    def fallen(self, pool: Pool, load: float) -> dict[str, Rejection]:
-        """What went wrong with motions of a pool under a load, by name."""
-        known = {name: self.found.get((name, load)) for name in pool.names}
-        return {name: refused for name, refused in known.items() if refused is not None}
+Rehearsed: TypeAlias = dict[tuple[str, float], Rejection | None]
+"""What became of motions in rehearsal, by name and load, so that none is rehearsed twice."""
 
 
 def choose_motions(
@@ -148,79 +140,64 @@ def choose_motions(
     from rehearsals before stands in ``rehearsed``, and what these tell is added. Where the user broke off already, or
     does now, they are chosen without a rehearsal, and without those of which it is known that they fall.
     """
-    known = rehearsed or Rehearsed()
+    known: Rehearsed = {} if rehearsed is None else rehearsed
     load = UNKNOWN_LOAD
-    try:
-        if not interrupted:
-            try:
-                return _choose_and_rehearse(robot, pool, base, rule, load, jobs, progress, known)
-            except _AllFall:
-                load = LEAST_LOAD
-                return _choose_and_rehearse(robot, pool, base, rule, load, jobs, progress, known)
-    except KeyboardInterrupt:
-        pass
-    fallen = known.fallen(pool, load)
-    left = pool.without(set(fallen))
-    selection = _apply_rule(robot, left, base, rule)
-    validation = _unchosen_in_turn(left, selection.indices)
-    return Choice(left, selection, validation, tuple(fallen.values()), None, interrupted=True)
+    while True:
+        try:
+            choice = _select_standing(robot, pool, base, rule, known, load)
+            if interrupted:
+                return replace(choice, load=None, interrupted=True)
+            names = choice.pool.names
+            new = [
+                i for i in (*choice.selection.indices, *choice.validation) if (names[i], load) not in known
+            ]
+            if not new:
+                return choice
+            motions = choice.pool.motions.only(new)
+            outcomes = rehearse_motions(robot, motions, load=load, jobs=jobs, progress=progress)
+            known.update(zip(((names[i], load) for i in new), outcomes, strict=True))
+        except _AllFallError:
+            if load == LEAST_LOAD:
+                raise
+            load = LEAST_LOAD
+        except KeyboardInterrupt:
+            interrupted = True
 
 
-class _AllFall(NoSolutionError):
+class _AllFallError(NoSolutionError):
     """No motion stands its rehearsal."""
 
 
-def _choose_and_rehearse(
-    robot: Robot,
-    pool: Pool,
-    base: BaseParameters,
-    rule: Rule,
-    load: float,
-    jobs: Jobs,
-    progress: Progress,
-    known: Rehearsed,
+def _select_standing(
+    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, known: Rehearsed, load: float
 ) -> Choice:
-    while True:
-        fallen = known.fallen(pool, load)
-        left = pool.without(set(fallen))
-        if fallen and not left.entries:
-            raise _AllFall(
-                f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
-                f"mass on its back: {tally_refusals(robot, fallen.values())[0].sentence}",
-                best=left.motions,
-                remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
-            )
-        selection = _apply_rule(robot, left, base, rule)
-        validation = _unchosen_in_turn(left, selection.indices)
-        names = left.names
-        new = [i for i in (*selection.indices, *validation) if (names[i], load) not in known.found]
-        if not new:
-            carried = load if can_fall(robot) else None
-            return Choice(left, selection, validation, tuple(fallen.values()), carried)
-        outcomes = rehearse_motions(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
-        for i, refused in zip(new, outcomes, strict=True):
-            known.found[names[i], load] = refused
-
-
-def _apply_rule(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Selection:
-    """What a rule selects; raises NoSolutionError where that is nothing."""
-    selection = (
+    """What a rule selects of the motions not known to fall; raises NoSolutionError where that is nothing."""
+    fallen = {name: refused for name in pool.names if (refused := known.get((name, load))) is not None}
+    left = pool.without(set(fallen))
+    if fallen and not left.entries:
+        raise _AllFallError(
+            f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
+            f"mass on its back: {tally_refusals(robot, fallen.values())[0].sentence}",
+            best=left.motions,
+            remedy=too_soft_to_stand(robot) or "ask for more candidates, or for calmer motions",
+        )
+    chosen = (
         select_motions(rule.name, selection_candidates(robot, left, base, rule)) if left.entries else None
     )
-    if selection is None or not selection.indices:
+    if chosen is None or not chosen.indices:
+        shortest = float(left.durations.min(initial=np.inf))
+        too_short = rule.budget_s is not None and rule.budget_s < shortest < np.inf
         raise NoSolutionError(
             f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
             best=left.motions,
-            remedy=_remedy_for_no_choice(left, rule),
+            remedy=f"the shortest of them takes {shortest / 60.0:.2f} min: give at least that"
+            if too_short
+            else "ask for more candidates",
         )
-    return selection
-
-
-def _remedy_for_no_choice(left: Pool, rule: Rule) -> str:
-    shortest = float(left.durations.min()) if left.entries else 0.0
-    if rule.budget_s is not None and rule.budget_s < shortest:
-        return f"the shortest of them takes {shortest / 60.0:.2f} min: give at least that"
-    return "ask for more candidates"
+    # Of those that were not chosen, generators taken in turn.
+    others = [i for i in left.in_turn() if i not in chosen.indices][:_N_VALIDATION]
+    carried = load if can_fall(robot) else None
+    return Choice(left, chosen, tuple(sorted(others)), tuple(fallen.values()), carried)
 
 
 def selection_candidates(
@@ -251,12 +228,6 @@ def selection_candidates(
         target_rsd=rule.target_rsd,
         rows_hz=ProblemSettings().filters(floating=robot.measures_contacts).rate_hz,
     )
-
-
-def _unchosen_in_turn(pool: Pool, chosen: Sequence[int], count: int = _N_VALIDATION) -> tuple[int, ...]:
-    """Up to ``count`` motions that were not chosen, generators taken in turn."""
-    left = [i for i in pool.in_turn() if i not in set(chosen)]
-    return tuple(sorted(left[:count]))
 
 
 # Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
@@ -347,30 +318,27 @@ def plan(
     )
     folder = TemporaryFolder()
     judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
-    seconds_of = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
+    stages = judged.seconds
     rule = Rule(selection, budget_s, asked=tuple(parameters), target_rsd=target_rsd)
-    report, base, choice = _judge_and_choose(judged, rule, folder, seconds_of)
+    report, base, choice = _judge_and_choose(judged, rule, folder)
     refusals = judged.refusals(report, choice.fallen)
-    started = time.perf_counter()
-    pool = choice.pool
-    indices = choice.selection.indices
-    chosen = compute_conditioning(robot, pool.factors.only(indices), base)
-    seconds = float(pool.durations[list(indices)].sum())
-    unchosen = compute_conditioning(robot, pool.factors.only(pool.first_seconds(seconds)), base)
-    robust_margins = _robustness(asked, pool.motions.only(indices)) if not choice.interrupted else ()
-    rejected = {**report.rejected, **Counter(refused.reason for refused in choice.fallen)}
-    seconds_of["choose"] += time.perf_counter() - started
+    with add_seconds(stages, "choose"):
+        pool, indices = choice.pool, choice.selection.indices
+        chosen = compute_conditioning(robot, pool.factors.only(indices), base)
+        seconds = float(pool.durations[list(indices)].sum())
+        unchosen = compute_conditioning(robot, pool.factors.only(pool.first_seconds(seconds)), base)
+        robust_margins = () if choice.interrupted else _robustness(asked, pool.motions.only(indices))
     return Plan(
         robot=robot,
         generated=report.generated,
-        rejected=rejected,
+        rejected={**report.rejected, **Counter(refused.reason for refused in choice.fallen)},
         refusals=refusals,
         pool=pool,
         selection=choice.selection,
         validation=choice.validation,
         conditioning=chosen,
         unchosen=unchosen,
-        stages={**seconds_of, **judged.seconds},
+        stages=stages,
         load=choice.load,
         interrupted=choice.interrupted,
         target_rsd=target_rsd,
@@ -409,42 +377,34 @@ class _Chosen(NamedTuple):
     choice: Choice
 
 
-def _judge_and_choose(
-    judged: Judged, rule: Rule, folder: TemporaryFolder, seconds: dict[str, float]
-) -> _Chosen:
-    """Candidates judged, and motions chosen of the safe ones: of more while there are too few, as far as that goes.
-
-    ``seconds`` of the stages ``rank`` and ``choose`` are added up in passing.
-    """
-    robot, rehearsed = judged.asked.robot, Rehearsed()
-    base = structural_base_parameters(robot)
+def _judge_and_choose(judged: Judged, rule: Rule, folder: TemporaryFolder) -> _Chosen:
+    """Candidates judged, and motions chosen of the safe ones: of more while there are too few, as far as that goes."""
+    asked, rehearsed = judged.asked, Rehearsed()
+    base = structural_base_parameters(asked.robot)
     while True:
         report = judged.more()
         if not report.kept:
             if report.interrupted:
                 raise KeyboardInterrupt
-            raise none_is_safe(robot, judged.refusals(report))
-        filtered = time.perf_counter()
-        pool = Pool(report.kept, folder, ranked_segments(robot))
-        ranked = time.perf_counter()
-        seconds["rank"] += ranked - filtered
-        try:
-            choice = choose_motions(
-                robot,
-                pool,
-                base,
-                rule,
-                judged.asked.jobs,
-                judged.asked.progress,
-                rehearsed,
-                interrupted=report.interrupted,
-            )
-        except NoSolutionError:
-            if judged.exhausted:
-                raise
-            continue
-        finally:
-            seconds["choose"] += time.perf_counter() - ranked
+            raise none_is_safe(asked.robot, judged.refusals(report))
+        with add_seconds(judged.seconds, "rank"):
+            pool = Pool(report.kept, folder, ranked_segments(asked.robot))
+        with add_seconds(judged.seconds, "choose"):
+            try:
+                choice = choose_motions(
+                    asked.robot,
+                    pool,
+                    base,
+                    rule,
+                    asked.jobs,
+                    asked.progress,
+                    rehearsed,
+                    interrupted=report.interrupted,
+                )
+            except NoSolutionError:
+                if judged.exhausted:
+                    raise
+                continue
         if len(choice.pool.entries) >= ENOUGH or judged.exhausted or choice.interrupted:
             return _Chosen(report, base, choice)
 

@@ -19,7 +19,7 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 import typer  # noqa: E402
 
 import excite  # noqa: E402
-from excite.cli import identification, outputs, planning, recordings  # noqa: E402, F401
+from excite.cli import planning, recordings, results  # noqa: E402, F401
 from excite.cli.options import (  # noqa: E402
     COMMANDS,
     EXAMPLES,

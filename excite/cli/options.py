@@ -1,8 +1,10 @@
-"""Commands and their options: those that several take are declared once; help ends with examples."""
+"""Commands and their options, which ``options.csv`` holds; help ends with the lines of ``examples.csv``."""
 
 from __future__ import annotations
 
+import csv
 import inspect
+import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -16,10 +18,14 @@ import typer
 from typer.core import TyperCommand
 
 import excite
+from excite.campaign.searches import SEARCHES
 from excite.cli.output import command_line, emit_result, print_document, progress_bars
 from excite.errors import InputError
+from excite.export.registry import EXPORTERS, MODEL_FORMATS
 from excite.folder_lock import claim_folder
-from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
+from excite.identification.estimators.registry import ESTIMATORS
+from excite.logs.vocabulary import EFFECTS
+from excite.motion.generators.registry import GENERATORS
 from excite.parallel.jobs import AtMost, Jobs, check_jobs, executor
 from excite.progress import Progress
 from excite.results import write_json
@@ -41,19 +47,23 @@ def asked_to_complete() -> bool:
     return ASKED in os.environ
 
 
-def one_of(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """Completion by names that begin with what was typed; a registry of them is not loaded."""
+# Lists of words that options take, and that the shell completes; a registry of them is not loaded.
+_WORDS: dict[str, Callable[[], Iterable[str]]] = {
+    "robots": bundled_robots,
+    "methods": lambda: ESTIMATORS,
+    "models": lambda: MODEL_FORMATS,
+    "exporters": lambda: EXPORTERS,
+    "generators": lambda: [*GENERATORS, *SEARCHES],
+    "effects": lambda: EFFECTS,
+}
 
+
+def _complete_words(words: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     # typer goes by the name of the argument.
     def matching(incomplete: str) -> list[str]:
-        return [name for name in names if name.startswith(incomplete)]
+        return [name for name in words() if name.startswith(incomplete)]
 
     return matching
-
-
-def complete_robots(incomplete: str) -> list[str]:
-    """Bundled robots; files are the shell's own."""
-    return [name for name in bundled_robots() if name.startswith(incomplete)]
 
 
 def _usable_folder(context: typer.Context, folder: Path | None) -> Path | None:
@@ -88,158 +98,6 @@ def _named_arguments(context: typer.Context, given: list[str] | None) -> list[st
         if ":=" not in one:
             raise typer.BadParameter(f"{one!r} is not name:=value", param_hint="'--xacro-arg'")
     return given
-
-
-# Options that several commands have: a parameter of such a name that no command declares itself is this option.
-_SHARED: dict[str, tuple[Any, Any]] = {
-    "robot": (
-        Annotated[
-            str,
-            typer.Argument(
-                metavar="ROBOT",
-                help="Bundled robot (see `excite robots`), or path to a robot.yaml, URDF, xacro or MJCF.",
-                autocompletion=complete_robots,
-            ),
-        ],
-        inspect.Parameter.empty,
-    ),
-    "motions": (
-        Annotated[
-            list[Path],
-            typer.Argument(metavar="MOTION…", help="Motion files (.parquet, .csv, .npz) or folders of them."),
-        ],
-        inspect.Parameter.empty,
-    ),
-    "method": (
-        Annotated[
-            str,
-            typer.Option(
-                "--method", help="Estimator, one of those below.", autocompletion=one_of(ESTIMATORS)
-            ),
-        ],
-        DEFAULT_METHOD,
-    ),
-    "cutoff_hz": (
-        Annotated[
-            float | None,
-            typer.Option("--cutoff", min=0.0, help="Cut-off of the zero-phase low-pass on all signals [Hz]."),
-        ],
-        None,
-    ),
-    "asymmetric": (
-        Annotated[
-            list[str] | None,
-            typer.Option(
-                "--asymmetric",
-                metavar="SEGMENT",
-                help="hqp: a segment whose other side need not mirror it, as after an amputation, with a prosthesis "
-                "or a weight worn; `all` frees every pair (may be repeated).",
-            ),
-        ],
-        None,
-    ),
-    "mass_range": (
-        Annotated[
-            list[str] | None,
-            typer.Option(
-                "--mass-range",
-                metavar="[SEGMENT=]SHARE",
-                help="hqp: how far a mass may lie from nominal, as share of it (0.35 where not given); without "
-                "SEGMENT for all (may be repeated).",
-            ),
-        ],
-        None,
-    ),
-    "out": (
-        Annotated[
-            Path | None,
-            typer.Option(
-                "--out", metavar="DIR", help="Folder that results are written to.", callback=_usable_folder
-            ),
-        ],
-        None,
-    ),
-    "as_json": (
-        Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")],
-        False,
-    ),
-    "seed": (Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")], 0),
-    "jobs": (
-        Annotated[
-            int | None,
-            typer.Option(
-                "--jobs",
-                help="Processes to use; the result does not depend on it.",
-                show_default="up to one a core",
-                callback=_possible_jobs,
-            ),
-        ],
-        None,
-    ),
-    "cluster": (
-        Annotated[
-            str | None,
-            typer.Option(
-                "--cluster",
-                metavar="ADDRESS",
-                help="Dask scheduler whose workers are to be used instead, such as tcp://10.0.0.1:8786.",
-            ),
-        ],
-        None,
-    ),
-    "package_path": (
-        Annotated[
-            list[Path] | None,
-            typer.Option(
-                "--package-path", help="Folder of ROS packages of the robot's model (may be repeated)."
-            ),
-        ],
-        None,
-    ),
-    "xacro_arg": (
-        Annotated[
-            list[str] | None,
-            typer.Option(
-                "--xacro-arg",
-                metavar="NAME:=VALUE",
-                help="Argument of the robot's xacro file (may be repeated).",
-                callback=_named_arguments,
-            ),
-        ],
-        None,
-    ),
-    "limits": (
-        Annotated[
-            Path | None,
-            typer.Option(
-                "--limits",
-                metavar="FILE",
-                help="Joint limits of the robot that hold where they are tighter, MoveIt's joint_limits.yaml.",
-            ),
-        ],
-        None,
-    ),
-}
-# Options of every command, whether its work depends on them or not.
-_EVERY = ("as_json", "seed", "jobs")
-# Options that say how a robot's model is read, of every command with a parameter that is a robot: a name or a file.
-_MODEL, _ROBOTS = ("package_path", "xacro_arg", "limits"), {"robot", "whose"}
-
-ApplyOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--apply",
-        metavar="DIR",
-        help="Write the robot with the effects found: robot.yaml and robot.urdf, for --robot of the next round.",
-        callback=_usable_folder,
-    ),
-]
-ModelOutOption = Annotated[
-    Path,
-    typer.Option(
-        "--out", "-o", metavar="DIR", help="Folder that the model is written to.", callback=_usable_folder
-    ),
-]
 
 
 class Work(NamedTuple):
@@ -320,31 +178,32 @@ def command(name: str, **shared: bool) -> Callable[[Callable[..., None]], Callab
     """Of a function: it does the work of the command of that name, with options as :func:`with_shared_options`."""
 
     def register(work: Callable[..., None]) -> Callable[..., None]:
-        COMMANDS[name] = with_shared_options(**shared)(work)
+        COMMANDS[name] = with_shared_options(name, **shared)(work)
         return work
 
     return register
 
 
 def with_shared_options(
-    *, out: bool = True, cluster: bool = False
+    name: str = "", *, out: bool = True, cluster: bool = False
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Of a function: it has every option declared that it is given as its :class:`Call`; models are read as they say.
 
     Args:
+        name: of the command, as the table of options has it.
         out: whether there is a folder for results, where the function declares none of its own.
         cluster: whether others may do the work.
     """
 
     def declare_options(work: Callable[..., None]) -> Callable[..., None]:
         # Evaluated: what annotations say by name is known where the function stands, not here.
-        own = inspect.signature(work, eval_str=True).parameters
-        called = "call" in own
+        own = dict(inspect.signature(work, eval_str=True).parameters)
+        called = own.pop("call", None) is not None
         asked = ["out"] if out and called and "out" not in own else []
         asked += [*_EVERY, *(["cluster"] if cluster else [])]
-        added = [] if _ROBOTS.isdisjoint(own) else [name for name in _MODEL if name not in own]
-        found = [_declared(one) for one in own.values() if one.name != "call"]
-        found += [_declared(name) for name in (*asked, *added)]
+        added = [] if _ROBOTS.isdisjoint(own) else [one for one in _SOURCE if one not in own]
+        shared = [*(_CALL[one] for one in asked), *(_SOURCE[one] for one in added)]
+        found = [_declared(name, one) for one in (*own.values(), *shared)]
 
         @wraps(work)
         def run(**given: Any) -> None:
@@ -360,23 +219,49 @@ def with_shared_options(
     return declare_options
 
 
-def _declared(one: inspect.Parameter | str) -> inspect.Parameter:
-    """A parameter with the shared option of its name, unless it declares an option itself."""
-    name = one if isinstance(one, str) else one.name
-    itself = not isinstance(one, str) and get_origin(one.annotation) is Annotated
-    if isinstance(one, inspect.Parameter) and (itself or name not in _SHARED):
-        return one.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-    annotation, default = _SHARED[name]
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+def _declared(command: str, one: inspect.Parameter) -> inspect.Parameter:
+    """A parameter with its row of the table, its command's own or that of all, unless it declares an option itself."""
+    row = _TABLE.get((command, one.name)) or _TABLE.get(("", one.name))
+    annotation = one.annotation
+    if row is not None and get_origin(annotation) is not Annotated:
+        words = {name: ", ".join(_WORDS[name]()) for name in _WORDS if f"{{{name}}}" in row["help"]}
+        low, high = (json.loads(end or "null") for end in (row["range"] or "..").split(".."))
+        more: dict[str, Any] = {
+            "help": row["help"].format(**words),
+            "metavar": row["metavar"] or None,
+            "min": low,
+            "max": high,
+            "autocompletion": _COMPLETIONS.get(row["words"]),
+            "callback": _CHECKS.get(row["check"]),
+            "show_default": row["default"] or True,
+        }
+        flags = row["flags"].split()
+        annotation = Annotated[annotation, typer.Option(*flags, **more) if flags else typer.Argument(**more)]
+    return one.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=annotation)
 
 
 def stated_source(
-    package_path: list[Path] | None, xacro_arg: list[str] | None, limits: Path | None
+    package_path: list[Path] | None = None, xacro_arg: list[str] | None = None, limits: Path | None = None
 ) -> Source:
     """How a model is to be read, from the options as they were given."""
     arguments = dict(one.split(":=", 1) for one in xacro_arg or [])
     return Source(package_path=tuple(package_path or ()), arguments=arguments, limits=limits)
 
+
+def _read_rows(name: str) -> list[dict[str, str]]:
+    with Path(__file__).with_name(name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+# By command and parameter; types and defaults are the functions' own. Rows without a command are for all of them.
+_TABLE = {(row["command"], row["parameter"]): row for row in _read_rows("options.csv")}
+_COMPLETIONS = {name: _complete_words(words) for name, words in _WORDS.items()}
+_CHECKS = {"folder": _usable_folder, "jobs": _possible_jobs, "arguments": _named_arguments}
+# Options of every command, whether its work depends on them or not.
+_EVERY = ("as_json", "seed", "jobs")
+_CALL = inspect.signature(Call, eval_str=True).parameters
+# Options that say how a robot's model is read, of every command with a parameter that is a robot: a name or a file.
+_SOURCE, _ROBOTS = inspect.signature(stated_source, eval_str=True).parameters, {"robot", "whose"}
 
 # What is known of single segments, as options: symmetry that does not hold, ranges of masses.
 
@@ -481,115 +366,9 @@ def _kept_arguments(arguments: Sequence[str]) -> Iterator[str]:
 #
 # The lines tell one story, so that what one of them reads an earlier one has written.
 
-EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
-    "robots": (("excite robots", "what is bundled"), ("excite robots --json", "the same for a program")),
-    "init-robot": (
-        ("excite init-robot arm.urdf --out my_arm", "my_arm/robot.yaml, to be read and corrected"),
-        (
-            "excite init-robot arm.urdf.xacro --package-path src --xacro-arg hand:=false --out my_arm",
-            "of a xacro file in a ROS workspace",
-        ),
-        ("excite init-robot arm.urdf --srdf arm.srdf --out my_arm", "with MoveIt's pairs that may touch"),
-    ),
-    "plan": (
-        ("excite plan ur10 --candidates 60 --out arm", "motions, plan.json and report.html in arm"),
-        ("excite plan my_arm/robot.yaml --out mine", "for a robot of your own"),
-        ("excite plan ur10 --joint elbow_joint --candidates 20 --out elbow", "aimed at one joint"),
-        ("excite plan ur10 --select log_det --budget 120 --out short", "the best two minutes"),
-        ("excite plan ur10 --generator optimised_fourier --candidates 2 --out best", "optimised series"),
-    ),
-    "check": (
-        ("excite check ur10 arm", "the verdict on every motion in arm"),
-        ("excite check --robot ur10 mine.csv", "of a motion made elsewhere"),
-    ),
-    "rank": (
-        ("excite rank ur10 arm", "best first, and all of them together"),
-        ("excite rank ur10 arm --out arm", "written to arm/rank.json too"),
-    ),
-    "export": (
-        ("excite export arm/motions --format csv --rate 1000 --out commands", "a table a motion"),
-        ("excite export arm/motions --format ros2-yaml --set controller=arm_controller --out goals", "ROS 2"),
-        ("excite export arm/motions --format ur-script --set gain=400 --approach --out programs", "a UR"),
-    ),
-    "capture": (
-        ("excite capture ur10 arm", "arm/capture.md, to print"),
-        ("excite capture ur10 arm --out sheet.html", "the same as a page"),
-    ),
-    "simulate": (
-        ("excite simulate ur10 arm --out arm_log", "a virtual robot that is not the model"),
-        ("excite simulate ur10 arm --nominal --inject payload:wrist_3_link --out odd_log", "with a load"),
-        ("excite simulate ur10 arm --inject torque_gain:elbow_joint:1.1 --out gain_log", "a gain 10 % off"),
-    ),
-    "init-log": (
-        ("excite init-log recordings", "recordings/log.yaml, with marks where a person must fill in"),
-    ),
-    "convert": (
-        ("excite convert monday.mcap --robot ur10 --out arm_log", "a log folder of a recording"),
-        ("excite convert *.csv --robot ur10 --out arm_log --capture arm/capture.md", "checked by the sheet"),
-        ("excite convert *.csv --robot ur10 --out arm_log --map map.yaml", "as a corrected map.yaml says"),
-    ),
-    "identify": (
-        ("excite identify ur10 arm_log --out arm_result", "parameters, fit, URDF and MuJoCo model"),
-        ("excite identify ur10 arm_log --method cls3 --out model", "by another method"),
-        ("excite identify ur10 arm_log --bounds-template bounds.yaml", "what is known, to be edited, then:"),
-        ("excite identify ur10 arm_log --method physical --bounds bounds.yaml --out known", "within bounds"),
-        ("excite identify ur10 monday tuesday --sessions --out pooled", "several days, with their spread"),
-    ),
-    "identify-load": (
-        ("excite identify-load ur10 bare loaded --mass 2.0", "a load that was on a scale"),
-        (
-            "excite identify-load ur10 bare loaded --calibration known --calibration-mass 2.5",
-            "weighed by one that was",
-        ),
-        ("excite identify-load ur10 bare loaded --format ur --out load", "for the controller, as URScript"),
-    ),
-    "model": (
-        ("excite model arm_result --format mjcf -o arm_mujoco", "the identified robot for MuJoCo"),
-        ("excite model arm_result --format urdf --out arm_urdf", "for ROS, pinocchio, Drake"),
-        ("excite model arm_result --format isaaclab --out arm_isaac", "an ArticulationCfg, and its USD"),
-        (
-            "excite model arm_result --robot arm.xml --format mjcf -o arm_mujoco",
-            "of a robot that came as MJCF: its own text, other physics",
-        ),
-    ),
-    "doctor": (
-        ("excite doctor arm_log", "what is wrong with it, worst first"),
-        ("excite doctor arm_log --repair sound_log", "and the log with what could be repaired"),
-    ),
-    "diagnose": (
-        ("excite diagnose arm_log --out diagnosis", "report.html, diagnosis.json, augmented.xml"),
-        ("excite diagnose arm_log --apply better --out first", "and the robot with what was found"),
-        ("excite diagnose arm_log --robot better/robot.yaml --out second", "what is left then"),
-    ),
-    "effects": (("excite effects", "every effect, its law and what it is taken for"),),
-    "human": (
-        ("excite human walk.c3d --mass 70 --height 1.82 --sex male --out anna", "model and log folder"),
-        (
-            "excite human walk.c3d --mass 70 --height 1.82 --sex male --identify lmi --out anna",
-            "segment masses too",
-        ),
-        (
-            "excite human run.trc run.mot --mass 66 --height 1.8 --sex female --static standing.trc",
-            "TRC, MOT",
-        ),
-    ),
-    "campaign": (
-        ("excite campaign ur10 --candidates 60 --target-rsd 10 --out campaign", "on a virtual robot"),
-        ("excite campaign ur10 --on-robot --out campaign", "stops for you to record on the real one"),
-        ("excite campaign ur10 --resume --out campaign", "and goes on, by the same options"),
-    ),
-    "report": (("excite report arm", "arm/report.html"),),
-    "view": (
-        ("excite view arm", "the plan's motions in the browser"),
-        ("excite view diagnosis", "the robot as measured, the simulator beside it, residuals of each joint"),
-        ("excite view arm_log --record arm_log.html", "a log as a page to send to somebody"),
-    ),
-    "schema": (
-        ("excite schema log", "of log.yaml"),
-        ("excite schema identification", "of identification.json"),
-    ),
-    "demo": (("excite demo --out demo", "some minutes, ends in demo/report.html"),),
-}
+EXAMPLES: dict[str, list[tuple[str, str]]] = {}
+for _row in _read_rows("examples.csv"):
+    EXAMPLES.setdefault(_row["command"], []).append((_row["line"], _row["meaning"]))
 
 
 # What typer calls a type, such as <list[Path]> or <int range>, and what is to be typed.

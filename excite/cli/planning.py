@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 import excite
-from excite.campaign.searches import SEARCHES
 from excite.cli.options import (
     Call,
     command,
-    one_of,
     stated_source,
 )
 from excite.cli.outcome import exit_code_of_interruption, keeping_best, refusals_shown, say_interrupted
@@ -27,7 +25,6 @@ from excite.cli.output import (
 )
 from excite.errors import NoSolutionError
 from excite.identification.estimators.registry import DEFAULT_METHOD
-from excite.motion.generators.registry import GENERATORS
 from excite.provenance import made_by
 
 if TYPE_CHECKING:
@@ -63,18 +60,12 @@ def list_robots(
 
 @command("init-robot")
 def write_description(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="URDF or xacro of the robot, or its MuJoCo model (MJCF).")
-    ],
-    srdf: Annotated[
-        Path | None, typer.Option("--srdf", help="Pairs of links that may touch, from MoveIt's file.")
-    ] = None,
+    file: Path,
+    srdf: Path | None = None,
     package_path: list[Path] | None = None,
     xacro_arg: list[str] | None = None,
     limits: Path | None = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Overwrite a robot.yaml that is there already.")
-    ] = False,
+    force: bool = False,
     *,
     call: Call,
 ) -> None:
@@ -110,26 +101,9 @@ def write_description(
 
 @command("check", cluster=True)
 def check_motions(
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="ROBOT MOTION…",
-            help="Robot (a bundled one or a path to its robot.yaml); then motions: files of any format that export "
-            "writes, tables with a time and a column a joint, or folders of them.",
-        ),
-    ],
-    whose: Annotated[
-        str | None,
-        typer.Option("--robot", metavar="ROBOT", help="The robot; all arguments are motions then."),
-    ] = None,
-    robust: Annotated[
-        bool,
-        typer.Option(
-            "--robust",
-            help="Call a motion safe only if it is so for every robot within the uncertainty that robot.yaml states "
-            "(mass ± 10 %, centre of mass ± 1 cm, inertia ± 20 % of each body if it states none).",
-        ),
-    ] = False,
+    files: list[str],
+    whose: str | None = None,
+    robust: bool = False,
     *,
     call: Call,
 ) -> None:
@@ -161,15 +135,7 @@ def check_motions(
 
 @command("schema")
 def print_schema(
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help="log, robot, bounds, map, motion; results, all of them, or one: blind, blind_answer, campaign, check, "
-            "diagnosis, doctor, export, human, identification, journal, model, plan, rank, refusals, "
-            "signals, simulation, truth.",
-        ),
-    ],
+    name: str,
 ) -> None:
     """Print the JSON schema of a file that is written by hand or by excite."""
     print_document(excite.file_schema(name))
@@ -178,83 +144,17 @@ def print_schema(
 @command("plan", cluster=True)
 def plan_motions(
     robot: str,
-    candidates: Annotated[
-        int | None,
-        typer.Option(
-            "--candidates",
-            min=1,
-            help="Candidate motions to generate; 140 if left out, and twice as many more while fewer than three "
-            "motions come of them.",
-        ),
-    ] = None,
-    target: Annotated[
-        list[str] | None, typer.Option("--joint", help="Aim at this joint (may be repeated).")
-    ] = None,
-    generator: Annotated[
-        str | None,
-        typer.Option(
-            "--generator",
-            help=f"Use this generator alone: {', '.join([*GENERATORS, *SEARCHES])}. "
-            "Of optimised_fourier, --candidates is the number of starts, of seconds each; of gradient, that of "
-            "motions to design, a second each.",
-            autocompletion=one_of([*GENERATORS, *SEARCHES]),
-        ),
-    ] = None,
-    select: Annotated[
-        str,
-        typer.Option(
-            "--select",
-            help="How motions are chosen: best_three of every DoF or, within --budget, by log_det, predicted rsd "
-            "or targets, or segments, the condition numbers of all of them.",
-        ),
-    ] = "best_three",
-    budget: Annotated[
-        float | None,
-        typer.Option(
-            "--budget", help="Seconds that the choice stays within; as many as best_three takes, if left out."
-        ),
-    ] = None,
-    target_rsd: Annotated[
-        float,
-        typer.Option(
-            "--target-rsd",
-            min=0.0,
-            help="Relative standard deviation [percent] that the plan says how much motion it takes to reach.",
-        ),
-    ] = 15.0,
-    minutes: Annotated[
-        float | None,
-        typer.Option(
-            "--minutes",
-            help="Minutes at the robot: motions are chosen within them for --targets, of an arm among those designed "
-            "by gradients, and the plan says what they reach.",
-        ),
-    ] = None,
-    parameters: Annotated[
-        str,
-        typer.Option(
-            "--targets",
-            help="What --minutes are for, such as elbow_joint:friction,forearm_link:com (friction, mass, com, "
-            "inertia); all parameters, if left out.",
-        ),
-    ] = "",
-    criterion: Annotated[
-        str | None,
-        typer.Option(
-            "--criterion", help="What optimised_fourier makes small: condition, log_det or largest_rsd."
-        ),
-    ] = None,
-    period: Annotated[
-        float | None, typer.Option("--period", help="Period of optimised_fourier [s], else as joints need.")
-    ] = None,
-    robust: Annotated[
-        bool,
-        typer.Option(
-            "--robust",
-            help="Keep torque, balance and friction within limits for every robot within the uncertainty that "
-            "robot.yaml states (mass ± 10 %, centre of mass ± 1 cm, inertia ± 20 % of each body if it states none).",
-        ),
-    ] = False,
+    candidates: int | None = None,
+    target: list[str] | None = None,
+    generator: str | None = None,
+    select: str = "best_three",
+    budget: float | None = None,
+    target_rsd: float = 15.0,
+    minutes: float | None = None,
+    parameters: str = "",
+    criterion: str | None = None,
+    period: float | None = None,
+    robust: bool = False,
     *,
     call: Call,
 ) -> None:
@@ -341,31 +241,13 @@ _CAMPAIGN_OPTIONS = {
 def run_campaign(
     context: typer.Context,
     robot: str,
-    candidates: Annotated[
-        int, typer.Option("--candidates", min=1, help="Candidate motions in each iteration.")
-    ] = 140,
-    target_rsd: Annotated[
-        float, typer.Option("--target-rsd", min=0.0, help="Relative standard deviation to reach [percent].")
-    ] = 15.0,
-    max_iterations: Annotated[int, typer.Option("--max-iterations", min=1, help="Iterations at most.")] = 3,
+    candidates: int = 140,
+    target_rsd: float = 15.0,
+    max_iterations: int = 3,
     method: str = DEFAULT_METHOD,
-    on_robot: Annotated[
-        bool,
-        typer.Option(
-            "--on-robot", help="Stop after each plan so that the motions can be recorded on the real robot."
-        ),
-    ] = False,
-    minutes: Annotated[
-        float | None,
-        typer.Option(
-            "--minutes",
-            help="Minutes of motion in each iteration: what the first is expected to reach is aimed at, else all "
-            "essential parameters.",
-        ),
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the campaign that --out holds, by its options.")
-    ] = False,
+    on_robot: bool = False,
+    minutes: float | None = None,
+    resume: bool = False,
     *,
     call: Call,
 ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -15,7 +15,6 @@ from excite.cli.options import (
     Call,
     command,
     named_numbers,
-    one_of,
     segment_settings,
 )
 from excite.cli.output import (
@@ -29,7 +28,6 @@ from excite.cli.output import (
 from excite.display import count
 from excite.errors import InputError
 from excite.identification.estimators.registry import find_estimator
-from excite.logs.vocabulary import EFFECTS
 from excite.results import write_json
 from excite.robot.catalogue import is_robot, robot_of_log
 
@@ -44,11 +42,8 @@ if TYPE_CHECKING:
 @command("capture")
 def write_sheet(
     robot: str,
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Folder of a plan (plan.json and motions/).")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", help="The sheet (.md or .html); PLAN/capture.md if left out."),
-    ] = None,
+    plan: Path,
+    out: Path | None = None,
     *,
     call: Call,
 ) -> None:
@@ -75,18 +70,8 @@ def write_sheet(
 def simulate_motions(
     robot: str,
     motions: list[Path],
-    inject: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--inject",
-            metavar="EFFECT[:LOCATION[:VALUE]]",
-            help=f"An effect that the nominal model lacks (may be repeated): {', '.join(EFFECTS)}.",
-            autocompletion=one_of(EFFECTS),
-        ),
-    ] = None,
-    nominal: Annotated[
-        bool, typer.Option("--nominal", help="Give the virtual robot the nominal inertial parameters.")
-    ] = False,
+    inject: list[str] | None = None,
+    nominal: bool = False,
     *,
     call: Call,
 ) -> None:
@@ -127,12 +112,8 @@ def simulate_motions(
 
 @command("init-log", out=False)
 def write_log_header(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Folder with trials whose columns are time, q.JOINT …")
-    ],
-    force: Annotated[
-        bool, typer.Option("--force", help="Overwrite a log.yaml that is there already.")
-    ] = False,
+    folder: Path,
+    force: bool = False,
     *,
     call: Call,
 ) -> None:
@@ -145,29 +126,11 @@ def write_log_header(
 
 @command("convert")
 def convert_recordings(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="SOURCE…", help="Recordings: text tables, Parquet, npz, HDF5, JSON, .mat, bags, MCAP …"
-        ),
-    ],
-    robot: Annotated[
-        str,
-        typer.Option(
-            "--robot", metavar="ROBOT", help="Bundled robot, or path to a robot.yaml, URDF, xacro or MJCF."
-        ),
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="LOG", help="Log folder that is written.")],
-    mapping: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE", help="map.yaml that says what the recording does not tell."),
-    ] = None,
-    capture: Annotated[
-        Path | None,
-        typer.Option(
-            "--capture", metavar="SHEET", help="Sheet of `excite capture` that the log is checked against."
-        ),
-    ] = None,
+    sources: list[Path],
+    robot: str,
+    out: Path,
+    mapping: Path | None = None,
+    capture: Path | None = None,
     *,
     call: Call,
 ) -> None:
@@ -207,24 +170,9 @@ def _show_guesses(found: Conversion) -> None:
 
 @command("doctor")
 def examine_log(
-    log: Annotated[
-        Path,
-        typer.Argument(
-            metavar="LOG|DATASET|ROBOT",
-            help="Log folder (excite.log/1); a data set of many episodes: LeRobot's, or a folder of bags or tables; or "
-            "a robot: bundled name, robot.yaml, URDF, xacro or MJCF.",
-        ),
-    ],
-    robot: Annotated[
-        str | None,
-        typer.Option("--robot", metavar="ROBOT", help="The robot; by default the one that the log names."),
-    ] = None,
-    repair: Annotated[
-        Path | None,
-        typer.Option(
-            "--repair", metavar="DIR", help="Write the log with what could be repaired to this folder."
-        ),
-    ] = None,
+    log: Path,
+    robot: str | None = None,
+    repair: Path | None = None,
     *,
     call: Call,
 ) -> None:
@@ -314,65 +262,20 @@ _DOCUMENT = "human.json"
 
 @command("human")
 def measure_person(
-    trials: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="TRIAL…", help="Recordings: C3D or CSV, or TRC with MOT/STO (markers with their forces)."
-        ),
-    ],
-    mass: Annotated[float, typer.Option("--mass", help="Mass of the person with all that is worn [kg].")],
-    height: Annotated[float, typer.Option("--height", help="Stature [m].")],
-    sex: Annotated[str, typer.Option("--sex", help="male or female: which tables are taken.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Log folder that is written.")] = Path(
-        "human_log"
-    ),
-    static: Annotated[
-        list[Path] | None,
-        typer.Option("--static", help="Recording of standing, for calibration only (may be repeated)."),
-    ] = None,
-    table: Annotated[
-        str, typer.Option("--table", help="Nominal segment inertias: de_leva (1996) or dumas (2007).")
-    ] = "de_leva",
-    markers: Annotated[
-        str | None,
-        typer.Option("--markers", help="Marker set (jovic, plug_in_gait, rajagopal) or mapping file."),
-    ] = None,
-    up: Annotated[
-        str | None,
-        typer.Option("--up", help="Laboratory axis that points up: x, y or z; found if not given."),
-    ] = None,
-    cutoff_hz: Annotated[
-        float,
-        typer.Option(
-            "--cutoff", min=0.0, help="Low-pass on markers and forces [Hz], third order; 0 for none."
-        ),
-    ] = 6.0,
-    hold_out: Annotated[
-        float,
-        typer.Option("--hold-out", min=0.0, max=0.9, help="Share of a single trial kept for validation."),
-    ] = 0.3,
-    identify: Annotated[
-        str | None,
-        typer.Option(
-            "--identify",
-            metavar="METHOD",
-            help="Identify at once by a method below (lmi, hqp): table of segment masses, URDF, OpenSim model.",
-        ),
-    ] = None,
-    loaded: Annotated[
-        int,
-        typer.Option(
-            "--loaded", min=0, help="How many of the last trials were done wearing a weight: find it."
-        ),
-    ] = 0,
-    segment_mass: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--segment-mass",
-            metavar="SEGMENT=KG",
-            help="Nominal mass of a segment that is no table's, of a prosthesis or a stump (may be repeated).",
-        ),
-    ] = None,
+    trials: list[Path],
+    mass: float,
+    height: float,
+    sex: str,
+    out: Path = Path("human_log"),
+    static: list[Path] | None = None,
+    table: str = "de_leva",
+    markers: str | None = None,
+    up: str | None = None,
+    cutoff_hz: float = 6.0,
+    hold_out: float = 0.3,
+    identify: str | None = None,
+    loaded: int = 0,
+    segment_mass: list[str] | None = None,
     asymmetric: list[str] | None = None,
     mass_range: list[str] | None = None,
     *,

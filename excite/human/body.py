@@ -1,4 +1,4 @@
-"""A person's body: dimensions and inertial parameters."""
+"""A person's body: dimensions and inertial parameters, from published tables."""
 
 from __future__ import annotations
 
@@ -6,17 +6,62 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
-from typing import Literal
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
-from excite.human.segment_tables import DE_LEVA_TABLE, DUMAS_PELVIS, DUMAS_STATURE, DUMAS_TABLE, DeLevaRow
+from excite.formats.documents import read_yaml
 from excite.human.segments import NAMES, SEGMENTS, SIDES, Subject
+
+# Published tables; the file says their sources, units and axes.
+
+
+class DeLevaRow(NamedTuple):
+    """One segment of one sex: radii of gyration about three axes [% of length]."""
+
+    mass: float
+    length: float
+    center: float
+    sagittal: float
+    transverse: float
+    longitudinal: float
+
+
+class DumasRow(NamedTuple):
+    """One segment of one sex: X Y Z of its centre, radii about the axes, roots of the products [% of length]."""
+
+    length: float
+    mass: float
+    center: tuple[float, float, float]
+    diagonal: tuple[float, float, float]
+    products: tuple[float, float, float]
+
+
+class PelvisLandmarks(NamedTuple):
+    """Joint centres from the midpoint of the two anterior superior iliac spines [% of their distance, mm]."""
+
+    width: float
+    lumbar: tuple[float, float]
+    hip: tuple[float, float, float]
+
+
+_PUBLISHED = read_yaml(Path(__file__).with_name("segment_tables.yaml"))
+DE_LEVA_TABLE: dict[str, dict[str, DeLevaRow]] = {
+    sex: {name: DeLevaRow(*row) for name, row in rows.items()} for sex, rows in _PUBLISHED["de_leva"].items()
+}
+DUMAS_TABLE: dict[str, dict[str, DumasRow]] = {
+    sex: {name: DumasRow(*row) for name, row in rows.items()} for sex, rows in _PUBLISHED["dumas"].items()
+}
+DUMAS_PELVIS: dict[str, PelvisLandmarks] = {
+    sex: PelvisLandmarks(*row) for sex, row in _PUBLISHED["pelvis"].items()
+}
 
 # Where the joints of a person lie: sixteen lengths, from stature or calibrated from markers.
 
+_LIMBS = ("upper_arm", "forearm", "thigh", "shank")
 DIMENSIONS: tuple[str, ...] = (
     "hip_half_width",
     "lumbar_x",
@@ -26,13 +71,12 @@ DIMENSIONS: tuple[str, ...] = (
     "shoulder_x",
     "shoulder_half_width",
     "shoulder_z",
-    *(f"{side}_{part}" for side in SIDES for part in ("upper_arm", "forearm", "thigh", "shank")),
+    *(f"{side}_{part}" for side in SIDES for part in _LIMBS),
 )
 # Shoulder from the cervical joint, forward, sideways and down, of Dumas' mean man [m].
 _SHOULDER = (0.021, 0.209, 0.073)
 # Spreads between people of one stature: of limbs (Winter 2009, table 3.1 scatters by 3-5 %), of the trunk's joints.
 _LIMB_SPREAD, _TRUNK_SPREAD = 0.05, 0.015
-_HAND = 0.08
 _FOOT_LENGTH = 0.152
 _HEEL = 0.19
 
@@ -81,68 +125,40 @@ def stature_dimensions(subject: Subject) -> Dimensions:
 
     The foot's length is 15.2 % of stature (Winter 2009, figure 4.1).
     """
-    sex = subject.sex
-    scale = subject.height / DUMAS_STATURE[sex]
-    table, pelvis = DUMAS_TABLE[sex], DUMAS_PELVIS[sex]
-
-    def length(kind: str) -> float:
-        return 1e-3 * table[kind].length * scale
-
-    width = 1e-3 * pelvis.width * scale
-    trunk = table["torso"].length / DUMAS_TABLE["male"]["torso"].length * scale
-    torso = length("torso")
-    limbs = [length(part) for part in ("upper_arm", "forearm", "thigh", "shank")]
-    values = np.array(
-        [
-            pelvis.hip[2] / 100.0 * width,
-            (pelvis.lumbar[0] - pelvis.hip[0]) / 100.0 * width,
-            (pelvis.lumbar[1] - pelvis.hip[1]) / 100.0 * width,
-            0.0,
-            torso,
-            _SHOULDER[0] * trunk,
-            _SHOULDER[1] * trunk,
-            torso - _SHOULDER[2] * trunk,
-            *limbs,
-            *limbs,
-        ]
-    )
-    spread = np.concatenate([np.full(8, _TRUNK_SPREAD * scale), _LIMB_SPREAD * values[8:]])
+    scale = subject.height / _PUBLISHED["stature"][subject.sex]
+    length = {kind: 1e-3 * row.length * scale for kind, row in DUMAS_TABLE[subject.sex].items()}
+    pelvis = DUMAS_PELVIS[subject.sex]
+    hip, lumbar = (1e-5 * pelvis.width * scale * np.array(place) for place in (pelvis.hip, pelvis.lumbar))
+    torso = length["torso"]
+    forward, outward, down = np.array(_SHOULDER) * torso / (1e-3 * DUMAS_TABLE["male"]["torso"].length)
+    limbs = [length[part] for part in _LIMBS]
+    trunk = [hip[2], *(lumbar - hip[:2]), 0.0, torso, forward, outward, torso - down]
+    values = np.array([*trunk, *limbs, *limbs])
+    spread = np.concatenate([np.full(len(trunk), _TRUNK_SPREAD * scale), _LIMB_SPREAD * values[len(trunk) :]])
     foot_length = _FOOT_LENGTH * subject.height
-    return Dimensions(
-        values=values,
-        spread=spread,
-        head=length("head"),
-        hand=length("hand"),
-        foot=length("foot"),
-        foot_length=foot_length,
-        heel=_HEEL * foot_length,
-        ankle_height=0.039 * subject.height,
-    )
+    ends = (length["head"], length["hand"], length["foot"])
+    return Dimensions(values, spread, *ends, foot_length, _HEEL * foot_length, 0.039 * subject.height)
 
 
 def joint_offsets() -> Array:
     """``(15, 3, 16)``: position of each segment's joint in its parent's frame per unit of each dimension."""
+    rows = [
+        (segment, axis, f"{joint}_{'xyz'[axis]}", 1.0)
+        for segment, joint in (("torso", "lumbar"), ("head", "neck"))
+        for axis in (0, 2)
+    ]
+    for side, outward in zip(SIDES, (-1.0, 1.0), strict=True):
+        rows += [
+            (f"{side}_thigh", 1, "hip_half_width", outward),
+            (f"{side}_upper_arm", 0, "shoulder_x", 1.0),
+            (f"{side}_upper_arm", 1, "shoulder_half_width", outward),
+            (f"{side}_upper_arm", 2, "shoulder_z", 1.0),
+        ]
+        children = zip(("forearm", "hand", "shank", "foot"), _LIMBS, strict=True)
+        rows += [(f"{side}_{child}", 2, f"{side}_{carrier}", -1.0) for child, carrier in children]
     matrix = np.zeros((len(NAMES), 3, len(DIMENSIONS)))
-
-    def put(segment: str, axis: int, dimension: str, sign: float = 1.0) -> None:
+    for segment, axis, dimension, sign in rows:
         matrix[NAMES.index(segment), axis, DIMENSIONS.index(dimension)] = sign
-
-    for segment, dimension in (("torso", "lumbar"), ("head", "neck")):
-        put(segment, 0, f"{dimension}_x")
-        put(segment, 2, f"{dimension}_z")
-    for side in SIDES:
-        outward = -1.0 if side == "right" else 1.0
-        put(f"{side}_thigh", 1, "hip_half_width", outward)
-        put(f"{side}_upper_arm", 0, "shoulder_x")
-        put(f"{side}_upper_arm", 1, "shoulder_half_width", outward)
-        put(f"{side}_upper_arm", 2, "shoulder_z")
-        for child, carrier in (
-            ("forearm", "upper_arm"),
-            ("hand", "forearm"),
-            ("shank", "thigh"),
-            ("foot", "shank"),
-        ):
-            put(f"{side}_{child}", 2, f"{side}_{carrier}", -1.0)
     return matrix
 
 
@@ -204,38 +220,23 @@ def body_inertias(subject: Subject, dimensions: Dimensions, table: Anthropometry
     """
     if table not in ANTHROPOMETRY:
         raise UnknownNameError("table of segment inertias", table, list(ANTHROPOMETRY))
-    builder = _de_leva if table == "de_leva" else _dumas_inertia
-    share = mass_shares(subject, table)
-    bodies = []
-    for segment, name in zip(SEGMENTS, NAMES, strict=True):
-        body = builder(subject, dimensions, segment.kind, segment.side or "right")
-        factor = subject.mass * share[name] / body.mass
-        body = BodyInertia(body.mass * factor, body.center, body.inertia * factor)
-        bodies.append(body.mirrored() if segment.side == "left" else body)
-    return tuple(bodies)
+    build = _de_leva_inertia if table == "de_leva" else _dumas_inertia
+    bodies = [build(subject, dimensions, segment.kind, segment.side or "right") for segment in SEGMENTS]
+    factor = subject.mass / sum(body.mass for body in bodies)
+    scaled = [BodyInertia(body.mass * factor, body.center, body.inertia * factor) for body in bodies]
+    return tuple(
+        body.mirrored() if segment.side == "left" else body
+        for segment, body in zip(SEGMENTS, scaled, strict=True)
+    )
 
 
-def mass_shares(subject: Subject, table: Anthropometry) -> dict[str, float]:
-    """Share of the body's mass by segment; they add up to one."""
-    raw = {}
-    for segment in SEGMENTS:
-        if table == "dumas":
-            raw[segment.name] = DUMAS_TABLE[subject.sex][segment.kind].mass
-            continue
-        rows = DE_LEVA_TABLE[subject.sex]
-        raw[segment.name] = sum(rows[part].mass for part in _DE_LEVA_PARTS.get(segment.kind, (segment.kind,)))
-    total = sum(raw.values())
-    return {name: value / total for name, value in raw.items()}
-
-
-_DE_LEVA_PARTS = {"pelvis": ("lower trunk",), "torso": ("mid trunk", "upper trunk")}
+_TRUNK = ("lower trunk", "mid trunk", "upper trunk")
+_DE_LEVA_PARTS = {"pelvis": _TRUNK[:1], "torso": _TRUNK[1:]}
 
 
 def _reference_length(dimensions: Dimensions, kind: str, side: str) -> float:
-    """The length that Dumas' percentages of a segment refer to [m]."""
-    if kind in ("pelvis", "torso", "head", "hand", "foot"):
-        return float(getattr(dimensions, kind))
-    return dimensions[f"{side}_{kind}"]
+    """The length that the percentages of a segment refer to [m]."""
+    return dimensions[f"{side}_{kind}"] if kind in _LIMBS else float(getattr(dimensions, kind))
 
 
 def _dumas_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
@@ -246,10 +247,9 @@ def _dumas_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: st
     radii = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     mass = row.mass / 100.0 * subject.mass
     center = _FROM_ISB @ (np.array(row.center) / 100.0 * length)
-    if kind == "pelvis":
-        center = center + np.array([dimensions["lumbar_x"], 0.0, dimensions["lumbar_z"]])
-    elif kind == "torso":
-        center = center + np.array([dimensions["neck_x"], 0.0, dimensions["neck_z"]])
+    child = {"pelvis": "torso", "torso": "head"}.get(kind)
+    if child is not None:
+        center = center + joint_offsets()[NAMES.index(child)] @ dimensions.values
     return BodyInertia(mass, center, mass * length**2 * _FROM_ISB @ _possible_tensor(radii) @ _FROM_ISB.T)
 
 
@@ -268,43 +268,34 @@ def _possible_tensor(radii: Array) -> Array:
     return diagonal
 
 
-def _de_leva(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
-    """De Leva's segments; the pelvis ends at the navel, as his lower trunk does."""
+def _de_leva_inertia(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> BodyInertia:
+    """De Leva's segments; the pelvis ends at the navel, as his lower trunk does.
+
+    Parts of the trunk lie on the line from the middle of the hips to the cervicale.
+    """
     rows = DE_LEVA_TABLE[subject.sex]
-    if kind in ("pelvis", "torso"):
-        total = reduce(add, (_trunk_part(subject, dimensions, rows, part) for part in _DE_LEVA_PARTS[kind]))
-        if kind == "torso":
-            lumbar = np.array([dimensions["lumbar_x"], 0.0, dimensions["lumbar_z"]])
-            total = BodyInertia(total.mass, total.center - lumbar, total.inertia)
-        return total
-    if kind == "head":
-        row = rows["head to cervicale"]
-        return _inertia_along(
-            row, subject, [0.0, 0.0, (1.0 - row.center / 100.0) * dimensions.head], dimensions.head
-        )
-    row = rows[kind]
+    if kind in _DE_LEVA_PARTS:
+        lumbar, neck = (dimensions.values[DIMENSIONS.index(f"{j}_x") :][:2] for j in ("lumbar", "neck"))
+        x, z = lumbar + neck
+        top = np.array([x, 0.0, z + _CERVICALE * dimensions.torso])
+        scale = float(np.linalg.norm(top)) / rows["trunk from cervicale"].length
+        ends = dict(zip(_TRUNK, np.cumsum([rows[part].length for part in _TRUNK]), strict=True))
+        parts = []
+        for part in _DE_LEVA_PARTS[kind]:
+            row = rows[part]
+            height = (ends[part] - row.center / 100.0 * row.length) * scale
+            parts.append(_inertia_along(row, subject, top / np.linalg.norm(top) * height, row.length * scale))
+        total = reduce(add, parts)
+        origin = np.array([lumbar[0], 0.0, lumbar[1]]) if kind == "torso" else 0.0
+        return replace(total, center=total.center - origin)
+    row = rows["head to cervicale" if kind == "head" else kind]
+    length = dimensions.foot_length if kind == "foot" else _reference_length(dimensions, kind, side)
+    along = row.center / 100.0 * length
     if kind == "foot":
-        length = dimensions.foot_length
-        center = [row.center / 100.0 * length - dimensions.heel, 0.0, -0.5 * dimensions.ankle_height]
-        return _inertia_along(row, subject, center, length, lying=True)
-    length = dimensions.hand if kind == "hand" else dimensions[f"{side}_{kind}"]
-    return _inertia_along(row, subject, [0.0, 0.0, -row.center / 100.0 * length], length)
-
-
-def _trunk_part(
-    subject: Subject, dimensions: Dimensions, rows: dict[str, DeLevaRow], part: str
-) -> BodyInertia:
-    """A part of the trunk in the pelvis' frame, on the line from the middle of the hips to the cervicale."""
-    top = np.array([dimensions["lumbar_x"] + dimensions["neck_x"], 0.0, 0.0])
-    top[2] = dimensions["lumbar_z"] + dimensions["neck_z"] + _CERVICALE * dimensions.torso
-    scale = float(np.linalg.norm(top)) / rows["trunk from cervicale"].length
-    lower, middle = rows["lower trunk"].length, rows["mid trunk"].length
-    upper_end = {"lower trunk": lower, "mid trunk": lower + middle}.get(
-        part, lower + middle + rows["upper trunk"].length
-    )
-    row = rows[part]
-    height = (upper_end - row.center / 100.0 * row.length) * scale
-    return _inertia_along(row, subject, top / np.linalg.norm(top) * height, row.length * scale)
+        center = [along - dimensions.heel, 0.0, -0.5 * dimensions.ankle_height]
+    else:
+        center = [0.0, 0.0, length - along if kind == "head" else -along]
+    return _inertia_along(row, subject, center, length, lying=kind == "foot")
 
 
 def _inertia_along(
@@ -397,20 +388,16 @@ def segment_box(body: Body, index: int) -> Array:
     Along the segment it ends at the joints, across it is as wide as its mass asks for.
     """
     segment, d = SEGMENTS[index], body.dimensions
-    mass = body.inertias[index].mass
-    if segment.kind == "pelvis":
-        half = d["hip_half_width"] + 0.08
-        return np.array([[-0.15, -half, -0.09], [0.12, half, max(d["lumbar_z"], 0.05) + 0.10]])
-    if segment.kind == "torso":
-        half = d["shoulder_half_width"]
-        return np.array([[-0.15, -half, -0.02], [0.13, half, d["neck_z"] + 0.02]])
-    if segment.kind == "head":
-        return np.array([[-0.11, -0.08, -0.03], [0.11, 0.08, d.head]])
-    if segment.kind == "foot":
-        front = d.foot_length - d.heel
-        return np.array([[-d.heel, -0.05, -d.ankle_height], [front, 0.05, 0.02]])
-    if segment.kind == "hand":
-        return np.array([[-0.04, -0.05, -2.2 * d.hand], [0.04, 0.05, 0.01]])
+    hips, shoulders = d["hip_half_width"] + 0.08, d["shoulder_half_width"]
+    boxes = {
+        "pelvis": [[-0.15, -hips, -0.09], [0.12, hips, max(d["lumbar_z"], 0.05) + 0.10]],
+        "torso": [[-0.15, -shoulders, -0.02], [0.13, shoulders, d["neck_z"] + 0.02]],
+        "head": [[-0.11, -0.08, -0.03], [0.11, 0.08, d.head]],
+        "foot": [[-d.heel, -0.05, -d.ankle_height], [d.foot_length - d.heel, 0.05, 0.02]],
+        "hand": [[-0.04, -0.05, -2.2 * d.hand], [0.04, 0.05, 0.01]],
+    }
+    if segment.kind in boxes:
+        return np.array(boxes[segment.kind])
     length = d[f"{segment.side}_{segment.kind}"]
-    half = float(np.sqrt(mass / (_DENSITY * np.pi * length)))
+    half = float(np.sqrt(body.inertias[index].mass / (_DENSITY * np.pi * length)))
     return np.array([[-half, -half, -length], [half, half, 0.0]])

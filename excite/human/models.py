@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,10 +12,43 @@ from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.atomic import write_text
+from excite.formats.documents import read_yaml
 from excite.human.body import Body, BodyInertia, segment_box
 from excite.human.markers.inverse_kinematics import MarkerModel
 from excite.human.segments import NAMES, PAIRS, PARENTS, SEGMENTS, Segment
 from excite.human.skeleton import frame_turn
+
+
+def _build_element(tag: str, *content: ElementTree.Element | str, **attributes: str) -> ElementTree.Element:
+    """An element with children, or with text."""
+    found = ElementTree.Element(tag, attributes)
+    for item in content:
+        if isinstance(item, str):
+            found.text = item
+        else:
+            found.append(item)
+    return found
+
+
+def _build_leaves(**texts: str) -> list[ElementTree.Element]:
+    """Elements that hold a text each."""
+    return [_build_element(tag, text) for tag, text in texts.items()]
+
+
+def _render_document(root: ElementTree.Element) -> str:
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _format_values(values: Array) -> str:
+    return " ".join(f"{value + 0.0:.12g}" for value in values)
+
+
+def _coordinate_names(segment: Segment) -> tuple[str, ...]:
+    if len(segment.axes) == 1:
+        return (str(segment.joint),)
+    return tuple(f"{segment.joint}_{axis.name}" for axis in segment.axes)
+
 
 # A person as a URDF and a ``robot.yaml``: spherical joints are three axes with massless links between.
 
@@ -35,69 +68,62 @@ def virtual_links() -> tuple[str, ...]:
 
 def urdf_text(body: Body) -> str:
     """The URDF: one link a segment, angles named as in :data:`~excite.human.segments.JOINT_NAMES`."""
-    robot = ElementTree.Element("robot", name="human")
+    robot = _build_element("robot", name="human")
     offsets = body.offsets
+    limits = {"velocity": f"{_SPEED}", "effort": f"{_TORQUE}"}
     for k, segment in enumerate(SEGMENTS):
-        _add_link(robot, segment.name, body.inertias[k], segment_box(body, k), frame_turn(k))
+        robot.append(_build_link(segment.name, body.inertias[k], segment_box(body, k), frame_turn(k)))
         if k == 0:
             continue
         carrier, turn = NAMES[PARENTS[k]], frame_turn(PARENTS[k])
-        for i, axis in enumerate(segment.axes):
+        place = turn @ offsets[k]
+        for i, (name, axis) in enumerate(zip(_coordinate_names(segment), segment.axes, strict=True)):
             last = i == len(segment.axes) - 1
             child = segment.name if last else f"{segment.name}_axis_{i + 1}"
             if not last:
-                ElementTree.SubElement(robot, "link", name=child)
-            name = segment.joint if len(segment.axes) == 1 else f"{segment.joint}_{axis.name}"
-            joint = ElementTree.SubElement(robot, "joint", name=str(name), type="revolute")
-            ElementTree.SubElement(joint, "parent", link=carrier)
-            ElementTree.SubElement(joint, "child", link=child)
-            place, rotation = (turn @ offsets[k], turn) if i == 0 else (np.zeros(3), np.eye(3))
-            _set_origin(joint, place, rotation)
-            direction = np.eye(3)[axis.index] * axis.sign
-            ElementTree.SubElement(joint, "axis", xyz=_format_values(direction))
-            low, high = _joint_range(len(segment.axes), i)
-            ElementTree.SubElement(
-                joint, "limit", lower=f"{low}", upper=f"{high}", velocity=f"{_SPEED}", effort=f"{_TORQUE}"
+                robot.append(_build_element("link", name=child))
+            bound = _MIDDLE_RANGE if i == 1 else _OUTER_RANGE
+            low, high = _HINGE if len(segment.axes) == 1 else (-bound, bound)
+            robot.append(
+                _build_element(
+                    "joint",
+                    _build_element("parent", link=carrier),
+                    _build_element("child", link=child),
+                    _build_origin(place, turn),
+                    _build_element("axis", xyz=_format_values(np.eye(3)[axis.index] * axis.sign)),
+                    _build_element("limit", lower=f"{low}", upper=f"{high}", **limits),
+                    name=name,
+                    type="revolute",
+                )
             )
-            carrier, turn = child, np.eye(3)
-    ElementTree.indent(robot)
-    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
+            carrier, turn, place = child, np.eye(3), np.zeros(3)
+    return _render_document(robot)
 
 
-def _joint_range(n_axes: int, place: int) -> tuple[float, float]:
-    if n_axes == 1:
-        return _HINGE
-    bound = _MIDDLE_RANGE if place == 1 else _OUTER_RANGE
-    return -bound, bound
-
-
-def _add_link(robot: ElementTree.Element, name: str, inertia: BodyInertia, box: Array, turn: Array) -> None:
-    link = ElementTree.SubElement(robot, "link", name=name)
-    inertial = ElementTree.SubElement(link, "inertial")
-    _set_origin(inertial, turn @ inertia.center, np.eye(3))
-    ElementTree.SubElement(inertial, "mass", value=f"{inertia.mass:.12g}")
+def _build_link(name: str, inertia: BodyInertia, box: Array, turn: Array) -> ElementTree.Element:
     moments = turn @ inertia.inertia @ turn.T
-    pairs = ((i, j) for i in range(3) for j in range(i, 3))
-    values = {f"i{'xyz'[i]}{'xyz'[j]}": f"{moments[i, j]:.12g}" for i, j in pairs}
-    ElementTree.SubElement(inertial, "inertia", values)
-    for kind in ("visual", "collision"):
-        shown = ElementTree.SubElement(link, kind)
-        _set_origin(shown, turn @ box.mean(axis=0), turn)
-        geometry = ElementTree.SubElement(shown, "geometry")
-        ElementTree.SubElement(geometry, "box", size=_format_values(box[1] - box[0]))
+    values = {f"i{'xyz'[i]}{'xyz'[j]}": f"{moments[i, j]:.12g}" for i in range(3) for j in range(i, 3)}
+    inertial = _build_element(
+        "inertial",
+        _build_origin(turn @ inertia.center, np.eye(3)),
+        _build_element("mass", value=f"{inertia.mass:.12g}"),
+        _build_element("inertia", **values),
+    )
+    shapes = [
+        _build_element(
+            kind,
+            _build_origin(turn @ box.mean(axis=0), turn),
+            _build_element("geometry", _build_element("box", size=_format_values(box[1] - box[0]))),
+        )
+        for kind in ("visual", "collision")
+    ]
+    return _build_element("link", inertial, *shapes, name=name)
 
 
-def _set_origin(parent: ElementTree.Element, place: Array, rotation: Array) -> None:
+def _build_origin(place: Array, rotation: Array) -> ElementTree.Element:
     # Roll, pitch and yaw about the parent's axes.
     turn = Rotation.from_matrix(rotation).as_euler("xyz")
-    ElementTree.SubElement(parent, "origin", xyz=_format_values(place), rpy=_format_values(turn))
-
-
-def _format_values(values: Array) -> str:
-    return " ".join(f"{value + 0.0:.12g}" for value in values)
-
-
-_FEET = ("right_foot", "left_foot")
+    return _build_element("origin", xyz=_format_values(place), rpy=_format_values(turn))
 
 
 def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
@@ -108,92 +134,34 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
         rate_hz: rate of the recordings.
         plates: names of the force plates; two below the feet where there are none.
     """
-    subject, middle = body.subject, "chosen here"
-    content: dict[str, Any] = {
-        "schema": "excite.robot/1",
-        "name": "human",
-        "title": f"Person of {subject.height:g} m, {subject.mass:g} kg, {subject.sex}, 34 DoF",
-        "model": {
-            "path": URDF_FILE,
-            "acknowledged": {link: "massless, an axis of a spherical joint" for link in virtual_links()},
-            "source": f"segments by table {body.table}, joints from stature or markers",
-        },
-        "base": "floating",
-        "posture": {"joints": {}, "source": "standing"},
-        "limits": {
-            "position": {"source": "wider than people's ranges"},
-            "acceleration": {"default": 500.0, "source": middle},
-            "jerk": {"default": 2e4, "source": middle},
-        },
-        "feet": _foot_blocks(body),
-        "sensors": _sensor_block(rate_hz, plates or tuple(f"plate_{side}" for side in ("right", "left"))),
-        "drives": {"armature": {"default": 0.02, "source": middle}},
-        "controller": {
-            "kp": {"default": 2000.0, "source": middle},
-            "kd": {"default": 40.0, "source": middle},
-        },
-        "segments": {"pairs": [list(pair) for pair in PAIRS], "com_box": _com_boxes(body)},
-        "collision": {"geometry": "collision", "margin": 0.0, "source": "boxes about the segments"},
+    subject, d = body.subject, body.dimensions
+    content = read_yaml(Path(__file__).with_name("robot_template.yaml"))
+    content["title"] = f"Person of {subject.height:g} m, {subject.mass:g} kg, {subject.sex}, 34 DoF"
+    content["model"] |= {
+        "acknowledged": {link: "massless, an axis of a spherical joint" for link in virtual_links()},
+        "source": f"segments by table {body.table}, joints from stature or markers",
     }
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
-
-
-def _foot_blocks(body: Body) -> list[dict[str, Any]]:
-    """Both feet; the sole is a rectangle of the foot's length, 8 cm wide."""
-    d = body.dimensions
-    front, height = d.foot_length - d.heel, d.ankle_height
-    sole = [
-        [-d.heel, -0.04, -height],
-        [-d.heel, 0.04, -height],
-        [front, 0.04, -height],
-        [front, -0.04, -height],
-    ]
-    return [
-        {
-            "name": foot,
-            "link": foot,
-            "sole": [[round(float(v), 4) for v in corner] for corner in sole],
-            "friction": 0.8,
-            "source": "size of the foot from stature",
-        }
-        for foot in _FEET
-    ]
-
-
-def _sensor_block(rate_hz: float, plates: tuple[str, ...]) -> dict[str, Any]:
-    """Markers and force plates of a usual laboratory."""
-    return {
+    # A rectangle of the foot's length, 8 cm wide.
+    front, back = round(float(d.foot_length - d.heel), 4), round(float(-d.heel), 4)
+    corners = ((back, -0.04), (back, 0.04), (front, 0.04), (front, -0.04))
+    for foot in content["feet"]:
+        foot["sole"] = [[x, y, round(float(-d.ankle_height), 4)] for x, y in corners]
+    plate = {"kind": "force_plate", "link": "world"}
+    noise = {"noise_force": 1.0, "noise_moment": 0.3}
+    content["sensors"] |= {
         "rate_hz": float(rate_hz),
-        "noise_position": 5e-3,
-        "noise_base_position": 1e-3,
-        "noise_base_orientation": 5e-3,
         "wrench": [
-            {
-                "name": name,
-                "kind": "force_plate",
-                "link": "world",
-                "foot": _FEET[i % 2],
-                "noise_force": 1.0,
-                "noise_moment": 0.3,
-            }
-            for i, name in enumerate(plates)
+            {"name": name, **plate, "foot": content["feet"][i % 2]["name"], **noise}
+            for i, name in enumerate(plates or ("plate_right", "plate_left"))
         ],
-        "source": "usual figures of a motion laboratory",
     }
-
-
-def _com_boxes(body: Body) -> dict[str, list[list[float]]]:
-    """Boxes of the centres of mass, lower and upper corner in the frame of each segment's joint [m]."""
     boxes = {}
     for k, name in enumerate(NAMES):
-        turned = np.array([frame_turn(k) @ corner for corner in _box_corners(segment_box(body, k))])
+        low, high = segment_box(body, k)
+        turned = np.array([frame_turn(k) @ corner for corner in product(*zip(low, high, strict=True))])
         boxes[name] = [turned.min(axis=0).round(4).tolist(), turned.max(axis=0).round(4).tolist()]
-    return boxes
-
-
-def _box_corners(box: Array) -> Array:
-    grid = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, -1).T
-    return np.take_along_axis(box, grid, axis=0)
+    content["segments"] = {"pairs": [list(pair) for pair in PAIRS], "com_box": boxes}
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
 
 # A person as an OpenSim 4 model: bodies, joints and markers, axes of the ISB (x forward, y up, z to the
@@ -224,112 +192,114 @@ def write_osim(body: Body, path: Path, markers: MarkerModel | None = None, name:
 
 def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human") -> str:
     """The model as XML."""
-    document = ElementTree.Element("OpenSimDocument", Version=_VERSION)
-    model = ElementTree.SubElement(document, "Model", name=name)
-    _add_leaf(model, "gravity", "0 -9.81 0")
-    _add_leaf(model, "credits", f"excite; segments by {body.table}")
-    ElementTree.SubElement(model, "Ground", name="ground")
-    bodies = _add_set(model, "BodySet", "bodyset")
-    joints = _add_set(model, "JointSet", "jointset")
     offsets = body.offsets
-    for k, segment in enumerate(SEGMENTS):
-        _add_body(bodies, segment.name, body, k)
-        _add_joint(joints, segment, k, offsets[k])
+    sets = {
+        "BodySet": [_osim_body(segment.name, body.inertias[k]) for k, segment in enumerate(SEGMENTS)],
+        "JointSet": [_osim_joint(segment, k, offsets[k]) for k, segment in enumerate(SEGMENTS)],
+    }
     if markers is not None:
-        _add_markers(_add_set(model, "MarkerSet", "markerset"), markers)
-    ElementTree.indent(document)
-    return ElementTree.tostring(document, encoding="unicode", xml_declaration=True) + "\n"
+        sets["MarkerSet"] = [
+            _build_element(
+                "Marker",
+                *_build_leaves(
+                    socket_parent_frame=f"/bodyset/{NAMES[int(segment)]}",
+                    location=_format_values(TO_ISB @ local),
+                    fixed="true",
+                ),
+                name=label,
+            )
+            for label, segment, local in zip(markers.labels, markers.segment, markers.local, strict=True)
+        ]
+    model = _build_element(
+        "Model",
+        *_build_leaves(gravity="0 -9.81 0", credits=f"excite; segments by {body.table}"),
+        _build_element("Ground", name="ground"),
+        *(
+            _build_element(kind, _build_element("objects", *members), name=kind.lower())
+            for kind, members in sets.items()
+        ),
+        name=name,
+    )
+    return _render_document(_build_element("OpenSimDocument", model, Version=_VERSION))
 
 
 def coordinate_names() -> tuple[str, ...]:
     """Coordinates of the model's joints, without the pelvis'; they are the names of the joints in the URDF too."""
-    return tuple(
-        name for segment in SEGMENTS if segment.joint is not None for name in _coordinate_names(segment)
+    return tuple(name for segment in SEGMENTS[1:] for name in _coordinate_names(segment))
+
+
+def _osim_body(name: str, inertia: BodyInertia) -> ElementTree.Element:
+    moments = TO_ISB @ inertia.inertia @ TO_ISB.T
+    texts = _build_leaves(
+        mass=f"{inertia.mass:.12g}",
+        mass_center=_format_values(TO_ISB @ inertia.center),
+        inertia=_format_values(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
+    )
+    return _build_element("Body", *texts, name=name)
+
+
+def _osim_joint(segment: Segment, k: int, offset: Array) -> ElementTree.Element:
+    free = segment.joint is None
+    carrier = "ground" if free else NAMES[PARENTS[k]]
+    # Of the pelvis turns about z, x and y.
+    axes = (
+        list(np.eye(3)[[2, 0, 1]]) if free else [TO_ISB @ np.eye(3)[a.index] * a.sign for a in segment.axes]
+    )
+    names = PELVIS if free else _coordinate_names(segment)
+    coordinates = [
+        _build_element(
+            "Coordinate",
+            *_build_leaves(default_value="0", range="-10 10" if name.startswith("pelvis_t") else "-3.2 3.2"),
+            name=name,
+        )
+        for name in names
+    ]
+    # Unit axes that complete the joint's to three independent ones.
+    rest = [axis for axis in np.eye(3) if not any(abs(axis @ own) > 0.5 for own in axes)]
+    turns: list[str | None] = [*names[: len(axes)], None, None][:3]
+    shifts: list[str | None] = list(names[3:]) if free else [None] * 3
+    transform = [
+        _osim_axis(f"{kind}{i + 1}", axis, name)
+        for kind, own, coordinate in (("rotation", [*axes, *rest], turns), ("translation", np.eye(3), shifts))
+        for i, (axis, name) in enumerate(zip(own, coordinate, strict=False))
+    ]
+    place = np.zeros(3) if free else TO_ISB @ offset
+    # The last axis of a shoulder is turned against the arm's own frame.
+    turn = TO_ISB @ frame_turn(k).T @ TO_ISB.T
+    return _build_element(
+        "CustomJoint",
+        *_build_leaves(
+            socket_parent_frame=f"{carrier}_offset",
+            socket_child_frame=f"{segment.name}_offset",
+        ),
+        _build_element("coordinates", *coordinates),
+        _build_element(
+            "frames",
+            _osim_frame(carrier, "/ground" if free else f"/bodyset/{carrier}", place, np.eye(3)),
+            _osim_frame(segment.name, f"/bodyset/{segment.name}", np.zeros(3), turn),
+        ),
+        _build_element("SpatialTransform", *transform),
+        name="ground_pelvis" if free else str(segment.joint),
     )
 
 
-def _coordinate_names(segment: Segment) -> tuple[str, ...]:
-    if len(segment.axes) == 1:
-        return (str(segment.joint),)
-    return tuple(f"{segment.joint}_{axis.name}" for axis in segment.axes)
-
-
-def _add_leaf(parent: ElementTree.Element, tag: str, text: str) -> None:
-    ElementTree.SubElement(parent, tag).text = text
-
-
-def _add_set(model: ElementTree.Element, kind: str, name: str) -> ElementTree.Element:
-    outer = ElementTree.SubElement(model, kind, name=name)
-    return ElementTree.SubElement(outer, "objects")
-
-
-def _add_body(bodies: ElementTree.Element, name: str, body: Body, k: int) -> None:
-    inertia = body.inertias[k]
-    element = ElementTree.SubElement(bodies, "Body", name=name)
-    _add_leaf(element, "mass", f"{inertia.mass:.12g}")
-    _add_leaf(element, "mass_center", _format_values(TO_ISB @ inertia.center))
-    moments = TO_ISB @ inertia.inertia @ TO_ISB.T
-    _add_leaf(element, "inertia", _format_values(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
-
-
-def _add_joint(joints: ElementTree.Element, segment: Segment, k: int, offset: Array) -> None:
-    free = segment.joint is None
-    name = "ground_pelvis" if free else str(segment.joint)
-    carrier = "ground" if free else NAMES[PARENTS[k]]
-    joint = ElementTree.SubElement(joints, "CustomJoint", name=name)
-    _add_leaf(joint, "socket_parent_frame", f"{carrier}_offset")
-    _add_leaf(joint, "socket_child_frame", f"{segment.name}_offset")
-    if free:
-        names: tuple[str, ...] = PELVIS
-        axes = [np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])]
-    else:
-        names = _coordinate_names(segment)
-        axes = [TO_ISB @ np.eye(3)[axis.index] * axis.sign for axis in segment.axes]
-    coordinates = ElementTree.SubElement(joint, "coordinates")
-    for coordinate in names:
-        element = ElementTree.SubElement(coordinates, "Coordinate", name=coordinate)
-        _add_leaf(element, "default_value", "0")
-        _add_leaf(element, "range", "-3.2 3.2" if not coordinate.startswith("pelvis_t") else "-10 10")
-    frames = ElementTree.SubElement(joint, "frames")
-    place = np.zeros(3) if free else TO_ISB @ offset
-    _add_frame(frames, carrier, "/ground" if free else f"/bodyset/{carrier}", place, np.eye(3))
-    # The last axis of a shoulder is turned against the arm's own frame.
-    turn = TO_ISB @ frame_turn(k).T @ TO_ISB.T
-    _add_frame(frames, segment.name, f"/bodyset/{segment.name}", np.zeros(3), turn)
-    transform = ElementTree.SubElement(joint, "SpatialTransform")
-    used = [*axes, *_complete_axes(axes)][:3]
-    for i, axis in enumerate(used):
-        _add_axis(transform, f"rotation{i + 1}", axis, names[i] if i < len(axes) else None)
-    for i in range(3):
-        _add_axis(transform, f"translation{i + 1}", np.eye(3)[i], names[3 + i] if free else None)
-
-
-def _complete_axes(axes: list[Array]) -> list[Array]:
-    """Unit axes that complete the given ones to three independent ones."""
-    return [axis for axis in np.eye(3) if not any(abs(axis @ own) > 0.5 for own in axes)]
-
-
-def _add_frame(frames: ElementTree.Element, owner: str, socket: str, place: Array, rotation: Array) -> None:
-    frame = ElementTree.SubElement(frames, "PhysicalOffsetFrame", name=f"{owner}_offset")
-    _add_leaf(frame, "socket_parent", socket)
-    _add_leaf(frame, "translation", _format_values(place))
+def _osim_frame(owner: str, socket: str, place: Array, rotation: Array) -> ElementTree.Element:
     # OpenSim's orientation: turns about body-fixed x, y, z.
-    _add_leaf(frame, "orientation", _format_values(Rotation.from_matrix(rotation).as_euler("XYZ")))
+    turn = Rotation.from_matrix(rotation).as_euler("XYZ")
+    texts = _build_leaves(
+        socket_parent=socket, translation=_format_values(place), orientation=_format_values(turn)
+    )
+    return _build_element("PhysicalOffsetFrame", *texts, name=f"{owner}_offset")
 
 
-def _add_axis(transform: ElementTree.Element, name: str, axis: Array, coordinate: str | None) -> None:
-    element = ElementTree.SubElement(transform, "TransformAxis", name=name)
-    kind, tag, value = "Constant", "value", "0"
-    if coordinate is not None:
-        _add_leaf(element, "coordinates", coordinate)
-        kind, tag, value = "LinearFunction", "coefficients", "1 0"
-    _add_leaf(element, "axis", _format_values(axis))
-    _add_leaf(ElementTree.SubElement(element, kind, name="function"), tag, value)
-
-
-def _add_markers(markers: ElementTree.Element, model: MarkerModel) -> None:
-    for label, segment, local in zip(model.labels, model.segment, model.local, strict=True):
-        marker = ElementTree.SubElement(markers, "Marker", name=label)
-        _add_leaf(marker, "socket_parent_frame", f"/bodyset/{NAMES[int(segment)]}")
-        _add_leaf(marker, "location", _format_values(TO_ISB @ local))
-        _add_leaf(marker, "fixed", "true")
+def _osim_axis(name: str, axis: Array, coordinate: str | None) -> ElementTree.Element:
+    kind, tag, value = (
+        ("Constant", "value", "0") if coordinate is None else ("LinearFunction", "coefficients", "1 0")
+    )
+    return _build_element(
+        "TransformAxis",
+        *([] if coordinate is None else _build_leaves(coordinates=coordinate)),
+        *_build_leaves(axis=_format_values(axis)),
+        _build_element(kind, _build_element(tag, value), name="function"),
+        name=name,
+    )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import permutations, product
 from pathlib import Path
 
@@ -28,67 +29,13 @@ from excite.robot.robot import Robot
 from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.settings import ProblemSettings
 
-# Plates whose channels and places do not belong together.
+# Centres of pressure, and how far from the feet they lie.
 
 NEAR, FAR = 0.15, 0.25
 """A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres [m]."""
-
-
-def unswapped_plates(
-    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
-) -> tuple[list[PlateRecording], list[Finding]]:
-    """Plates with each other's places where that brings the centres of pressure under the feet, and a finding.
-
-    Args:
-        plates: loaded plates in a world with z up.
-        feet: heel and toe of either foot over time, ``(n, 2, 3)``.
-        height: of the ground [m].
-        source: of the recording.
-    """
-    worst = max(typical_miss(plate, feet, height) for plate in plates)
-    placed = [plate for plate in plates if plate.corners is not None]
-    if worst < NEAR or len(placed) < len(plates) or not 2 <= len(plates) <= 4:
-        return plates, []
-    best, best_miss, order = plates, worst, tuple(range(len(plates)))
-    for chosen in permutations(range(len(plates))):
-        moved = [_move_plate(plates[i], plates[j]) for i, j in enumerate(chosen)]
-        miss = max(typical_miss(plate, feet, height) for plate in moved)
-        if miss < best_miss:
-            best, best_miss, order = moved, miss, chosen
-    if best_miss > 0.5 * worst or best_miss > FAR:
-        return plates, []
-    names = tuple(plates[i].name for i, j in enumerate(order) if i != j)
-    text = (
-        f"{source.name}: {' and '.join(names)} are swapped: their forces act {100 * worst:.0f} cm from any "
-        f"foot, and {100 * best_miss:.0f} cm with each other's place; put back"
-    )
-    return best, [Finding("swapped_plates", text, {"miss_m": worst, "mended_m": best_miss}, names)]
-
-
-def _move_plate(plate: PlateRecording, other: PlateRecording) -> PlateRecording:
-    """A plate's reading at another plate's pose."""
-    if plate.corners is None or other.corners is None:
-        return plate
-    here, there = _plate_pose(plate.corners), _plate_pose(other.corners)
-    turn = there[0] @ here[0].T
-    local = plate.moment - np.cross(here[1], plate.force)
-    force, moment = plate.force @ turn.T, local @ turn.T
-    return replace(plate, force=force, moment=moment + np.cross(there[1], force), corners=other.corners)
-
-
-def _plate_pose(corners: Array) -> tuple[Array, Array]:
-    """Rotation and centre of a plate; x and y along its edges, as C3D counts its corners."""
-    x = corners[0] + corners[3] - corners[1] - corners[2]
-    y = corners[0] + corners[1] - corners[2] - corners[3]
-    z = np.cross(x, y)
-    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    return np.column_stack([x, np.cross(z, x), z]), corners.mean(axis=0)
-
-
-# Centres of pressure, and how far from the feet they lie.
-
 LOADED_N = 50.0
 """Vertical force above which a centre of pressure means something [N]."""
+GRAVITY = 9.81
 
 
 def pressure_center(force: Array, moment: Array, height: float) -> Array:
@@ -114,28 +61,8 @@ def foot_line(placement: Placement, side: str, body: Body) -> Array:
     return placement.origin[:, k, None] + np.einsum("nij,ej->nei", placement.rotation[:, k], ends)
 
 
-def foot_distances(plate: PlateRecording, feet: dict[str, Array], height: float) -> dict[str, Array]:
-    """Horizontal distance of the centre of pressure from each foot's line, ``(n,)``, NaN where not loaded."""
-    point = pressure_center(plate.force, plate.moment, height)[:, :2]
-    found = {}
-    for side, line in feet.items():
-        heel, toe = line[:, 0, :2], line[:, 1, :2]
-        along = toe - heel
-        share = np.einsum("ni,ni->n", point - heel, along) / np.maximum((along**2).sum(axis=1), 1e-6)
-        nearest = heel + np.clip(share, 0.0, 1.0)[:, None] * along
-        found[side] = np.linalg.norm(point - nearest, axis=1)
-    return found
-
-
-def typical_miss(plate: PlateRecording, feet: dict[str, Array], height: float) -> float:
-    """Typical distance of the centre of pressure from the nearer foot [m]."""
-    nearest = np.minimum(*foot_distances(plate, feet, height).values())
-    return float(np.nanmedian(nearest)) if np.isfinite(nearest).any() else 0.0
-
-
 # Force plates: readings at the markers' times, which foot stands where, and whether they can be true.
 
-GRAVITY = 9.81
 _UNLOADED_N = 20.0
 # What else than newtons forces are exported in, and by what moments are off that are not in the file's unit.
 _FORCE_UNITS = {4.4482216152605: "pounds-force", 9.80665: "kilograms-force", 1e3: "kilonewtons"}
@@ -147,6 +74,7 @@ _LEVER_UNITS = {
 _BROUGHT, _ABOUT = 0.25, 0.3
 # The centre of pressure of somebody who stands still moves by some millimetres: by less it moves under nobody [m].
 _LEAST_SWAY = 5e-4
+# A free moment of a foot is a few N·m.
 _FREE_MOMENT_NM = 200.0
 _SHARED = 0.15
 
@@ -194,140 +122,246 @@ def plate_readings(
     Raises:
         LogError: no plate carries load, or the centres of pressure lie at neither foot.
     """
-    source, findings = recording.source, []
-    plates = []
-    turned, signs = _turn_upward(list(recording.plates), source)
-    in_newtons, forces = _in_newtons(turned, body.subject.mass * GRAVITY, source)
-    for plate in in_newtons:
-        largest = float(np.linalg.norm(plate.force, axis=1).max())
-        if largest < _UNLOADED_N:
-            text = f"{source.name}: {plate.name} carries no load (at most {largest:.1f} N); left out"
-            findings.append(Finding("no_load", text, {"largest_n": largest}, (plate.name,)))
-            continue
-        plates.append(plate)
-    if not plates:
-        raise LogError(
-            "no force plate carries load",
-            source=source,
-            field=", ".join(plate.name for plate in recording.plates) or "plates",
-            remedy="check that the amplifiers were on, and that the right channels were exported",
-        )
-    ground = _ground_height(plates)
-    read = [_at_times(plate, recording.time, cutoff_hz, source) for plate in plates]
     feet = {side: foot_line(placement, side, body) for side in SIDES}
-    read, units = _in_metres(read, feet, ground, source)
-    read, moments = _in_newton_metres(read, feet, ground, source)
-    read, swaps = unswapped_plates(read, feet, ground, source)
-    readings, sides = _assign_feet(read, feet, ground, source)
-    return readings, (*findings, *signs, *forces, *units, *moments, *swaps, *sides)
+    judged = _Plates(recording.source, list(recording.plates), feet)
+    judged.turn_upward()
+    judged.convert_forces(body.subject.mass * GRAVITY)
+    judged.leave_out_unloaded()
+    judged.plates = [_at_times(plate, recording.time, cutoff_hz, recording.source) for plate in judged.plates]
+    judged.plates = [judged.in_metres(plate) for plate in judged.plates]
+    judged.exchange_places()
+    return judged.assign_feet(), tuple(judged.findings)
 
 
-def _turn_upward(plates: list[PlateRecording], source: Path) -> tuple[list[PlateRecording], list[Finding]]:
-    """Plates whose vertical forces point up: nobody pulls at a plate."""
-    vertical = [plate.force[:, 2] for plate in plates]
-    down = [float((force * np.abs(force)).sum()) < 0.0 for force in vertical]
-    down = [is_down and np.abs(f).max() > _UNLOADED_N for is_down, f in zip(down, vertical, strict=True)]
-    names = tuple(plate.name for plate, is_down in zip(plates, down, strict=True) if is_down)
-    if not names:
-        return plates, []
-    text = (
-        f"{source.name}: vertical forces of {' and '.join(names)} point down: they are those on the plates; turned "
-        "round"
-    )
-    mean = sum(float(force.mean()) for force, is_down in zip(vertical, down, strict=True) if is_down)
-    turned = [
-        replace(plate, force=-plate.force, moment=-plate.moment) if is_down else plate
-        for plate, is_down in zip(plates, down, strict=True)
-    ]
-    return turned, [Finding("reaction_sign", text, {"mean_n": mean}, names)]
+@dataclass(eq=False)
+class _Plates:
+    """Plates of a recording as they are judged, one fault after the other.
 
+    Attributes:
+        source: of the recording.
+        plates: in a world with z up, as far as they are put right.
+        feet: heel and toe of either foot over time, ``(n, 2, 3)``.
+        findings: what was wrong so far.
+    """
 
-def _in_newtons(
-    plates: list[PlateRecording], weight: float, source: Path
-) -> tuple[list[PlateRecording], list[Finding]]:
-    """Plates in newtons: in the units, one for each plate, in which they carry the person's weight [N]."""
-    rows = min((len(plate.force) for plate in plates), default=0)
-    if not rows or len({len(plate.force) for plate in plates}) > 1:
-        return plates, []
-    vertical = np.column_stack([plate.force[:, 2] for plate in plates])
-    choices = [
-        (1.0, *_FORCE_UNITS) if has_load else (1.0,)
-        for has_load in np.abs(vertical).max(axis=0) > 1e-3 * _UNLOADED_N
-    ]
-    mixed = product(*choices) if len(plates) <= 4 else ((one,) * len(plates) for one in choices[0])
-    factors = np.array(list(mixed))
-    carried = np.abs(factors @ vertical.T - weight) < _ABOUT * weight
-    share = carried.mean(axis=1)
-    best = int(np.argmax(share))
-    if share[best] - share[0] < _BROUGHT:
-        return plates, []
-    found, scaled = [], []
-    for plate, factor in zip(plates, factors[best], strict=True):
-        scaled.append(replace(plate, force=factor * plate.force, moment=factor * plate.moment))
-        if factor != 1.0:
-            text = (
-                f"{source.name}: forces of {plate.name} are {_FORCE_UNITS[factor]}, in which the plates carry the "
-                f"person's {weight:.0f} N in {100 * share[best]:.0f} % of the frames, and as newtons in "
-                f"{100 * share[0]:.0f} %; converted"
+    source: Path
+    plates: list[PlateRecording]
+    feet: dict[str, Array]
+    findings: list[Finding] = field(default_factory=list)
+
+    def add_finding(self, kind: str, text: str, values: dict[str, float], *names: str) -> None:
+        """Add a finding."""
+        self.findings.append(Finding(kind, f"{self.source.name}: {text}", values, names))
+
+    @cached_property
+    def ground_height(self) -> float:
+        """Height of the plates' surfaces [m]."""
+        heights = [float(plate.corners[:, 2].mean()) for plate in self.plates if plate.corners is not None]
+        return float(np.mean(heights)) if heights else 0.0
+
+    def turn_upward(self) -> None:
+        """Turn plates whose vertical forces point down: nobody pulls at a plate."""
+        mean, names = 0.0, []
+        for i, plate in enumerate(self.plates):
+            vertical = plate.force[:, 2]
+            if np.abs(vertical).max() > _UNLOADED_N and (vertical * np.abs(vertical)).sum() < 0.0:
+                self.plates[i] = replace(plate, force=-plate.force, moment=-plate.moment)
+                mean += float(vertical.mean())
+                names.append(plate.name)
+        if names:
+            text = f"vertical forces of {' and '.join(names)} point down: they are those on the plates; turned round"
+            self.add_finding("reaction_sign", text, {"mean_n": mean}, *names)
+
+    def convert_forces(self, weight: float) -> None:
+        """Forces in newtons: of the units, one for each plate, that in which they carry the person's weight [N]."""
+        if len({len(plate.force) for plate in self.plates}) != 1 or not len(self.plates[0].force):
+            return
+        vertical = np.column_stack([plate.force[:, 2] for plate in self.plates])
+        has_load = np.abs(vertical).max(axis=0) > 1e-3 * _UNLOADED_N
+        units = (1.0, *_FORCE_UNITS)
+        choices = [units if one else units[:1] for one in has_load]
+        few = len(choices) <= 4
+        factors = np.array(list(product(*choices)) if few else [(one,) * len(choices) for one in choices[0]])
+        share = (np.abs(factors @ vertical.T - weight) < _ABOUT * weight).mean(axis=1)
+        best = int(np.argmax(share))
+        if share[best] - share[0] < _BROUGHT:
+            return
+        for i, factor in enumerate(factors[best].tolist()):
+            plate = self.plates[i]
+            self.plates[i] = replace(plate, force=factor * plate.force, moment=factor * plate.moment)
+            if factor != 1.0:
+                text = (
+                    f"forces of {plate.name} are {_FORCE_UNITS[factor]}, in which the plates carry the person's "
+                    f"{weight:.0f} N in {100 * share[best]:.0f} % of the frames, and as newtons in "
+                    f"{100 * share[0]:.0f} %; converted"
+                )
+                self.add_finding("units", text, {"factor": factor}, plate.name)
+
+    def leave_out_unloaded(self) -> None:
+        """Leave out plates that nobody stands on; raises LogError where none is left."""
+        every, self.plates = self.plates, []
+        for plate in every:
+            largest = float(np.linalg.norm(plate.force, axis=1).max())
+            if largest < _UNLOADED_N:
+                text = f"{plate.name} carries no load (at most {largest:.1f} N); left out"
+                self.add_finding("no_load", text, {"largest_n": largest}, plate.name)
+            else:
+                self.plates.append(plate)
+        if not self.plates:
+            raise LogError(
+                "no force plate carries load",
+                source=self.source,
+                field=", ".join(plate.name for plate in every) or "plates",
+                remedy="check that the amplifiers were on, and that the right channels were exported",
             )
-            found.append(Finding("units", text, {"factor": float(factor)}, (plate.name,)))
-    return scaled, found
 
+    def foot_distances(self, plate: PlateRecording) -> dict[str, Array]:
+        """Horizontal distance of the centre of pressure from each foot's line, ``(n,)``, NaN where not loaded."""
+        point = pressure_center(plate.force, plate.moment, self.ground_height)[:, :2]
+        found = {}
+        for side, line in self.feet.items():
+            heel, toe = line[:, 0, :2], line[:, 1, :2]
+            along = toe - heel
+            share = np.einsum("ni,ni->n", point - heel, along) / np.maximum((along**2).sum(axis=1), 1e-6)
+            found[side] = np.linalg.norm(point - heel - np.clip(share, 0.0, 1.0)[:, None] * along, axis=1)
+        return found
 
-def _in_newton_metres(
-    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
-) -> tuple[list[PlateRecording], list[Finding]]:
-    """Plates whose centre of pressure moves under a foot: in the unit of moments in which it does."""
-    found, read = [], []
-    for plate in plates:
-        chosen = plate
-        if plate.corners is not None and not _is_possible(plate, feet, height):
-            levers = {factor: _levered(plate, factor) for factor in _LEVER_UNITS}
-            fits = next((f for f, one in levers.items() if _is_possible(one, feet, height)), None)
-            sway = 1e3 * _sway(plate, height)
-            if fits is not None:
-                chosen = levers[fits]
+    def typical_miss(self, plate: PlateRecording) -> float:
+        """Typical distance of the centre of pressure from the nearer foot [m]."""
+        nearest = np.minimum(*self.foot_distances(plate).values())
+        return float(np.nanmedian(nearest)) if np.isfinite(nearest).any() else 0.0
+
+    def typical_sway(self, plate: PlateRecording) -> float:
+        """Typical distance of the centre of pressure from its middle [m]; NaN where the plate is not loaded."""
+        point = pressure_center(plate.force, plate.moment, self.ground_height)[:, :2]
+        point = point[np.isfinite(point[:, 0])]
+        if not len(point):
+            return float("nan")
+        return float(np.median(np.linalg.norm(point - np.median(point, axis=0), axis=1)))
+
+    def is_possible(self, plate: PlateRecording) -> bool:
+        """Whether a centre of pressure lies under a foot and moves, as far as it is loaded."""
+        sway = self.typical_sway(plate)
+        return not np.isfinite(sway) or (sway > _LEAST_SWAY and self.typical_miss(plate) < NEAR)
+
+    def in_metres(self, plate: PlateRecording) -> PlateRecording:
+        """The plate in the unit of length of its moments in which its centre of pressure moves under a foot."""
+        if self.is_possible(plate):
+            return plate
+        miss, sway = self.typical_miss(plate), self.typical_sway(plate)
+        if plate.corners is None:
+            point = np.nan_to_num(pressure_center(plate.force, plate.moment, self.ground_height))
+            free = plate.moment - np.cross(point, plate.force)
+            factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
+            scaled = replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free)
+            if miss > 5.0 and self.typical_miss(scaled) <= FAR:
                 text = (
-                    f"{source.name}: moments of {plate.name} are {_LEVER_UNITS[fits]}: as they stand the centre of "
-                    f"pressure moves by {sway:.2g} mm and lies {100 * typical_miss(plate, feet, height):.0f} cm from "
-                    f"a foot; converted"
+                    f"points of application of {plate.name} lie kilometres from the feet: they are millimetres; "
+                    "converted"
                 )
-                found.append(Finding("units", text, {"factor": fits}, (plate.name,)))
-            elif sway < 1e3 * _LEAST_SWAY:
+                self.add_finding("units", text, {"factor": 1e-3}, plate.name)
+                return scaled
+            return plate
+        about = np.cross(plate.corners.mean(axis=0), plate.force)
+        for factor, unit in _LEVER_UNITS.items():
+            scaled = replace(plate, moment=about + factor * (plate.moment - about))
+            if self.is_possible(scaled):
                 text = (
-                    f"{source.name}: the centre of pressure of {plate.name} moves by {sway:.2g} mm only: check that "
-                    "its moments were recorded, and their unit"
+                    f"moments of {plate.name} are {unit}: as they stand the centre of pressure moves by "
+                    f"{1e3 * sway:.2g} mm and lies {100 * miss:.0f} cm from a foot; converted"
                 )
-                found.append(Finding("moments", text, {"sway_m": 1e-3 * sway}, (plate.name,)))
-        read.append(chosen)
-    return read, found
+                self.add_finding("units", text, {"factor": factor}, plate.name)
+                return scaled
+        if sway < _LEAST_SWAY:
+            text = (
+                f"the centre of pressure of {plate.name} moves by {1e3 * sway:.2g} mm only: check that its moments "
+                "were recorded, and their unit"
+            )
+            self.add_finding("moments", text, {"sway_m": sway}, plate.name)
+        return plate
+
+    def exchange_places(self) -> None:
+        """Give plates each other's places where that brings the centres of pressure under the feet."""
+        own, worst = self.plates, max(map(self.typical_miss, self.plates))
+        if worst < NEAR or any(one.corners is None for one in own) or not 2 <= len(own) <= 4:
+            return
+        orders = list(permutations(range(len(own))))
+        moved = [[_move_plate(own[i], own[j]) for i, j in enumerate(order)] for order in orders]
+        misses = [max(map(self.typical_miss, plates)) for plates in moved]
+        best = int(np.argmin(misses))
+        if misses[best] > 0.5 * worst or misses[best] > FAR:
+            return
+        self.plates = moved[best]
+        names = [own[i].name for i, j in enumerate(orders[best]) if i != j]
+        text = (
+            f"{' and '.join(names)} are swapped: their forces act {100 * worst:.0f} cm from any "
+            f"foot, and {100 * misses[best]:.0f} cm with each other's place; put back"
+        )
+        self.add_finding("swapped_plates", text, {"miss_m": worst, "mended_m": misses[best]}, *names)
+
+    def assign_feet(self) -> tuple[PlateReading, ...]:
+        """Each plate with the foot that stands on it; raises LogError where none does."""
+        readings, swapped = [], {}
+        for plate in self.plates:
+            distances = self.foot_distances(plate)
+            right, left = distances["right"], distances["left"]
+            loaded = np.isfinite(right)
+            foot = "right" if np.nansum(right[loaded] < left[loaded]) >= 0.5 * loaded.sum() else "left"
+            own = distances[foot][loaded]
+            typical, rms = (np.median(own), np.sqrt(np.mean(own**2))) if len(own) else (0.0, np.nan)
+            if typical > FAR:
+                raise LogError(
+                    f"its centre of pressure lies {100 * typical:.0f} cm from the nearer foot",
+                    source=self.source,
+                    field=plate.name,
+                    remedy="check the plate's place, its unit of length, and that markers and forces belong together",
+                )
+            near = loaded & (np.minimum(right, left) < NEAR)
+            weight = plate.force[near, 2]
+            share = float(weight[right[near] < left[near]].sum() / max(weight.sum(), 1e-9))
+            if _SHARED < share < 1.0 - _SHARED:
+                text = f"both feet step on {plate.name} ({100 * share:.0f} % of its load is the right's)"
+                self.add_finding("shared_plate", text, {"right_share": share}, plate.name)
+            if plate.foot not in (None, foot):
+                swapped[plate.name] = foot
+            center = self.plate_center(plate)
+            moment = plate.moment - np.cross(center, plate.force)
+            readings.append(PlateReading(plate.name, center, plate.force, moment, f"{foot}_foot", float(rms)))
+        if swapped:
+            listing = ", ".join(f"{name} lies under the {foot} foot" for name, foot in swapped.items())
+            text = f"left and right plates are swapped: {listing}; assigned by the markers"
+            self.add_finding("swapped_plates", text, {}, *swapped)
+        return tuple(readings)
+
+    def plate_center(self, plate: PlateRecording) -> Array:
+        """Of its surface, or of the centres of pressure ``(3,)`` [m]."""
+        if plate.corners is not None:
+            return plate.corners.mean(axis=0)
+        point = pressure_center(plate.force, plate.moment, self.ground_height)
+        return (
+            np.nanmedian(point, axis=0)
+            if np.isfinite(point).any()
+            else np.array([0.0, 0.0, self.ground_height])
+        )
 
 
-def _is_possible(plate: PlateRecording, feet: dict[str, Array], height: float) -> bool:
-    """Whether a centre of pressure lies under a foot and moves, as far as it is loaded."""
-    sway = _sway(plate, height)
-    return not np.isfinite(sway) or (sway > _LEAST_SWAY and typical_miss(plate, feet, height) < NEAR)
+def _move_plate(plate: PlateRecording, other: PlateRecording) -> PlateRecording:
+    """A plate's reading at another plate's pose."""
+    here, there = _plate_pose(plate), _plate_pose(other)
+    turn = there[0] @ here[0].T
+    local = plate.moment - np.cross(here[1], plate.force)
+    force, moment = plate.force @ turn.T, local @ turn.T
+    return replace(plate, force=force, moment=moment + np.cross(there[1], force), corners=other.corners)
 
 
-def _sway(plate: PlateRecording, height: float) -> float:
-    """Typical distance of the centre of pressure from its middle [m]; NaN where the plate is not loaded."""
-    point = pressure_center(plate.force, plate.moment, height)
-    point = point[np.isfinite(point[:, 0]), :2]
-    if not len(point):
-        return float("nan")
-    return float(np.median(np.linalg.norm(point - np.median(point, axis=0), axis=1)))
-
-
-def _levered(plate: PlateRecording, factor: float) -> PlateRecording:
-    """The plate with its moments about the middle of its surface times a factor."""
-    center = np.zeros(3) if plate.corners is None else plate.corners.mean(axis=0)
-    about = np.cross(center, plate.force)
-    return replace(plate, moment=about + factor * (plate.moment - about))
-
-
-def _ground_height(plates: Sequence[PlateRecording]) -> float:
-    heights = [float(plate.corners[:, 2].mean()) for plate in plates if plate.corners is not None]
-    return float(np.mean(heights)) if heights else 0.0
+def _plate_pose(plate: PlateRecording) -> tuple[Array, Array]:
+    """Rotation and centre of a plate; x and y along its edges, as C3D counts its corners."""
+    corners = np.asarray(plate.corners)
+    x = corners[0] + corners[3] - corners[1] - corners[2]
+    y = corners[0] + corners[1] - corners[2] - corners[3]
+    z = np.cross(x, y)
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    return np.column_stack([x, np.cross(z, x), z]), corners.mean(axis=0)
 
 
 def _at_times(plate: PlateRecording, time: Array, cutoff_hz: float | None, source: Path) -> PlateRecording:
@@ -347,88 +381,8 @@ def _at_times(plate: PlateRecording, time: Array, cutoff_hz: float | None, sourc
     values = np.hstack([plate.force, plate.moment])
     if len(values) > settling_samples(rate, cutoff):
         values = lowpass(values, rate, cutoff, 3)
-    at = np.column_stack([np.interp(time, plate.time, values[:, i]) for i in range(6)])
+    at = np.column_stack([np.interp(time, plate.time, column) for column in values.T])
     return replace(plate, time=time, force=at[:, :3], moment=at[:, 3:])
-
-
-def _in_metres(
-    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
-) -> tuple[list[PlateRecording], list[Finding]]:
-    """Points of application that are a thousand times too far out, plate by plate."""
-    read, names = [], []
-    for plate in plates:
-        scaled = plate
-        if plate.corners is None and typical_miss(plate, feet, height) > 5.0:
-            point = np.nan_to_num(pressure_center(plate.force, plate.moment, height))
-            free = plate.moment - np.cross(point, plate.force)
-            factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
-            scaled = replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free)
-            if typical_miss(scaled, feet, height) > FAR:
-                scaled = plate
-            else:
-                names.append(plate.name)
-        read.append(scaled)
-    if not names:
-        return plates, []
-    text = (
-        f"{source.name}: points of application of {' and '.join(names)} lie kilometres from the feet: they are "
-        "millimetres; converted"
-    )
-    return read, [Finding("units", text, {"factor": 1e-3}, tuple(names))]
-
-
-def _assign_feet(
-    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
-) -> tuple[tuple[PlateReading, ...], list[Finding]]:
-    """Each plate with the foot that stands on it."""
-    readings, swapped, findings = [], [], []
-    for plate in plates:
-        distances = foot_distances(plate, feet, height)
-        right, left = distances["right"], distances["left"]
-        loaded = np.isfinite(right)
-        on_right = bool(np.nansum(right[loaded] < left[loaded]) >= 0.5 * loaded.sum())
-        foot = "right" if on_right else "left"
-        miss = float(np.sqrt(np.nanmean(distances[foot] ** 2))) if loaded.any() else float("nan")
-        typical = float(np.nanmedian(distances[foot])) if loaded.any() else 0.0
-        if typical > FAR:
-            raise LogError(
-                f"its centre of pressure lies {100 * typical:.0f} cm from the nearer foot",
-                source=source,
-                field=plate.name,
-                remedy="check the plate's place, its unit of length, and that markers and forces belong together",
-            )
-        near = loaded & (np.minimum(right, left) < NEAR)
-        weight = plate.force[near, 2]
-        share = float(weight[right[near] < left[near]].sum() / max(weight.sum(), 1e-9))
-        if _SHARED < share < 1.0 - _SHARED:
-            text = f"{source.name}: both feet step on {plate.name} ({100 * share:.0f} % of its load is the right's)"
-            findings.append(Finding("shared_plate", text, {"right_share": share}, (plate.name,)))
-        if plate.foot is not None and plate.foot != foot:
-            swapped.append((plate.name, foot))
-        center = _plate_center(plate, height)
-        readings.append(
-            PlateReading(
-                name=plate.name,
-                center=center,
-                force=plate.force,
-                moment=plate.moment - np.cross(center, plate.force),
-                foot=f"{foot}_foot",
-                distance=miss,
-            )
-        )
-    if swapped:
-        names = tuple(name for name, _ in swapped)
-        listing = ", ".join(f"{name} lies under the {foot} foot" for name, foot in swapped)
-        text = f"{source.name}: left and right plates are swapped: {listing}; assigned by the markers"
-        findings.append(Finding("swapped_plates", text, {}, names))
-    return tuple(readings), findings
-
-
-def _plate_center(plate: PlateRecording, height: float) -> Array:
-    if plate.corners is not None:
-        return plate.corners.mean(axis=0)
-    point = pressure_center(plate.force, plate.moment, height)
-    return np.nanmedian(point, axis=0) if np.isfinite(point).any() else np.array([0.0, 0.0, height])
 
 
 # Ground reaction as the plates measured it and as two models predict it: table III and figures 8 and 9 of

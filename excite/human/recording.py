@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -73,6 +73,12 @@ class Recording:
         markers = {label: values @ rotation.T for label, values in self.markers.items()}
         return replace(self, markers=markers, plates=plates)
 
+    def build_finding(
+        self, kind: str, text: str, values: Mapping[str, float], channels: Sequence[str]
+    ) -> Finding:
+        """A finding of the file, which its text names."""
+        return Finding(kind, f"{self.source.name}: {text}", values, tuple(channels))
+
     def noting(self, *findings: Finding) -> Recording:
         """The recording with more findings."""
         return replace(self, findings=(*self.findings, *findings))
@@ -99,54 +105,57 @@ def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
         LogError: no marker of the set is in the file, or markers of several people are.
     """
     people = sorted({label.rsplit(":", 1)[0] for label in recording.markers if ":" in label})
-    shared = [bare_label(label) for label in recording.markers if bare_label(label) in markers.sites]
-    if len(people) > 1 and len(shared) > len(set(shared)):
+    bare = [bare_label(label) for label in recording.markers]
+    known = {
+        name: values
+        for name, values in zip(bare, recording.markers.values(), strict=True)
+        if name in markers.sites
+    }
+    if len(people) > 1 and sum(name in known for name in bare) > len(known):
         raise LogError(
             f"holds the markers of {len(people)} people: {list_names(people)}",
             source=recording.source,
             remedy="export one person's markers at a time",
         )
-    by_bare = {bare_label(label): values for label, values in recording.markers.items()}
-    known = {label: values for label, values in by_bare.items() if label in markers.sites}
     if not known:
         raise LogError(
             f"has none of the markers of set {markers.name!r}",
             source=recording.source,
             remedy="give the right set or a mapping file with --markers",
         )
-    findings = []
-    unknown = sorted(by_bare.keys() - known.keys())
-    if unknown:
-        text = (
-            f"{recording.source.name}: {len(unknown)} labels are not in marker set {markers.name!r}: "
-            f"{list_names(unknown)}"
-        )
-        findings.append(Finding("unknown_markers", text, {"markers": float(len(unknown))}, tuple(unknown)))
-    return replace(recording, markers=known).noting(*findings)
+    found = replace(recording, markers=known)
+    unknown = sorted(set(bare) - known.keys())
+    if not unknown:
+        return found
+    text = f"{len(unknown)} labels are not in marker set {markers.name!r}: {list_names(unknown)}"
+    return found.noting(
+        found.build_finding("unknown_markers", text, {"markers": float(len(unknown))}, unknown)
+    )
 
 
 def absent_markers(recording: Recording, wanted: tuple[str, ...]) -> tuple[Finding, ...]:
     """Findings on markers that are not in a file, or hardly ever seen."""
-    found = []
-    absent = tuple(label for label in wanted if label not in recording.markers)
-    if absent:
-        text = f"{recording.source.name}: markers missing from the file: {list_names(absent, 12)}"
-        found.append(Finding("missing_markers", text, {"markers": float(len(absent))}, absent))
     share = {
         label: float(np.isfinite(values).all(axis=1).mean()) for label, values in recording.markers.items()
     }
-    rare = tuple(label for label in recording.markers if share[label] < _SEEN_TOO_SELDOM)
-    if rare:
-        text = f"{recording.source.name}: markers seen in fewer than a tenth of the frames: {list_names(rare, 12)}"
-        found.append(Finding("missing_markers", text, {"markers": float(len(rare))}, rare))
-    gaps = tuple(label for label in recording.markers if _SEEN_TOO_SELDOM <= share[label] < 1.0)
-    if gaps:
-        worst = min(gaps, key=lambda label: share[label])
-        text = (
-            f"{recording.source.name}: {len(gaps)} markers have gaps, most of all {worst} "
-            f"({100 * (1 - share[worst]):.1f} % of frames)"
+    absent = [label for label in wanted if label not in share]
+    rare = [label for label in share if share[label] < _SEEN_TOO_SELDOM]
+    gaps = [label for label in share if _SEEN_TOO_SELDOM <= share[label] < 1.0]
+    found = [
+        recording.build_finding(
+            "missing_markers", f"{text}: {list_names(labels, 12)}", {"markers": float(len(labels))}, labels
         )
-        found.append(Finding("gaps", text, {"worst_share": 1.0 - share[worst]}, gaps))
+        for text, labels in (
+            ("markers missing from the file", absent),
+            ("markers seen in fewer than a tenth of the frames", rare),
+        )
+        if labels
+    ]
+    if gaps:
+        worst = min(gaps, key=share.__getitem__)
+        left = 1.0 - share[worst]
+        text = f"{len(gaps)} markers have gaps, most of all {worst} ({100 * left:.1f} % of frames)"
+        found.append(recording.build_finding("gaps", text, {"worst_share": left}, gaps))
     return tuple(found)
 
 
@@ -170,17 +179,17 @@ def in_metres(recording: Recording, subject: Subject) -> Recording:
     share = float(extent) / subject.height
     if 0.3 < share < 1.6:
         return recording
+    said = f"markers span {extent:.4g} m on a person of {subject.height:.2f} m"
     for factor, unit in _UNITS.items():
         if 0.3 < share * factor < 1.6:
-            text = (
-                f"{recording.source.name}: markers span {extent:.4g} m on a person of {subject.height:.2f} m: "
-                f"they are {unit} while the file says otherwise; converted"
-            )
+            text = f"{said}: they are {unit} while the file says otherwise; converted"
             markers = {label: values * factor for label, values in recording.markers.items()}
-            found = Finding("units", text, {"span": float(extent), "factor": factor}, ("markers",))
-            return replace(recording, markers=markers).noting(found)
+            values = {"span": float(extent), "factor": factor}
+            return replace(recording, markers=markers).noting(
+                recording.build_finding("units", text, values, ["markers"])
+            )
     raise LogError(
-        f"markers span {extent:.4g} m on a person of {subject.height:.2f} m",
+        said,
         source=recording.source,
         field="units",
         remedy="state the unit that the file is in, or the right height",

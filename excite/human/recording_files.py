@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,125 +91,30 @@ def _read_plate(plate: Any, index: int, length: float, time: np.ndarray, path: P
         raise LogError(
             "has channels of another kind", source=path, field=f"plate {index + 1}", remedy="export it again"
         )
-    force, about_center = (
-        np.where(np.isnan(force), 0.0, force),
-        np.where(np.isnan(about_center), 0.0, about_center),
-    )
+    force, about_center = (np.where(np.isnan(values), 0.0, values) for values in (force, about_center))
     moment = about_center + np.cross(corners.mean(axis=0), force)
     at = np.arange(len(force)) * (time[1] - time[0]) * len(time) / max(len(force), 1)
     return PlateRecording(f"plate_{index + 1}", at, force, moment, corners)
 
 
-# Plain tables: time, three columns of each marker, and forces with moments or centres of pressure of each plate.
+# Tables: time, three columns of each marker, and forces with moments or centres of pressure of each plate.
 
 # A unit that is not known: what it is shows in the person's weight.
 _OTHER_UNIT = re.compile(r"\s*(?:\[[^\[\]]*\]|\([^()]*\))\s*$")
-
-
-def read_csv_file(path: Path) -> Recording:
-    """One row a frame; an empty field is a missing marker; of what is sampled less often, rows between are empty.
-
-    Names are those of :func:`columns_of`. Moments are about the file's origin; where there is a centre of pressure,
-    moments are its force's, and the torque that there is besides.
-    """
-    found_table = read_table(path, error=LogError)
-    named = columns_of([_OTHER_UNIT.sub("", label) for label in found_table.columns])
-    if named.time is None:
-        raise LogError(
-            "has no column time",
-            source=path,
-            remedy="name the columns above the rows, one of them time; of Motive or Nexus export C3D, which holds "
-            "the plates too",
-        )
-    table = {
-        _OTHER_UNIT.sub("", label): numbers_of_words(values, label, path, found_table.dress.skip, LogError)
-        for label, values in found_table.in_si(path, LogError).items()
-        if label
-    }
-    time = checked_time(table[named.time], path)
-    markers = {stem: _column_vector(table, axes, stem, path) for stem, axes in named.markers.items()}
-    found: list[Finding] = []
-    plates = tuple(_table_plate(table, plate, time, path, found) for plate in named.plates)
-    frames = _sampled_rows(list(markers.values()), len(time))
-    markers = {stem: values[frames] for stem, values in markers.items()}
-    plates = tuple(_own_rows(plate) for plate in plates)
-    return Recording(path, time[frames], markers, plates, tuple(found))
-
-
-def _sampled_rows(channels: Sequence[Array], n: int) -> NDArray[np.int64]:
-    """Rows in which channels were sampled: every k-th where those between are always empty, else all ``n``."""
-    every = np.arange(n)
-    if not channels:
-        return every
-    there = np.flatnonzero(np.isfinite(np.column_stack(channels)).any(axis=1))
-    if len(there) < 3:
-        return every
-    step = int(np.median(np.diff(there)))
-    # Frames in which nothing was seen stand between others, on the same grid.
-    if step < 2 or ((there - there[0]) % step).any():
-        return every
-    return np.arange(there[0] % step, n, step)
-
-
-def _own_rows(plate: PlateRecording) -> PlateRecording:
-    rows = _sampled_rows([plate.force], len(plate.time))
-    return replace(plate, time=plate.time[rows], force=plate.force[rows], moment=plate.moment[rows])
-
-
-def _table_plate(
-    table: Mapping[str, Array], plate: Plate, time: Array, path: Path, found: list[Finding]
-) -> PlateRecording:
-    def of(kind: str) -> Array:
-        axes = {axis: plate.columns[kind + axis] for axis in "xyz" if kind + axis in plate.columns}
-        return _column_vector(table, axes, f"{plate.name}, {kind}", path)
-
-    force = of("f")
-    if {"px", "py"} <= plate.columns.keys():
-        level = np.zeros(len(time))
-        point = np.column_stack(
-            [table[plate.columns[key]] if key in plate.columns else level for key in ("px", "py", "pz")]
-        )
-        # Of an unloaded plate no centre of pressure is known.
-        point = np.where(np.isfinite(point).all(axis=1, keepdims=True), point, 0.0)
-        torque = np.zeros_like(force)
-        for k, axis in enumerate("xyz"):
-            if f"t{axis}" in plate.columns:
-                torque[:, k] = table[plate.columns[f"t{axis}"]]
-        if not any(f"t{axis}" in plate.columns for axis in "xyz"):
-            text = f"{path.name}: {plate.name} has a centre of pressure and no free torque (Tz): it is taken as zero"
-            found.append(Finding("free_torque", text, {}, (plate.name,)))
-        return PlateRecording(plate.name, time, force, np.cross(point, force) + torque)
-    if plate.has("m") or plate.has("t"):
-        return PlateRecording(plate.name, time, force, of("m" if plate.has("m") else "t"))
-    raise LogError(
-        "has forces and neither moments nor a centre of pressure",
-        source=path,
-        field=plate.name[:60],
-        remedy="write Mx, My, Mz about the origin, or COPx, COPy and Tz",
-    )
-
-
-def _column_vector(table: Mapping[str, Array], axes: Mapping[str, str], stem: str, path: Path) -> Array:
-    missing = [axis for axis in "xyz" if axis not in axes]
-    if missing:
-        raise LogError(
-            "column is missing", source=path, field=f"{stem}.{missing[0]}"[:60], remedy="write all components"
-        )
-    return np.column_stack([table[axes[axis]] for axis in "xyz"])
-
-
-# What the columns of a laboratory's table are, by their names: time, markers, and what plates measured.
-
 _TIMES = {"time", "t", "times", "timestamp", "seconds", "sec"}
 _BETWEEN_CHARACTERS = " ._:-/"
 _BETWEEN = r"[\s._:/\-]*"
-_MARKER = re.compile(r"(?P<stem>.+?)(?P<between>[\s._:/\-]*)(?P<axis>[xyzXYZ])")
-# FP1_Fx, plate.left.fx, Fx1, Force Plate 2 - COPy, ground_force_r_px.
+_MARKER = re.compile(r"(?P<stem>.+?)[\s._:/\-]*(?P<axis>[xyzXYZ])")
+# FP1_Fx, plate.left.fx, Fx1, Force Plate 2 - COPy.
 _PLATE = re.compile(
     rf"(?P<stem>.*?)(?<![a-z])(?P<kind>force|moment|torque|cop|f|m|t|p)[ _]?(?P<axis>[xyz])(?P<tail>{_BETWEEN}\d*)",
     re.IGNORECASE,
 )
-_KINDS = {"force": "f", "moment": "m", "torque": "t", "cop": "p"}
+# OpenSim's ground_force_vx, ground_force_px, ground_torque_x; FP1_tx; ground_force_r_vx, ground_torque_r_x.
+_STORED_PLATE = re.compile(
+    rf"(?P<stem>.*?)(?P<kind>(?<![a-z])[vptm]|(?<=torque_)|(?<=torque_[rl]_))(?P<axis>[xyz])(?P<tail>{_BETWEEN}\d*)"
+)
+_KINDS = {"force": "f", "moment": "m", "torque": "t", "cop": "p", "v": "f", "": "t"}
 
 
 @dataclass(frozen=True)
@@ -219,9 +124,9 @@ class Plate:
     name: str
     columns: dict[str, str] = field(default_factory=dict)
 
-    def has(self, kind: str) -> bool:
-        """Whether all three components of a kind are there."""
-        return all(kind + axis in self.columns for axis in "xyz")
+    def columns_by_axis(self, kind: str) -> dict[str, str]:
+        """Columns of a kind by axis."""
+        return {axis: self.columns[kind + axis] for axis in "xyz" if kind + axis in self.columns}
 
 
 @dataclass(frozen=True)
@@ -239,7 +144,7 @@ class Columns:
     plates: tuple[Plate, ...]
 
 
-def columns_of(labels: Sequence[str]) -> Columns:
+def columns_of(labels: Sequence[str], pattern: re.Pattern[str] = _PLATE) -> Columns:
     """What the columns are.
 
     Markers end in an axis, ``RSHO.x``, ``RSHO_X``, ``RSHO X (mm)``; forces, moments and centres of pressure of a
@@ -248,14 +153,20 @@ def columns_of(labels: Sequence[str]) -> Columns:
     time = next((name for name in labels if name.lower() in _TIMES), None)
     plates: dict[str, Plate] = {}
     for name in labels:
-        found = _PLATE.fullmatch(name)
+        found = pattern.fullmatch(name)
         if found:
             kind = found["kind"].lower()
             whose = (found["stem"] + found["tail"]).strip(_BETWEEN_CHARACTERS)
+            if pattern is _STORED_PLATE:
+                # A moment beside a point of application is one about it.
+                whose, kind = whose.replace("torque", "force"), kind.replace("m", "t")
             key = _KINDS.get(kind, kind) + found["axis"].lower()
-            plates.setdefault(whose, Plate(_plate_name(whose))).columns[key] = name
-    plates = {whose: plate for whose, plate in plates.items() if plate.has("f")}
-    taken = {name for plate in plates.values() for name in plate.columns.values()}
+            plate = plates.setdefault(whose, Plate(re.sub(r"^plate\.", "", whose) or "plate"))
+            plate.columns[key] = name
+    # In a file of forces one component tells of a plate, and the others are missed.
+    least = 3 if pattern is _PLATE else 1
+    loaded = tuple(plate for plate in plates.values() if len(plate.columns_by_axis("f")) >= least)
+    taken = {name for plate in loaded for name in plate.columns.values()}
     markers: dict[str, dict[str, str]] = {}
     for name in labels:
         found = _MARKER.fullmatch(name)
@@ -263,14 +174,40 @@ def columns_of(labels: Sequence[str]) -> Columns:
             markers.setdefault(found["stem"].strip(), {})[found["axis"].lower()] = name
     # A name that happens to end in x is no marker; one with a dot says that it is.
     markers = {stem: axes for stem, axes in markers.items() if len(axes) == 3 or f"{stem}.x" in labels}
-    return Columns(time, markers, tuple(plates.values()))
+    return Columns(time, markers, loaded)
 
 
-def _plate_name(whose: str) -> str:
-    return re.sub(r"^plate\.", "", whose) or "plate"
+def read_csv_file(path: Path) -> Recording:
+    """One row a frame; an empty field is a missing marker; of what is sampled less often, rows between are empty.
 
-
-# MOT and STO files of OpenSim that hold ground reaction forces, and TRC files of markers.
+    Names are those of :func:`columns_of`. Moments are about the file's origin; where there is a centre of pressure,
+    moments are its force's, and the torque that there is besides.
+    """
+    table = read_table(path, error=LogError)
+    named = columns_of([_OTHER_UNIT.sub("", label) for label in table.columns])
+    if named.time is None:
+        raise LogError(
+            "has no column time",
+            source=path,
+            remedy="name the columns above the rows, one of them time; of Motive or Nexus export C3D, which holds "
+            "the plates too",
+        )
+    columns = {
+        _OTHER_UNIT.sub("", label): numbers_of_words(values, label, path, table.dress.skip, LogError)
+        for label, values in table.in_si(path, LogError).items()
+        if label
+    }
+    time = checked_time(columns[named.time], path)
+    markers = {stem: _column_vector(columns, axes, stem, path) for stem, axes in named.markers.items()}
+    findings: list[Finding] = []
+    plates = []
+    for plate in named.plates:
+        read = _table_plate(columns, plate, time, path, findings)
+        rows = _sampled_rows([read.force], len(time))
+        plates.append(replace(read, time=time[rows], force=read.force[rows], moment=read.moment[rows]))
+    frames = _sampled_rows(list(markers.values()), len(time))
+    seen = {stem: values[frames] for stem, values in markers.items()}
+    return Recording(path, time[frames], seen, tuple(plates), tuple(findings))
 
 
 def read_storage_file(path: Path) -> Recording:
@@ -278,54 +215,73 @@ def read_storage_file(path: Path) -> Recording:
     columns = read_storage(path, LogError)
     time = checked_time(columns["time"], path)
     plates: list[PlateRecording] = []
-    for label in columns:
-        if not label.endswith("vx"):
-            continue
-        stem = label[:-2]
-        force = _storage_vector(columns, stem + "v", path)
-        point = _storage_vector(columns, stem + "p", path)
-        torque_stem = stem.replace("force", "torque")
-        torque = np.zeros_like(force)
-        if f"{torque_stem}x" in columns and torque_stem != stem:
-            torque = _storage_vector(columns, torque_stem, path)
-        loaded = np.abs(force).max(axis=1) > 0.0
-        point = np.where(loaded[:, None], point, 0.0)
-        plates.append(
-            PlateRecording(
-                name=_storage_plate_name(stem, len(plates)),
-                time=time,
-                force=force,
-                moment=np.cross(point, force) + torque,
-                foot=_stated_foot(stem),
-            )
-        )
+    findings: list[Finding] = []
+    for plate in columns_of(list(columns), _STORED_PLATE).plates:
+        words = set(re.split(r"[_.]", plate.name.lower()))
+        foot = "right" if {"r", "right"} & words else "left" if {"l", "left"} & words else None
+        named = Plate(f"plate_{foot or len(plates) + 1}", plate.columns)
+        plates.append(replace(_table_plate(columns, named, time, path, findings), foot=foot))
     if not plates:
         raise LogError(
             "has no columns of a ground reaction force (…_vx, …_px, …torque_x)",
             source=path,
             remedy="export forces and points of application",
         )
-    return Recording(path, time, {}, tuple(plates))
+    return Recording(path, time, {}, tuple(plates), tuple(findings))
 
 
-def _storage_vector(columns: dict[str, Array], stem: str, path: Path) -> Array:
-    axes = {axis: f"{stem}{axis}" for axis in "xyz" if f"{stem}{axis}" in columns}
-    values = _column_vector(columns, axes, stem, path)
-    if not np.isfinite(values).all():
-        raise LogError("is not finite", source=path, field=f"{stem}x", remedy="export it again")
-    return values
+def _sampled_rows(channels: Sequence[Array], n: int) -> NDArray[np.int64]:
+    """Rows in which channels were sampled: every k-th where those between are always empty, else all ``n``."""
+    every = np.arange(n)
+    if not channels:
+        return every
+    there = np.flatnonzero(np.isfinite(np.column_stack(channels)).any(axis=1))
+    if len(there) < 3:
+        return every
+    step = int(np.median(np.diff(there)))
+    # Frames in which nothing was seen stand between others, on the same grid.
+    if step < 2 or ((there - there[0]) % step).any():
+        return every
+    return np.arange(there[0] % step, n, step)
 
 
-def _stated_foot(stem: str) -> str | None:
-    parts = re.split(r"[_.]", stem.lower())
-    if {"r", "right"} & set(parts):
-        return "right"
-    return "left" if {"l", "left"} & set(parts) else None
+def _table_plate(
+    table: Mapping[str, Array], plate: Plate, time: Array, path: Path, found: list[Finding]
+) -> PlateRecording:
+    """Forces with moments about the origin, or with points of application and the torque besides."""
+    force = _column_vector(table, plate.columns_by_axis("f"), f"{plate.name}, f", path)
+    points, torques, moments = (plate.columns_by_axis(kind) for kind in "ptm")
+    if len(points) >= 2:
+        zero = np.zeros(len(time))
+        point, torque = (
+            np.column_stack([table.get(axes.get(axis, ""), zero) for axis in "xyz"])
+            for axes in (points, torques)
+        )
+        if len(torques) == 2:
+            _column_vector(table, torques, f"{plate.name}, torque", path)
+        if not torques:
+            text = f"{path.name}: {plate.name} has a centre of pressure and no free torque (Tz): it is taken as zero"
+            found.append(Finding("free_torque", text, {}, (plate.name,)))
+        # Of an unloaded plate no centre of pressure is known.
+        point = np.where(np.isfinite(point).all(axis=1, keepdims=True), point, 0.0)
+        return PlateRecording(plate.name, time, force, np.cross(point, force) + torque)
+    for axes in (moments, torques):
+        if len(axes) == 3:
+            return PlateRecording(plate.name, time, force, _column_vector(table, axes, plate.name, path))
+    raise LogError(
+        "has forces and neither moments nor a centre of pressure",
+        source=path,
+        field=plate.name[:60],
+        remedy="write Mx, My, Mz about the origin, or COPx, COPy and Tz",
+    )
 
 
-def _storage_plate_name(stem: str, index: int) -> str:
-    foot = _stated_foot(stem)
-    return f"plate_{foot}" if foot else f"plate_{index + 1}"
+def _column_vector(table: Mapping[str, Array], axes: Mapping[str, str], stem: str, path: Path) -> Array:
+    for axis in "xyz":
+        if axis not in axes:
+            field = f"{stem}.{axis}"[:60]
+            raise LogError("column is missing", source=path, field=field, remedy="write all components")
+    return np.column_stack([table[axes[axis]] for axis in "xyz"])
 
 
 def read_trc_file(path: Path) -> Recording:
@@ -347,60 +303,47 @@ _MOST_MARKERS = 20_000
 _SLOWEST_HZ, _FASTEST_HZ = 5.0, 1e5
 # Frames come at one rate: a longer step is a frame that is not there.
 _LONGEST_STEP = 1.5
-_PLAUSIBLE_REMEDY = "export it again"
 
 
 def check_recording(recording: Recording) -> Recording:
     """The recording, if markers and plates are within bounds; raises LogError that names the channel."""
-    path = recording.source
+
+    def refuse(what: str, field: str | None = None, remedy: str = "export it again") -> NoReturn:
+        raise LogError(what, source=recording.source, field=field, remedy=remedy)
+
     if len(recording.markers) > _MOST_MARKERS:
-        raise LogError(f"has {len(recording.markers)} markers", source=path, remedy=_PLAUSIBLE_REMEDY)
+        refuse(f"has {len(recording.markers)} markers")
     if recording.markers:
-        _check_frames(recording.time, path)
-    for label, values in recording.markers.items():
-        largest = np.abs(values, where=~np.isnan(values), out=np.zeros_like(values)).max(initial=0.0)
-        if not largest <= _FARTHEST:
-            raise LogError(
-                f"lies {largest:.3g} m away", source=path, field=label[:60], remedy=_PLAUSIBLE_REMEDY
+        step = np.diff(recording.time)
+        usual, row = float(np.median(step)), int(np.argmax(step))
+        if not 1.0 / _FASTEST_HZ <= usual <= 1.0 / _SLOWEST_HZ:
+            refuse(f"frames come every {usual:.3g} s", "time", "write seconds")
+        if step[row] > _LONGEST_STEP * usual:
+            refuse(
+                f"leaps by {step[row]:.4g} s after {recording.time[row]:.6g} s, where frames come every {usual:.3g} s",
+                "time",
+                "write a row for each frame, with empty fields for what was not seen",
             )
-    for plate in recording.plates:
-        _check_plate(plate, path)
+    for channel, values, most in _channels_of(recording):
+        largest = np.abs(values).max(initial=0.0)
+        if not np.isfinite(values).all() and channel not in recording.markers:
+            refuse("is not finite", channel, "write every number")
+        if not largest <= most:
+            far = channel in recording.markers
+            refuse(f"lies {largest:.3g} m away" if far else f"reaches {largest:.3g}", channel[:60])
     return recording
 
 
-def _check_frames(time: Array, path: Path) -> None:
-    step = np.diff(time)
-    usual = float(np.median(step))
-    if not 1.0 / _FASTEST_HZ <= usual <= 1.0 / _SLOWEST_HZ:
-        raise LogError(f"frames come every {usual:.3g} s", source=path, field="time", remedy="write seconds")
-    if step.max() > _LONGEST_STEP * usual:
-        row = int(np.argmax(step))
-        raise LogError(
-            f"leaps by {step[row]:.4g} s after {time[row]:.6g} s, where frames come every {usual:.3g} s",
-            source=path,
-            field="time",
-            remedy="write a row for each frame, with empty fields for what was not seen",
-        )
-
-
-def _check_plate(plate: PlateRecording, path: Path) -> None:
-    corners = np.zeros(0) if plate.corners is None else plate.corners
-    for name, values, largest in (
-        ("force", plate.force, _LARGEST_FORCE),
-        ("moment", plate.moment, _LARGEST_MOMENT),
-        ("corners", corners, _FARTHEST),
-    ):
-        if not np.isfinite(values).all():
-            raise LogError(
-                "is not finite", source=path, field=f"{plate.name[:60]}, {name}", remedy="write every number"
-            )
-        if np.abs(values).max(initial=0.0) > largest:
-            raise LogError(
-                f"reaches {np.abs(values).max():.3g}",
-                source=path,
-                field=f"{plate.name[:60]}, {name}",
-                remedy=_PLAUSIBLE_REMEDY,
-            )
+def _channels_of(recording: Recording) -> Iterator[tuple[str, Array, float]]:
+    """Names, values and the largest that is possible; of markers where they are seen."""
+    for label, values in recording.markers.items():
+        yield label, values[~np.isnan(values)], _FARTHEST
+    for plate in recording.plates:
+        name = plate.name[:60]
+        yield f"{name}, force", plate.force, _LARGEST_FORCE
+        yield f"{name}, moment", plate.moment, _LARGEST_MOMENT
+        if plate.corners is not None:
+            yield f"{name}, corners", plate.corners, _FARTHEST
 
 
 # Which reader answers to which ending.
@@ -451,24 +394,17 @@ def paired_recordings(
     Raises:
         LogError: markers without forces or forces without markers.
     """
-    read = [read_recording(path) for path in trials]
-    whole = [r for r in read if r.markers and r.plates]
-    bare = [r for r in read if r.markers and not r.plates]
-    forces = [r for r in read if not r.markers]
-    standing = [read_recording(path) for path in static]
+    read, standing = ([read_recording(path) for path in paths] for paths in (trials, static))
     for recording in standing:
         if not recording.markers:
             raise LogError("has no markers", source=recording.source, remedy="give a recording of standing")
-    named = {force.source.stem: force for force in forces}
-    joined, left = [], []
-    for recording in bare:
-        force = named.pop(recording.source.stem, None)
-        if force is None:
-            left.append(recording)
-        else:
-            joined.append(_join_recordings(recording, force))
-    rest = list(named.values())
-    moving = [r for r in left if not _is_standing(r)]
+    found = [r for r in read if r.markers and r.plates]
+    bare = [r for r in read if r.markers and not r.plates]
+    forces = {r.source.stem: r for r in read if not r.markers}
+    left = [r for r in bare if r.source.stem not in forces]
+    pairs = [(r, forces.pop(r.source.stem)) for r in bare if r not in left]
+    rest = list(forces.values())
+    moving = [r for r in left if not any(word in r.source.stem.lower() for word in _STANDING)]
     if len(rest) != len(moving) and len(rest) == len(left):
         moving = left
     standing += [r for r in left if r not in moving]
@@ -482,20 +418,11 @@ def paired_recordings(
         raise LogError(
             "has forces only", source=rest[len(moving)].source, remedy="give the file with its markers too"
         )
-    joined += [_join_recordings(markers, force) for markers, force in zip(moving, rest, strict=True)]
-    order = {path: i for i, path in enumerate(trials)}
-    found = sorted((*whole, *joined), key=lambda r: order[r.source])
+    pairs += zip(moving, rest, strict=True)
+    found += [replace(r, plates=force.plates).noting(*force.findings) for r, force in pairs]
     if not found:
         raise LogError(
             "no trial with markers and forces", remedy="give C3D files, or TRC and MOT files together"
         )
-    return tuple(found), tuple(standing)
-
-
-def _join_recordings(markers: Recording, forces: Recording) -> Recording:
-    return replace(markers, plates=forces.plates)
-
-
-def _is_standing(recording: Recording) -> bool:
-    stem = recording.source.stem.lower()
-    return any(word in stem for word in _STANDING)
+    order = {path: i for i, path in enumerate(trials)}
+    return tuple(sorted(found, key=lambda r: order[r.source])), tuple(standing)

@@ -112,7 +112,7 @@ def test_what_was_found_is_written_where_a_later_plan_fails(
 
 
 def test_minutes_are_kept_and_only_what_they_reach_is_aimed_at(ur10: Robot, tmp_path: Path) -> None:
-    asked = CampaignSettings(n_candidates=4, max_iterations=2, minutes=0.25)
+    asked = CampaignSettings(n_candidates=2, max_iterations=2, minutes=0.25)
     result = campaign(ur10, tmp_path, asked)
     first = json.loads((tmp_path / "iteration_1" / "plan.json").read_text())
     assert list(result.aims) == first["reaches"]

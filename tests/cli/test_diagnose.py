@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from excite.campaign import applied as apply
-from excite.cli.identification import _next_of_diagnosis
 from excite.cli.main import app
+from excite.cli.results import _next_of_diagnosis
 from excite.errors import RobotError
 from excite.logs.files import save_log
 from tests.diagnosis.two_joints import moved, two_joint_log

@@ -18,7 +18,7 @@ from excite.robot.loading import load_robot
 
 _BROKEN = """
 import sys
-import excite.cli.identification
+import excite.cli.results
 from excite.atomic import write_text
 from pathlib import Path
 import excite
@@ -55,7 +55,7 @@ def python(code: str, *arguments: str, cwd: Path, **environment: str) -> subproc
 
 _UNLOADABLE = """
 import sys
-import excite.cli.identification
+import excite.cli.results
 import excite
 def fail():
     raise ImportError("hare cannot be loaded")

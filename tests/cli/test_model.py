@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import excite
 from excite.cli.main import app
-from excite.cli.outputs import _relative_change, _shown_changes
+from excite.cli.results import _relative_change, _shown_changes
 from excite.export.models.subject import Change
 from excite.logs.files import save_log
 from tests.diagnosis.two_joints import moved, two_joint_log

@@ -12,7 +12,14 @@ from tests.diagnosis.servo_arm import MASS, clipped_log
 ARMS = {"ur10": 1, "panda": 3, "iiwa14": 1}
 
 
-@pytest.mark.parametrize(("name", "share"), [("ur10", 0.3), ("panda", 0.05), ("iiwa14", 0.5)])
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [
+        ("ur10", 0.3),
+        pytest.param("panda", 0.05, marks=pytest.mark.battery),
+        pytest.param("iiwa14", 0.5, marks=pytest.mark.battery),
+    ],
+)
 def test_nothing_is_found_where_a_torque_is_cut_off_by_its_sensor(
     name: str, share: float, tmp_path: Path
 ) -> None:
@@ -23,7 +30,14 @@ def test_nothing_is_found_where_a_torque_is_cut_off_by_its_sensor(
     assert any("clipped" in text and "left out" in text for text in result.warnings)
 
 
-@pytest.mark.parametrize(("name", "share"), [("ur10", 0.5), ("panda", 0.3), ("iiwa14", 0.05)])
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [
+        ("ur10", 0.5),
+        pytest.param("panda", 0.3, marks=pytest.mark.battery),
+        pytest.param("iiwa14", 0.05, marks=pytest.mark.battery),
+    ],
+)
 def test_what_is_there_is_found_beside_torques_that_are_cut_off(
     name: str, share: float, tmp_path: Path
 ) -> None:

@@ -28,7 +28,7 @@ def turning(rng: np.random.Generator, time: Array, low: Array, high: Array, fast
     return q
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.battery)])
 def test_an_arm_that_moves_as_modelled_has_no_gap_though_its_encoders_are_noisy(seed: int) -> None:
     """Encoders of 20 µrad beside torques of 2 %: the wrist's inertia torque is as much noise as motion."""
     robot = load_robot("jaco2")

@@ -13,7 +13,12 @@ SLOW = (0.06, 0.11, 0.17, 0.26, 0.37)
 
 
 @pytest.mark.parametrize(
-    ("name", "delay", "tilt"), [("ur10", 0.012, 0.0), ("ur10", 0.02, 0.052), ("iiwa14", 0.012, 0.052)]
+    ("name", "delay", "tilt"),
+    [
+        ("ur10", 0.02, 0.052),
+        pytest.param("ur10", 0.012, 0.0, marks=pytest.mark.battery),
+        pytest.param("iiwa14", 0.012, 0.052, marks=pytest.mark.battery),
+    ],
 )
 def test_a_delay_is_named_and_sized(name: str, delay: float, tilt: float, tmp_path: Path) -> None:
     result = diagnose(arm_log(tmp_path / "log", name, delay=delay, tilt=tilt, hertz=SLOW))

@@ -14,15 +14,23 @@ from excite.human.segments import Subject
 SUBJECT = Subject(70.0, 1.82, "male")
 
 
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A minute of a person whose segments all differ from the table's: true masses, the person, the log's folder."""
+    folder = tmp_path_factory.mktemp("person")
+    session = simulate_person(folder / "files", SUBJECT, seconds=60.0, seed=5)
+    person = measure_person(SUBJECT, session.moving, session.standing)
+    write_person(person, folder / "log")
+    return session.masses, person, folder / "log"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["hqp", "lmi"])
-def test_intervals_hold_the_truth_of_a_person_whose_segments_all_differ(method, tmp_path):
+def test_intervals_hold_the_truth_of_a_person_whose_segments_all_differ(method, measured):
     # Torso and pelvis explain 0.94 of what this person's table leaves; the others are no nearer to it for that.
-    session = simulate_person(tmp_path / "files", SUBJECT, seconds=60.0, seed=5)
-    person = measure_person(SUBJECT, session.moving, session.standing)
-    write_person(person, tmp_path / "log")
-    rows = identify_person(person, tmp_path / "log", method).table.rows
-    off = np.array([(row.identified - session.masses[row.segment]) / row.std for row in rows])
+    masses, person, folder = measured
+    rows = identify_person(person, folder, method).table.rows
+    off = np.array([(row.identified - masses[row.segment]) / row.std for row in rows])
     assert np.mean(np.abs(off) < 2.0) > 0.9
     assert np.sqrt(np.mean(off**2)) < 1.2
 

@@ -104,6 +104,30 @@ def test_a_plate_without_moments_is_asked_for_and_one_without_free_torque_is_nam
     assert read.plates[0].moment.tolist() == [[0, -70, 0], [0, 0, 0]]
 
 
+_STORED = " ".join(f"{{0}}{kind}{axis}" for kind in "vp" for axis in "xyz")
+
+
+@pytest.mark.parametrize(
+    ("stem", "torque", "name"),
+    [
+        ("ground_force_", "ground_torque_", "plate_1"),
+        ("1_ground_force_", "1_ground_torque_", "plate_1"),
+        ("ground_force_r_", "ground_torque_r_", "plate_right"),
+        ("l_ground_force_", "l_ground_torque_", "plate_left"),
+        ("FP1_", "FP1_t", "plate_1"),
+        ("ground_force_calcn_r_", "ground_force_calcn_r_m", "plate_right"),
+    ],
+)
+def test_forces_of_a_storage_file_by_any_of_the_usual_names(tmp_path, stem, torque, name):
+    """Where the plate is not loaded its point of application may be missing."""
+    file = tmp_path / "a.mot"
+    names = f"time {_STORED.format(stem)} " + " ".join(f"{torque}{axis}" for axis in "xyz")
+    file.write_text(f"a\nendheader\n{names}\n0 0 0 0 nan nan nan 0 0 0\n0.01 0 700 0 0.1 0 0.2 1 2 3\n")
+    (plate,) = read_recording(file).plates
+    assert plate.name == name and plate.force.tolist() == [[0, 0, 0], [0, 700, 0]]
+    assert plate.moment == pytest.approx(np.array([[0, 0, 0], [1 - 140, 2, 3 + 70]]))
+
+
 @pytest.mark.parametrize(
     ("name", "text", "says"),
     [

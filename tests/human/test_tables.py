@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.human.body import ANTHROPOMETRY, body_of
-from excite.human.segment_tables import DE_LEVA_TABLE, DUMAS_TABLE
+from excite.human.body import ANTHROPOMETRY, DE_LEVA_TABLE, DUMAS_TABLE, body_of
 from excite.human.segments import NAMES, Subject
 
 

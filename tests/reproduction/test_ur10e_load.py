@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
+
+import pytest
 
 from excite.identification.load import identify_drive_gains, identify_load, weigh_load
 from excite.logs.log import Log
@@ -11,31 +14,39 @@ from tests.reproduction.recordings import UR10E_GAINS
 from tests.reproduction.ur10e_load import MASS, SETTINGS, run_of_14_harmonics
 
 
-def part_of_log(data_dir: Path, folder: Path, name: str, part: tuple[float, float], load: str = "") -> Log:
-    """A part of the run with 14 harmonics, without or with the load."""
-    return run_of_14_harmonics(data_dir, folder, name, {"identification": part}, load=bool(load))
+class Parts(NamedTuple):
+    """The run with 14 harmonics without the load, and both halves of it with the load."""
+
+    bare: Log
+    halves: tuple[Log, Log]
 
 
-def test_the_load_is_weighed_within_three_percent(data_dir: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def parts(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Parts:
+    folder = tmp_path_factory.mktemp("ur10e")
+
+    def part(name: str, span: tuple[float, float], *, load: bool) -> Log:
+        return run_of_14_harmonics(data_dir, folder, name, {"identification": span}, load=load)
+
+    first, second = part("first", (0.0, 0.5), load=True), part("second", (0.5, 1.0), load=True)
+    return Parts(part("bare", (0.0, 1.0), load=False), (first, second))
+
+
+def test_the_load_is_weighed_within_three_percent(parts: Parts) -> None:
     """Measured when written: 2.792 and 2.824 kg for the halves, gains 10.8 12.3 10.0 10.3 10.2 10.3 N·m/A."""
-    bare = part_of_log(data_dir, tmp_path, "bare", (0.0, 1.0))
-    first = part_of_log(data_dir, tmp_path, "first", (0.0, 0.5), "Load")
-    second = part_of_log(data_dir, tmp_path, "second", (0.5, 1.0), "Load")
-    robot = nominal_robot(bare)
-    for known, judged in ((first, second), (second, first)):
-        gains = identify_drive_gains(robot, bare, known, MASS, SETTINGS)
-        load = identify_load(robot, bare, judged, gains.by_joint, SETTINGS)
+    robot = nominal_robot(parts.bare)
+    for known, judged in (parts.halves, parts.halves[::-1]):
+        gains = identify_drive_gains(robot, parts.bare, known, MASS, SETTINGS)
+        load = identify_load(robot, parts.bare, judged, gains.by_joint, SETTINGS)
         assert abs(load.load[0] / MASS - 1.0) < 0.03, load.summary()
     # The published gains make the load a tenth too heavy.
-    published = identify_load(robot, bare, second, UR10E_GAINS, SETTINGS)
+    published = identify_load(robot, parts.bare, parts.halves[1], UR10E_GAINS, SETTINGS)
     assert published.load[0] > 1.05 * MASS
 
 
-def test_the_load_is_inside_an_interval_of_a_tenth_of_a_kilogram(data_dir: Path, tmp_path: Path) -> None:
+def test_the_load_is_inside_an_interval_of_a_tenth_of_a_kilogram(parts: Parts) -> None:
     """Gains and both loads in one fit; gains first and the load after them left ± 0.125 and 0.130 kg."""
-    bare = part_of_log(data_dir, tmp_path, "bare", (0.0, 1.0))
-    first = part_of_log(data_dir, tmp_path, "first", (0.0, 0.5), "Load")
-    second = part_of_log(data_dir, tmp_path, "second", (0.5, 1.0), "Load")
-    for known, judged in ((first, second), (second, first)):
-        found = weigh_load(nominal_robot(bare), bare, judged, calibration=(known, MASS), settings=SETTINGS)
+    robot = nominal_robot(parts.bare)
+    for known, judged in (parts.halves, parts.halves[::-1]):
+        found = weigh_load(robot, parts.bare, judged, calibration=(known, MASS), settings=SETTINGS)
         assert abs(found.mass - MASS) < found.half_width_95[0] <= 0.1, found.summary()

@@ -15,111 +15,72 @@ from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.finding import list_names
 from excite.formats.documents import read_yaml
-from excite.human.body import DIMENSIONS, Dimensions, joint_offsets, stature_dimensions
+from excite.human.body import DIMENSIONS, DUMAS_PELVIS, Dimensions, joint_offsets, stature_dimensions
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, first_poses, solve_poses
-from excite.human.segment_tables import DUMAS_PELVIS
 from excite.human.segments import NAMES, PARENTS, SIDES, Subject
 from excite.human.skeleton import DESCENDANTS, N_SEGMENTS, N_VELOCITY, Pose, place_segments, point_jacobian
 
 # Where bony landmarks lie on the segments: first guesses, which calibration refines.
 
+_HERE = Path(__file__).parent
+# Stature that the places of the landmarks are of [m].
 _STATURE = 1.77
 
 
-@dataclass(frozen=True)
-class Landmark:
-    """A landmark of one side (of the right one, y counted outwards) or of the middle.
-
-    Attributes:
-        kind: segment without side.
-        anchor: joint-carried segment without side from whose joint it is measured; None for the segment's own
-            origin.
-        place: x forward, y outward (to the left in the middle), z up from there, of a man of 1.77 m [m].
-    """
+class Landmark(NamedTuple):
+    """A landmark of one side (of the right one, y counted outwards) or of the middle, as ``landmarks.yaml`` has it."""
 
     kind: str
     anchor: str | None
     place: tuple[float, float, float]
 
 
-# Dumas et al. 2007 place the cervical joint from C7 and suprasternale (53 to 55 % of their distance, 8° to 14°
-# above it) and the shoulder from the acromion; other places are of a mean man, good to two centimetres.
-_SIDED: dict[str, Landmark] = {
-    "asis": Landmark("pelvis", None, (0.021, 0.112, 0.083)),
-    "psis": Landmark("pelvis", None, (-0.135, 0.045, 0.090)),
-    "greater_trochanter": Landmark("thigh", None, (0.0, 0.075, -0.01)),
-    "lateral_knee": Landmark("thigh", "shank", (0.0, 0.055, 0.0)),
-    "medial_knee": Landmark("thigh", "shank", (0.0, -0.055, 0.0)),
-    "fibula_head": Landmark("shank", None, (-0.01, 0.05, -0.05)),
-    "lateral_ankle": Landmark("shank", "foot", (-0.005, 0.042, -0.005)),
-    "medial_ankle": Landmark("shank", "foot", (0.005, -0.040, 0.005)),
-    "heel": Landmark("foot", None, (-0.060, 0.0, -0.040)),
-    "first_metatarsal": Landmark("foot", None, (0.135, -0.045, -0.050)),
-    "second_metatarsal": Landmark("foot", None, (0.140, -0.010, -0.040)),
-    "fifth_metatarsal": Landmark("foot", None, (0.110, 0.055, -0.055)),
-    "toe": Landmark("foot", None, (0.195, -0.010, -0.050)),
-    "acromion": Landmark("torso", "upper_arm", (-0.010, -0.005, 0.055)),
-    "scapula": Landmark("torso", "upper_arm", (-0.120, -0.100, -0.060)),
-    "lateral_elbow": Landmark("upper_arm", "forearm", (0.0, 0.040, 0.0)),
-    "medial_elbow": Landmark("upper_arm", "forearm", (0.0, -0.040, 0.0)),
-    # Pronation belongs to the wrist: both styloids turn with the hand.
-    "radial_wrist": Landmark("hand", None, (0.0, 0.033, 0.0)),
-    "ulnar_wrist": Landmark("hand", None, (0.0, -0.033, 0.0)),
-    "second_metacarpal": Landmark("hand", None, (-0.015, 0.025, -0.085)),
-    "fifth_metacarpal": Landmark("hand", None, (-0.015, -0.035, -0.075)),
-    "temple": Landmark("head", None, (0.060, 0.075, 0.150)),
-    "back_of_head": Landmark("head", None, (-0.090, 0.060, 0.150)),
-}
-_MIDDLE: dict[str, Landmark] = {
-    "sacrum": Landmark("pelvis", None, (-0.140, 0.0, 0.090)),
-    "c7": Landmark("torso", "head", (-0.076, 0.0, 0.025)),
-    "t8": Landmark("torso", "head", (-0.110, 0.0, -0.170)),
-    "t10": Landmark("torso", "head", (-0.100, 0.0, -0.240)),
-    "suprasternale": Landmark("torso", "head", (0.052, 0.0, -0.043)),
-    "xiphoid": Landmark("torso", "head", (0.090, 0.0, -0.200)),
-    "vertex": Landmark("head", None, (0.0, 0.0, 0.244)),
-    "parietal": Landmark("head", None, (-0.040, 0.0, 0.235)),
+_LANDMARKS = {
+    group: {name: Landmark(*row) for name, row in rows.items()}
+    for group, rows in read_yaml(_HERE / "landmarks.yaml").items()
 }
 LANDMARKS: tuple[str, ...] = (
-    *_MIDDLE,
-    *(f"{side}_{name}" for side in SIDES for name in _SIDED),
+    *_LANDMARKS["middle"],
+    *(f"{side}_{name}" for side in SIDES for name in _LANDMARKS["sided"]),
 )
 
 
 def landmark_segment(name: str) -> str:
     """The segment that carries a landmark; raises UnknownNameError."""
     landmark, side = _find_landmark(name)
-    return landmark.kind if side is None or landmark.kind in NAMES else f"{side}_{landmark.kind}"
+    return _of_side(landmark.kind, side)
 
 
 def landmark_place(name: str, subject: Subject, dimensions: Dimensions) -> Array:
     """Where a landmark lies in its segment's frame, ``(3,)`` [m]; raises UnknownNameError."""
     landmark, side = _find_landmark(name)
-    scale = subject.height / _STATURE
-    x, y, z = landmark.place
-    place = np.array([x, -y if side == "right" else y, z]) * scale
-    if landmark.kind == "pelvis" and name.endswith("asis"):
+    outward = -1.0 if side == "right" else 1.0
+    if name.endswith("asis"):
         # Dumas' pelvis in units of the distance of the hips, which is what the dimensions hold.
-        row = DUMAS_PELVIS[subject.sex]
-        width = dimensions["hip_half_width"] / (row.hip[2] / 100.0)
-        outward = -0.5 if side == "right" else 0.5
-        place = width * np.array([-row.hip[0] / 100.0, outward, -row.hip[1] / 100.0])
+        x, y, z = DUMAS_PELVIS[subject.sex].hip
+        return dimensions["hip_half_width"] / z * np.array([-x, 50.0 * outward, -y])
+    place = np.array(landmark.place) * [1.0, outward, 1.0] * subject.height / _STATURE
     if landmark.anchor is not None:
-        child = landmark.anchor if landmark.anchor in NAMES else f"{side}_{landmark.anchor}"
-        place = place + joint_offsets()[NAMES.index(child)] @ dimensions.values
+        place += joint_offsets()[NAMES.index(_of_side(landmark.anchor, side))] @ dimensions.values
     return place
+
+
+def _of_side(kind: str, side: str | None) -> str:
+    return kind if side is None or kind in NAMES else f"{side}_{kind}"
 
 
 def _find_landmark(name: str) -> tuple[Landmark, str | None]:
     side, _, rest = name.partition("_")
-    if side in SIDES and rest in _SIDED:
-        return _SIDED[rest], side
-    if name in _MIDDLE:
-        return _MIDDLE[name], None
+    if side in SIDES and rest in _LANDMARKS["sided"]:
+        return _LANDMARKS["sided"][rest], side
+    if name in _LANDMARKS["middle"]:
+        return _LANDMARKS["middle"][name], None
     raise UnknownNameError("landmark", name, list(LANDMARKS))
 
 
 SCHEMA = "excite.markers/1"
+MARKER_SETS = {path.stem: path for path in sorted((_HERE / "sets").glob("*.yaml"))}
+"""Sets that come with excite: mapping files as users write them."""
 _FEWEST = 10
 _SHARE = 0.5
 
@@ -150,122 +111,6 @@ class MarkerSet:
     sites: Mapping[str, MarkerSite]
 
 
-def _both_sides(pairs: Mapping[str, str], right: str = "R", left: str = "L") -> dict[str, str]:
-    """Landmarks (without side) by label's ending, for both sides."""
-    return {
-        f"{letter}{ending}": f"{side}_{name}"
-        for letter, side in ((right, "right"), (left, "left"))
-        for ending, name in pairs.items()
-    }
-
-
-def _from_landmarks(name: str, landmarks: Mapping[str, str], technical: Mapping[str, str]) -> MarkerSet:
-    sites = {label: MarkerSite(landmark_segment(mark), mark) for label, mark in landmarks.items()}
-    return MarkerSet(name, sites | {label: MarkerSite(segment) for label, segment in technical.items()})
-
-
-# The 35 markers of Jovic et al., T-RO 2016, section V.
-_JOVIC = _from_landmarks(
-    "jovic",
-    {
-        "TOP": "parietal",
-        "C7": "c7",
-        "T10": "t10",
-        "STRN": "suprasternale",
-        "XIPH": "xiphoid",
-        "SACR": "sacrum",
-        "RSCAP": "right_scapula",
-        **_both_sides(
-            {
-                "HEAD": "temple",
-                "SHO": "acromion",
-                "ELBL": "lateral_elbow",
-                "ELBM": "medial_elbow",
-                "WRT": "radial_wrist",
-                "WRP": "ulnar_wrist",
-                "HND": "second_metacarpal",
-                "ASIS": "asis",
-                "TROC": "greater_trochanter",
-                "KNEL": "lateral_knee",
-                "ANKL": "lateral_ankle",
-                "HEEL": "heel",
-                "MT1": "first_metatarsal",
-                "MT5": "fifth_metatarsal",
-            }
-        ),
-    },
-    {},
-)
-_RAJAGOPAL = _from_landmarks(
-    "rajagopal",
-    {
-        "C7": "c7",
-        "CLAV": "suprasternale",
-        **_both_sides(
-            {
-                "ACR": "acromion",
-                "ASI": "asis",
-                "PSI": "psis",
-                "LEL": "lateral_elbow",
-                "MEL": "medial_elbow",
-                "FAradius": "radial_wrist",
-                "FAulna": "ulnar_wrist",
-                "LFC": "lateral_knee",
-                "MFC": "medial_knee",
-                "LMAL": "lateral_ankle",
-                "MMAL": "medial_ankle",
-                "CAL": "heel",
-                "TOE": "toe",
-                "MT5": "fifth_metatarsal",
-            }
-        ),
-    },
-    {
-        f"{letter}{label}": f"{side}_{segment}"
-        for letter, side in (("R", "right"), ("L", "left"))
-        for label, segment in {
-            **{f"UA{i}": "upper_arm" for i in (1, 2, 3)},
-            **{f"TH{i}": "thigh" for i in (1, 2, 3, 4)},
-            **{f"TB{i}": "shank" for i in (1, 2, 3)},
-            "FAsuperior": "forearm",
-        }.items()
-    },
-)
-_PLUG_IN_GAIT = _from_landmarks(
-    "plug_in_gait",
-    {
-        "C7": "c7",
-        "T10": "t10",
-        "CLAV": "suprasternale",
-        "STRN": "xiphoid",
-        "RBAK": "right_scapula",
-        **_both_sides(
-            {
-                "FHD": "temple",
-                "BHD": "back_of_head",
-                "SHO": "acromion",
-                "ELB": "lateral_elbow",
-                "WRA": "radial_wrist",
-                "WRB": "ulnar_wrist",
-                "FIN": "second_metacarpal",
-                "ASI": "asis",
-                "PSI": "psis",
-                "KNE": "lateral_knee",
-                "ANK": "lateral_ankle",
-                "HEE": "heel",
-                "TOE": "second_metatarsal",
-            }
-        ),
-    },
-    {
-        f"{letter}{label}": f"{side}_{segment}"
-        for letter, side in (("R", "right"), ("L", "left"))
-        for label, segment in {"UPA": "upper_arm", "FRM": "forearm", "THI": "thigh", "TIB": "shank"}.items()
-    },
-)
-MARKER_SETS: tuple[MarkerSet, ...] = (_JOVIC, _PLUG_IN_GAIT, _RAJAGOPAL)
-
-
 def bare_label(label: str) -> str:
     """A label without the subject's name that capture programs put before a colon."""
     return label.rsplit(":", 1)[-1].strip()
@@ -278,7 +123,7 @@ def find_marker_set(labels: Iterable[str]) -> MarkerSet:
         InputError: no set has half of its markers in the file; a mapping file is needed.
     """
     present = {bare_label(label) for label in labels}
-    best = max(MARKER_SETS, key=lambda item: len(present & item.sites.keys()))
+    best = max(map(read_marker_set, MARKER_SETS), key=lambda item: len(present & item.sites.keys()))
     found = len(present & best.sites.keys())
     if found < max(_FEWEST, _SHARE * min(len(best.sites), len(present))):
         raise InputError(
@@ -299,23 +144,20 @@ def read_marker_set(name_or_path: str | Path) -> MarkerSet:
     Raises:
         InputError: the file is missing or malformed, or names no segment or landmark.
     """
-    for known in MARKER_SETS:
-        if known.name == str(name_or_path):
-            return known
+    name = str(name_or_path)
+    path = MARKER_SETS.get(name, Path(name_or_path))
     # Not Path.is_file, which raises for names that no file can have.
-    if not os.path.isfile(name_or_path):
-        names = [known.name for known in MARKER_SETS]
-        raise UnknownNameError("marker set (or mapping file)", str(name_or_path)[:200], names)
-    path = Path(name_or_path)
+    if not os.path.isfile(path):
+        raise UnknownNameError("marker set (or mapping file)", name[:200], list(MARKER_SETS))
     content = read_yaml(path)
-    if content.get("schema") != SCHEMA:
-        raise InputError(
-            "is no mapping file", source=path, field="schema", remedy=f"begin with schema: {SCHEMA}"
-        )
     entries = content.get("markers")
-    if not isinstance(entries, dict) or not entries:
+    stated = content.get("schema") == SCHEMA
+    if not stated or not isinstance(entries, dict) or not entries:
         raise InputError(
-            "lists no markers", source=path, field="markers", remedy="map label to landmark or segment"
+            "lists no markers" if stated else "is no mapping file",
+            source=path,
+            field="markers" if stated else "schema",
+            remedy="map label to landmark or segment" if stated else f"begin with schema: {SCHEMA}",
         )
     return MarkerSet(
         path.stem, {str(label): _read_site(entry, str(label), path) for label, entry in entries.items()}
@@ -328,23 +170,19 @@ def _read_site(entry: object, label: str, path: Path) -> MarkerSite:
         raise InputError(
             f"is {str(entry)[:60]!r}", source=path, field=field, remedy="write {landmark: …} or {segment: …}"
         )
-    landmark, segment = entry.get("landmark"), entry.get("segment")
-    if landmark is not None and str(landmark) not in LANDMARKS:
-        raise InputError(
-            f"no landmark {str(landmark)[:60]!r}",
-            source=path,
-            field=field,
-            remedy="choose one of " + ", ".join(LANDMARKS),
-        )
-    segment = landmark_segment(str(landmark)) if segment is None else str(segment)
-    if segment not in NAMES:
-        raise InputError(
-            f"no segment {segment[:60]!r}",
-            source=path,
-            field=field,
-            remedy="choose one of " + ", ".join(NAMES),
-        )
-    return MarkerSite(segment, None if landmark is None else str(landmark))
+    for kind, known in (("landmark", LANDMARKS), ("segment", NAMES)):
+        given = entry.get(kind)
+        if given is not None and str(given) not in known:
+            raise InputError(
+                f"no {kind} {str(given)[:60]!r}",
+                source=path,
+                field=field,
+                remedy="choose one of " + ", ".join(known),
+            )
+    landmark, segment = (
+        None if entry.get(kind) is None else str(entry[kind]) for kind in ("landmark", "segment")
+    )
+    return MarkerSite(segment or landmark_segment(str(landmark)), landmark)
 
 
 # A subject's own joint centres and marker places, from all that markers do together.

@@ -1,30 +1,30 @@
-"""The commands ``identify``, ``identify-load``, ``diagnose`` and ``effects``: what logs say of a robot."""
+"""The commands that make results of logs and that hand results on, from ``identify`` and ``diagnose`` to ``view``."""
 
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 import excite
 from excite.atomic import all_or_nothing
-from excite.cli.options import (
-    ApplyOption,
-    Call,
-    command,
-    segment_settings,
-)
+from excite.cli.options import Call, command, segment_settings
 from excite.cli.outcome import of_error
 from excite.cli.output import command_line, progress_bars, stated_origin
+from excite.display import count
 from excite.errors import InputError, RobotError
 from excite.identification.estimators.registry import DEFAULT_METHOD
 from excite.results import write_json
 
 if TYPE_CHECKING:
     from excite.diagnosis.answer.answer import Diagnosis
+    from excite.export.models.model_format import Lost
+    from excite.export.models.simulator_model import SimulatorModel
+    from excite.export.models.subject import Change
     from excite.identification.sessions.compare import Sessions
     from excite.logs.signals.trace import SignalTrace
     from excite.robot.robot import Robot
@@ -33,60 +33,20 @@ if TYPE_CHECKING:
 @command("identify")
 def identify_robot(
     robot: str,
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log folders (excite.log/1).")],
+    logs: list[Path],
     method: str = DEFAULT_METHOD,
-    total_mass: Annotated[
-        float | None, typer.Option("--total-mass", min=0.0, help="Weighed mass of the robot [kg].")
-    ] = None,
+    total_mass: float | None = None,
     cutoff_hz: float | None = None,
-    bounds: Annotated[
-        Path | None,
-        typer.Option(
-            "--bounds",
-            metavar="FILE",
-            help="Bounds of masses, centres of mass, inertias, drives (excite.physical_bounds/1), for physical, "
-            "cls1, cls2, cls3.",
-        ),
-    ] = None,
-    bounds_template: Annotated[
-        Path | None,
-        typer.Option(
-            "--bounds-template",
-            metavar="FILE",
-            help="Write bounds of this robot to edit, and identify nothing.",
-        ),
-    ] = None,
+    bounds: Path | None = None,
+    bounds_template: Path | None = None,
     asymmetric: list[str] | None = None,
     mass_range: list[str] | None = None,
-    drives: Annotated[
-        bool, typer.Option("--drives", help="Write identified friction into the model files too.")
-    ] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Write a URDF even of parameters that no rigid body has.")
-    ] = False,
-    template: Annotated[
-        Path | None,
-        typer.Option(
-            "--template",
-            metavar="FILE",
-            help="MuJoCo model of the robot: identified.xml is its text with the identified inertials.",
-        ),
-    ] = None,
-    align: Annotated[
-        bool, typer.Option("--align", help="Estimate how late torques were logged, and take it out.")
-    ] = False,
-    explain_signals: Annotated[
-        bool,
-        typer.Option("--explain-signals", help="Show what each step of the signal processing does."),
-    ] = False,
-    sessions: Annotated[
-        bool,
-        typer.Option(
-            "--sessions",
-            help="Also identify each session (as log.yaml names them, else each log) and pool them; "
-            "with --out, ranges.yaml for domain randomisation.",
-        ),
-    ] = False,
+    drives: bool = False,
+    force: bool = False,
+    template: Path | None = None,
+    align: bool = False,
+    explain_signals: bool = False,
+    sessions: bool = False,
     *,
     call: Call,
 ) -> None:
@@ -187,33 +147,14 @@ def _show_best(error: excite.NoSolutionError, best: excite.Identification, call:
 @command("identify-load")
 def identify_load(
     robot: str,
-    without: Annotated[Path, typer.Argument(metavar="WITHOUT", help="Log folder of the bare robot.")],
-    loaded: Annotated[Path, typer.Argument(metavar="LOADED", help="Log folder with the load.")],
-    mass: Annotated[
-        float | None, typer.Option("--mass", help="Mass of the load [kg], where a scale told it.")
-    ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", metavar="LOG", help="Log folder with another load, of known mass."),
-    ] = None,
-    calibration_mass: Annotated[
-        float | None, typer.Option("--calibration-mass", help="Mass of that other load [kg].")
-    ] = None,
+    without: Path,
+    loaded: Path,
+    mass: float | None = None,
+    calibration: Path | None = None,
+    calibration_mass: float | None = None,
     cutoff_hz: float | None = None,
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="MAKER",
-            help="Write the load for an arm's controller: ur, franka, kuka, fanuc or abb.",
-        ),
-    ] = None,
-    flange: Annotated[
-        str | None,
-        typer.Option(
-            "--flange", metavar="FRAME", help="Frame of the description that is the maker's flange."
-        ),
-    ] = None,
+    controller: str | None = None,
+    flange: str | None = None,
     *,
     call: Call,
 ) -> None:
@@ -256,20 +197,10 @@ def identify_load(
 
 @command("diagnose")
 def diagnose_log(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log folder (excite.log/1).")],
-    budget: Annotated[
-        bool,
-        typer.Option("--budget/--no-budget", help="Whether the answer holds where each joint's gap goes."),
-    ] = True,
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            metavar="ROBOT",
-            help="The nominal robot, where it is not the one that the log names: bundled, a robot.yaml or a URDF.",
-        ),
-    ] = None,
-    apply: ApplyOption = None,
+    log: Path,
+    budget: bool = True,
+    robot: str | None = None,
+    apply: Path | None = None,
     *,
     call: Call,
 ) -> None:
@@ -368,3 +299,202 @@ def list_effects(
                     if text:
                         console.print(Padding(Text(text), (0, 0, 0, 4), expand=False))
     print(f"then: {command_line('diagnose', 'LOG', '--out', 'diagnosis')}")
+
+
+# Results for controllers, simulators and people.
+
+# Rows of the table on a terminal; changes.csv has all of them.
+_MODEL_ROWS = 40
+# Least width of that table [characters].
+_MODEL_WIDTH = 110
+# Smaller changes are no news [percent].
+_NEWS = 0.1
+# Order of what is shown, by the first letters of a parameter; what is not here comes first.
+_RANK = {"com": 1, **dict.fromkeys(("Ixx", "Iyy", "Izz"), 2), **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 3)}
+
+
+@command("model")
+def write_model(
+    result: Path,
+    format_name: str,
+    out: Path,
+    robot: str | None = None,
+    template: Path | None = None,
+    *,
+    call: Call,
+) -> None:
+    """Write the identified robot for a simulator, with proof that each parameter arrives, and what is lost."""
+    written = excite.write_simulator_model(result, format_name, out, robot=robot, template=template)
+    main = written.folder / written.files[0]
+    call.emit_result(
+        "" if call.as_json else _describe_written(written),
+        written.to_json(),
+        then=f"open {main} in your simulator; {written.folder / 'changes.csv'} has all that changed",
+    )
+
+
+def _describe_written(written: SimulatorModel) -> str:
+    from rich.console import Console
+    from rich.table import Table
+
+    # Names of joints are not cut: a line that is too long for a terminal is wrapped by it.
+    console = Console(highlight=False, width=max(Console().width, _MODEL_WIDTH))
+    shown = _shown_changes(written.changes)
+    table = Table(
+        "where", "parameter", *(f"{name}" for name in ("before", "after", "change", "unit")), box=None
+    )
+    for row in shown:
+        table.add_row(
+            row.place,
+            row.parameter,
+            f"{row.before:.4g}",
+            f"{row.after:.4g}",
+            f"{row.change:+.3g}{_relative_change(row)}",
+            row.unit,
+        )
+    with console.capture() as capture:
+        console.print(table)
+    lines = [capture.get().rstrip()] if shown else []
+    rest = sum(row.change != 0.0 for row in written.changes) - len(shown)
+    if rest > 0:
+        lines.append(f"and {count(rest, 'smaller change')}, in {written.folder / 'changes.csv'}")
+    proof = written.proof
+    lines += [f"wrote {written.folder / name}" for name in written.files]
+    lines.append(
+        f"read again: {proof.felt} parameters were changed one by one and the torques followed each"
+        + (f"; on {len(proof.unseen)} no torque depends" if proof.unseen else "")
+    )
+    lines += _describe_lost(written.lost)
+    lines += [f"note: {text}" for text in written.notes]
+    return "\n".join(lines)
+
+
+def _shown_changes(changes: tuple[Change, ...]) -> list[Change]:
+    """The rows that a person looks for first, in the model's order: masses and joints, then centres of mass."""
+    news = [row for row in changes if 100.0 * abs(row.change) > _NEWS * _change_scale(row, changes)]
+    kept = sorted(range(len(news)), key=lambda index: (_RANK.get(news[index].parameter[:3], 0), index))[
+        :_MODEL_ROWS
+    ]
+    return [news[index] for index in sorted(kept)]
+
+
+def _relative_change(row: Change) -> str:
+    """The change in per cent; one that is larger than what was there is told by what was and is."""
+    return "" if row.percent is None or abs(row.percent) > 100.0 else f" ({row.percent:+.1f} %)"
+
+
+def _change_scale(row: Change, changes: tuple[Change, ...]) -> float:
+    """What a change is seen beside: what was before, or where that was zero the body's other centres or inertias."""
+    kind = next((kind for kind in ("com_", "I") if row.parameter.startswith(kind)), row.parameter)
+    alike = (other for other in changes if other.place == row.place and other.parameter.startswith(kind))
+    return abs(row.before) or max((abs(other.before) for other in alike), default=0.0)
+
+
+def _describe_lost(lost: tuple[Lost, ...]) -> list[str]:
+    """What is lost, a line for all places of a parameter together."""
+    places: dict[tuple[str, str], list[str]] = {}
+    for item in lost:
+        value = "" if item.value is None else f" {item.value:.3g}"
+        places.setdefault((item.parameter, item.why), []).append(f"{item.where}{value}")
+    return [f"lost: {parameter} ({', '.join(where)}): {why}" for (parameter, why), where in places.items()]
+
+
+@command("export")
+def export_motions(
+    motions: list[Path],
+    format_name: str,
+    rate_hz: float | None = None,
+    robot: str | None = None,
+    unsafe_anyway: str | None = None,
+    approach: bool = False,
+    settings: list[str] | None = None,
+    *,
+    call: Call,
+) -> None:
+    """Write motions in the format of a controller, if the independent check finds all of them safe."""
+    from excite.export.export import export_with_verdicts, robot_beside  # lazy: pinocchio
+    from excite.motion.collection import motion_paths  # lazy: pinocchio
+
+    try:
+        report = export_with_verdicts(
+            motions,
+            format_name,
+            out=call.out or Path(),
+            rate_hz=rate_hz,
+            robot=robot,
+            unsafe_anyway=unsafe_anyway,
+            approach=approach,
+            settings=_parse_settings(settings or []),
+        )
+    except excite.UnsafeMotionError as error:
+        # One line each; the last one, which says what to do, is the error's own.
+        for verdict in error.verdicts[1:]:
+            print(f"excite: {verdict.summary()}", file=sys.stderr)
+        raise
+    for item in report.motions:
+        if item.cleared.reason is not None:
+            print(f"excite: written all the same: {item.cleared.verdict.summary()}", file=sys.stderr)
+    document = report.to_json()
+    call.write_document(document, "export.json")
+    call.emit_result(
+        "\n".join(f"wrote {item.path}" for item in report.motions),
+        document,
+        then="run them, record, and "
+        + command_line(
+            "convert",
+            "RECORDING",
+            "--robot",
+            robot or robot_beside(motion_paths(motions)[0], report.motions[0].robot),
+            "--out",
+            "log",
+        ),
+    )
+
+
+def _parse_settings(texts: list[str]) -> dict[str, str]:
+    """Settings from texts ``NAME=VALUE``, each once."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or name.strip() in found:
+            raise typer.BadParameter(f"{text!r} is no NAME=VALUE, or stands twice", param_hint="'--set'")
+        found[name.strip()] = value
+    return found
+
+
+@command("report")
+def write_report(
+    folder: Path,
+    *,
+    call: Call,
+) -> None:
+    """Write report.html from what a folder holds."""
+    path = excite.report(folder, out=call.out)
+    document = {"schema": "excite.report/1", "file": str(path.relative_to(call.out) if call.out else path)}
+    call.emit_result(f"wrote {path}", document, then="open it in a browser")
+
+
+@command("view")
+def view_motions(
+    thing: Path,
+    robot: str | None = None,
+    record: Path | None = None,
+    port: int = 8080,
+    *,
+    call: Call,
+) -> None:
+    """Watch it move, with the signals of a joint and its residuals beside it."""
+    from excite.report.view import read_thing, record_page, serve  # lazy: pinocchio
+
+    shown = read_thing(thing, robot)
+    if record is not None:
+        path = record_page(shown, record if call.out is None else call.out / record)
+        document = {"schema": "excite.view/1", "file": str(record), "motions": len(shown.clips)}
+        call.emit_result(f"wrote {path}", document, then="open it in a browser")
+        return
+
+    def ready(address: str) -> None:
+        document = {"schema": "excite.view/1", "address": address, "motions": len(shown.clips)}
+        call.emit_result(f"{shown.title}\nopen {address} in a browser; Ctrl-C ends it", document)
+
+    serve(shown, port, ready)
