@@ -23,8 +23,7 @@ from excite.robot.init_robot.description import scaffold_description
 from excite.robot.init_robot.files import write_scaffold
 from excite.robot.mjcf.conversion import convert_mjcf
 from excite.robot.mjcf.scan import scan_mjcf
-from excite.robot.mjcf.urdf import binary_stl
-from excite.robot.shapes.mesh_files import read_meshes
+from excite.robot.shapes.mesh_files import binary_stl, read_meshes
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
 

@@ -24,9 +24,9 @@ from excite.robot.shapes.collision import (
     review_pairs,
     shape_pairs,
 )
-from excite.robot.shapes.com_box import com_boxes, shape_bounds
+from excite.robot.shapes.com_box import com_boxes
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import shape_points
+from excite.robot.shapes.shape import shape_bounds, shape_points
 
 
 @pytest.fixture(scope="module")

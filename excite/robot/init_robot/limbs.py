@@ -16,8 +16,8 @@ from excite.arrays import Array
 from excite.robot.legs import Ankle, before_knee
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import bottom, collision_shapes, lowest_points, whole_centre
-from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.collision import collision_shapes, lowest_points, whole_centre
+from excite.robot.shapes.shape import Shape, bottom
 
 # Which limbs of a bare model are legs, and where their feet touch the ground.
 

@@ -24,7 +24,7 @@ from excite.robot.refusal import robot_error
 from excite.robot.robot import Robot
 from excite.robot.shapes.link_shapes import link_shapes, links_by_kind, numbers_of, origin_of
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.shape import CORNERS, Shape, coal_geometry, shape_points
+from excite.robot.shapes.shape import Shape, bottom, coal_geometry, placed, shape_points
 
 TABLE = "table"
 _TABLE_SIZE = (4.0, 4.0, 1.0)
@@ -333,8 +333,7 @@ def _place_points(
     element: ElementTree.Element, mesh: ElementTree.Element, points: Mapping[Path, Array]
 ) -> Array:
     corners = points[Path(mesh.get("filename", ""))] * numbers_of(mesh.get("scale", "1 1 1"))
-    pose = origin_of(element.find("origin"))
-    return np.asarray(corners @ pose.rotation.T + pose.translation)
+    return placed(corners, origin_of(element.find("origin")))
 
 
 # The ground below a fixed base: never absent, so that no motion reaches through it unseen.
@@ -428,31 +427,6 @@ def lowest_points(shapes: Sequence[Shape], data: pin.Data) -> dict[int, float]:
         z = float(bottom(shape, data.oMi[shape.joint])[:, 2].min())
         found[shape.joint] = min(found.get(shape.joint, np.inf), z)
     return found
-
-
-def bottom(shape: Shape, joint: pin.SE3) -> Array:
-    """Points of a shape's surface, its lowest among them, ``(n, 3)`` [m], the shape's joint being at ``joint``."""
-    pose = joint * shape.placement
-    if shape.vertices is not None:
-        return np.asarray(shape.vertices @ pose.rotation.T + pose.translation)
-    down = np.array([0.0, 0.0, -1.0])
-    if shape.kind == "sphere":
-        return np.asarray(pose.translation + shape.size[0] * down)[None]
-    if shape.kind == "box":
-        return np.asarray(0.5 * CORNERS * np.array(shape.size) @ pose.rotation.T + pose.translation)
-    radius, length = shape.size
-    ends = [pose.act(np.array([0.0, 0.0, side * 0.5 * length])) for side in (-1.0, 1.0)]
-    if shape.kind == "capsule":
-        return np.array([end + radius * down for end in ends])
-    axis = pose.rotation[:, 2]
-    slope = down - (down @ axis) * axis
-    if np.linalg.norm(slope) > 0.05:
-        return np.array([end + radius * slope / np.linalg.norm(slope) for end in ends])
-    angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
-    ring = radius * (
-        np.outer(np.cos(angles), pose.rotation[:, 0]) + np.outer(np.sin(angles), pose.rotation[:, 1])
-    )
-    return np.vstack([end + ring for end in ends])
 
 
 # Which pairs of links a collision check may leave out, computed from the geometry.

@@ -7,7 +7,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_shapes
-from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.shape import shape_bounds
 
 GROWTH = 0.05
 """Growth of the geometry's bounding box on every side, as a share of its length."""
@@ -48,24 +48,3 @@ def com_boxes(robot: Robot) -> Array:
         else:
             boxes[index] = centre - BARE, centre + BARE
     return boxes
-
-
-def shape_bounds(shape: Shape) -> tuple[Array, Array]:
-    """Lower and upper corner of a shape's bounding box in the frame of its joint, each ``(3,)`` [m]."""
-    rotation, origin = shape.placement.rotation, shape.placement.translation
-    if shape.vertices is not None:
-        points = shape.vertices @ rotation.T + origin
-        return points.min(axis=0), points.max(axis=0)
-    if shape.kind == "box":
-        half = np.abs(rotation) @ (0.5 * np.array(shape.size))
-    elif shape.kind == "sphere":
-        half = np.full(3, shape.size[0])
-    else:
-        radius, length = shape.size
-        across = (
-            radius
-            if shape.kind == "capsule"
-            else radius * np.sqrt(np.maximum(0.0, 1.0 - rotation[:, 2] ** 2))
-        )
-        half = 0.5 * length * np.abs(rotation[:, 2]) + across
-    return origin - half, origin + half

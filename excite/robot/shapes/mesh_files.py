@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import RobotError
@@ -127,3 +128,13 @@ def _text_points(content: bytes, path: Path) -> Array:
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise robot_error(path, None, f"mesh is no STL file ({reason[:100]})", _DAMAGED) from error
+
+
+def binary_stl(triangles: NDArray[np.floating]) -> bytes:
+    """Binary STL of triangles ``(n, 3, 3)`` [m]."""
+    records = np.zeros(len(triangles), dtype=_BINARY_STL)
+    a, b, c = np.asarray(triangles, dtype="<f4").transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    records["normal"], records["corners"] = normals / np.where(lengths > 0.0, lengths, 1.0), triangles
+    return bytes(80) + len(records).to_bytes(4, "little") + records.tobytes()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -31,7 +31,7 @@ boom of a crane, 60 m, has 17. Moments in kg·mm² make it a thousand times what
 # moments of 1 kg·m² does: they were put in for want of better, and say nothing of the file's units.
 WEIGHTLESS = 1e-3
 
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,17 +165,20 @@ def read_inertial(link: ElementTree.Element, path: Path) -> Inertial | None:
     centre, rpy = (
         read_numbers(pose, key, 3, path, f"{where}/origin", default="0 0 0") for key in ("xyz", "rpy")
     )
-    values = [read_numbers(inertia, key, 1, path, f"{where}/inertia")[0] for key in _MOMENTS]
+    values = [read_numbers(inertia, key, 1, path, f"{where}/inertia")[0] for key in MOMENTS]
     if mass < 0.0:
         remedy = "give a positive mass in kilograms"
         raise robot_error(path, f"{where}/mass@value", f"is {mass}", remedy)
-    xx, xy, xz, yy, yz, zz = values
-    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     rotation = pin.rpy.rpyToMatrix(*rpy)
     # A frame: mass and moments all zero.
     if mass == 0.0 and not any(values):
         return None
-    return Inertial(mass, np.array(centre), rotation @ moments @ rotation.T)
+    return Inertial(mass, np.array(centre), rotation @ symmetric_matrix(values) @ rotation.T)
+
+
+def symmetric_matrix(six: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetric matrix of ixx, ixy, ixz, iyy, iyz, izz."""
+    return np.asarray(six)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
 def _describe_spread(inertial: Inertial, least: float) -> str | None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.robot.quantities import (
     MAX_FORCE,
@@ -89,10 +91,17 @@ def format_row(values: Iterable[float]) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
+def add_element(
+    parent: ElementTree.Element, tag: str, /, **values: str | float | NDArray[np.float64] | Sequence[float]
+) -> ElementTree.Element:
+    """An element below another one, with attributes of words, numbers and rows of numbers."""
+    words = {k: v if isinstance(v, str) else format_row(np.atleast_1d(v)) for k, v in values.items()}
+    return ElementTree.SubElement(parent, tag, words)
+
+
 def write_origin(element: ElementTree.Element, pose: pin.SE3) -> None:
     """Give an element an ``<origin>``."""
-    rpy = pin.rpy.matrixToRpy(pose.rotation)
-    ElementTree.SubElement(element, "origin", xyz=format_row(pose.translation), rpy=format_row(rpy))
+    add_element(element, "origin", xyz=pose.translation, rpy=pin.rpy.matrixToRpy(pose.rotation))
 
 
 def shorten_text(text: str) -> str:

@@ -86,20 +86,28 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
     for joint in joints.values():
         _one_coordinate(joint, stated, path)
     check_inertials(root, joints, stated.floating, stated.acknowledged, path)
-    _absolute_meshes(root, path)
+    absolute_meshes(root, path)
     return ElementTree.tostring(root, encoding="unicode")
 
 
 def parse_urdf(path: Path) -> ElementTree.Element:
-    """The ``robot`` element of a URDF file, without solids that are points and without a free root, with its world.
+    """The ``robot`` element of a URDF file as :func:`prepare_urdf` leaves it.
+
+    Raises:
+        RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
+    """
+    return prepare_urdf(read_xml(path, error=RobotError, max_depth=MAX_NESTING), path)
+
+
+def prepare_urdf(root: ElementTree.Element, path: Path) -> ElementTree.Element:
+    """The ``robot`` element of a file, without solids that are points and without a free root, with its world.
 
     Continuous joints that state a range are revolute in it, limits that stand elsewhere in the file hold where they are
     the tighter ones, a planar root is fixed.
 
     Raises:
-        RobotError: the file is missing, is no XML, hides entities, is another format, or has a limit that is no number.
+        RobotError: the file is another format, or has a limit that is no number.
     """
-    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
         raise robot_error(
             path,
@@ -208,11 +216,15 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
     limit.set("velocity", limit.get("velocity", "0"))
 
 
-def _absolute_meshes(root: ElementTree.Element, path: Path) -> None:
+def absolute_meshes(root: ElementTree.Element, path: Path) -> list[str]:
+    """Give meshes below an element their whole path where they are found; the names of those that are not there."""
+    lost = []
     for mesh in root.iter("mesh"):
-        found = find_mesh(mesh.get("filename", ""), path)
-        if found is not None:
-            mesh.set("filename", str(found))
+        name = mesh.get("filename", "").strip()
+        found = find_mesh(name, path)
+        mesh.set("filename", name if found is None else str(found))
+        lost += [name] if found is None else []
+    return lost
 
 
 def find_mesh(name: str, urdf: Path) -> Path | None:
