@@ -66,15 +66,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     closures = read_closures(model, path)
     if closures.handles:
         notes.append("equalities with mocap bodies, handles of a simulation, are left out")
-    for joint, value in closures.still.items():
-        model.jnt_limited[joint] = 1
-        model.jnt_range[joint] = value + model.qpos0[model.jnt_qposadr[joint]]
-    for why, joints in (*closures.held.items(), *_unmoved(model, closures, set(bodies.tolist())).items()):
-        # Without a range, a first description holds them still.
-        for joint in joints:
-            model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
-        if joints:
-            notes.append(f"{why} are held still ({_names(writer, joints)}{', …' if len(joints) > 6 else ''})")
+    _hold_joints(model, closures, set(bodies.tolist()), writer, notes)
     writer.mimics, writer.torque_limits = find_mimics(model, closures), torque_limits(model)
     robot = writer.robot(spec.modelname or path.stem, root, bodies)
     if model.jnt_stiffness.any():
@@ -94,6 +86,21 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         write_couplings(model, closures, writer),
         {writer.joint_name(joint): rotor for joint, rotor in rotors.items() if rotor > 0.0},
     )
+
+
+def _hold_joints(
+    model: mujoco.MjModel, closures: Closures, bodies: set[int], writer: UrdfWriter, notes: list[str]
+) -> None:
+    """Leave joints of ``bodies`` no range that nothing moves, so that a first description holds them still."""
+    for joint, value in closures.still.items():
+        model.jnt_limited[joint] = 1
+        model.jnt_range[joint] = value + model.qpos0[model.jnt_qposadr[joint]]
+    for why, joints in (*closures.held.items(), *_unmoved(model, closures, bodies).items()):
+        # Without a range, a first description holds them still.
+        for joint in joints:
+            model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
+        if joints:
+            notes.append(f"{why} are held still ({_names(writer, joints)}{', …' if len(joints) > 6 else ''})")
 
 
 def _names(writer: UrdfWriter, joints: set[int]) -> str:
