@@ -34,7 +34,7 @@ from excite.robot.shapes.shape import Shape
 from excite.robot.shapes.stand_ins import box_shapes, links_lacking_geometry, links_without_shape
 from excite.robot.urdf.inertia import check_weights, inertial_faults
 from excite.robot.urdf.limits import stated_ranges
-from excite.robot.urdf.reading import MAX_NESTING, parse_urdf
+from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf
 from excite.robot.urdf.tree import MOVING, check_tree, link_at
 
 # A robot whose description is not complete yet, built with stand-ins for what only a person can say.
@@ -243,8 +243,9 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend, or nothing in it moves.
     """
-    root = parse_urdf(path)
-    ranges = stated_ranges(read_xml(path, error=RobotError, max_depth=MAX_NESTING), path)
+    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
+    ranges = stated_ranges(root, path)
+    prepare_urdf(root, path)
     joints = check_tree(root, path)
     guesses = guess_joints(joints, path)
     together = tied_blocks(joints, said.loops, said.couplings)

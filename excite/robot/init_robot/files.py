@@ -29,8 +29,7 @@ from excite.robot.urdf.limits import (
     assumed_limits,
     joint_limits_beside,
     keep_stated_limits,
-    read_joint_limits,
-    read_position_tables,
+    read_limits_file,
     tighten,
     with_tables,
 )
@@ -163,14 +162,13 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     names = [joint.get("name", "") for joint in root.findall("joint")]
     tightened, by_position = dict[str, dict[str, list[str]]](), list[PositionTable]()
     for one in files:
-        limits, tables = read_joint_limits(one, names), read_position_tables(one, names)
-        if not limits and not tables and source.limits is not None:
-            raise robot_error(
-                one, "joint_limits", "names no joint of the robot", "the model has " + ", ".join(names)
-            )
+        found = read_limits_file(one, names)
+        if not found.limits and not found.tables and source.limits is not None:
+            what, has = "names no joint of the robot", "the model has " + ", ".join(names)
+            raise robot_error(one, "joint_limits", what, has)
         named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
-        tightened[named] = with_tables(tighten(root, limits, file, one.name), tables)
-        by_position += tables
+        tightened[named] = with_tables(tighten(root, found.limits, file, one.name), found.tables)
+        by_position += found.tables
     if not any(tightened.values()):
         return made
     text = ElementTree.tostring(root, encoding="unicode")

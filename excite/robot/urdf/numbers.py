@@ -69,21 +69,36 @@ def read_numbers(
     wanted = "one number" if count == 1 else f"{count} numbers separated by spaces"
     if text is None:
         raise robot_error(source, place, "is missing", f"give {wanted}")
-    parts = text.split()
+    parts, said = text.split(), f"is {shorten_text(text)!r}"
     # str.split() also takes spaces that readers written in C do not know.
     if not text.isascii() or len(parts) != count or not all(_NUMBER.fullmatch(part) for part in parts):
-        raise robot_error(source, place, f"is {shorten_text(text)!r}", f"give {wanted}, with a decimal point")
+        raise robot_error(source, place, said, f"give {wanted}, with a decimal point")
     values = tuple(float(part) for part in parts)
-    if not all(map(math.isfinite, values)):
-        raise robot_error(
-            source, place, f"is {shorten_text(text)!r}, too large for a number", f"give {wanted}"
-        )
     most, cause = _LARGEST.get(attribute, _STAND_IN)
+    if not all(map(math.isfinite, values)):
+        raise robot_error(source, place, f"{said}, too large for a number", f"give {wanted}")
     if max(map(abs, values)) > most:
-        raise robot_error(
-            source, place, f"is {shorten_text(text)!r}, more than any robot has ({most:.4g})", cause
-        )
+        raise robot_error(source, place, f"{said}, more than any robot has ({most:.4g})", cause)
     return values
+
+
+def read_number(
+    element: ElementTree.Element, attribute: str, source: Path, where: str, *, default: str | None = None
+) -> float:
+    """The one finite number in an attribute; arguments and errors as for :func:`read_numbers`."""
+    return read_numbers(element, attribute, 1, source, where, default=default)[0]
+
+
+def read_origin(element: ElementTree.Element, source: Path, where: str) -> pin.SE3:
+    """The pose that the ``<origin>`` below an element states, none where it has none; raises RobotError."""
+    origin = element.find("origin")
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz, rpy = (
+        np.array(read_numbers(origin, key, 3, source, f"{where}/origin", default="0 0 0"))
+        for key in ("xyz", "rpy")
+    )
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 
 
 def format_row(values: Iterable[float]) -> str:
