@@ -539,7 +539,7 @@ def _read_closure(model: pin.Model, block: LoopBlock | CouplingBlock, path: Path
     length = float(np.linalg.norm(points[1] - points[0])) if block.length is None else block.length
     if length < 1e-6:
         raise robot_error(path, field, "has no length", "make it a loop of kind point")
-    return Rod(block.name, both, frames, length)
+    return Rod(block.name, both, frames, length=length)
 
 
 def _joint_column(model: pin.Model, name: str, field: str, path: Path) -> tuple[int, int]:

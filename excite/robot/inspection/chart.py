@@ -169,7 +169,8 @@ def _shortened(finding: Finding) -> Finding:
 def _refused(root: Element, urdf: Path, floating: bool, named: set[str]) -> Iterator[Finding]:
     """What the strict reader refuses that no rule has named."""
     try:
-        joints = check_tree(prepare_urdf(root, urdf), urdf)
+        prepare_urdf(root, urdf)
+        joints = check_tree(root, urdf)
         faults = inertial_faults(root, joints, floating, urdf)
     except RobotError as error:
         if not any(f"'{name}'" in str(error.field) for name in named):

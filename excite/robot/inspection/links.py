@@ -23,8 +23,8 @@ from excite.robot.shapes.collision import turn_file_upright, turn_upright
 from excite.robot.shapes.link_shapes import solid_shape
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import outline, placed
-from excite.robot.urdf.inertia import MOMENTS, WEIGHTLESS, symmetric_matrix
-from excite.robot.urdf.numbers import read_numbers
+from excite.robot.urdf.inertia import WEIGHTLESS, symmetric_matrix
+from excite.robot.urdf.numbers import MOMENTS, read_numbers
 from excite.robot.urdf.reading import absolute_meshes
 from excite.robot.urdf.tree import MOVING, link_at
 

@@ -12,8 +12,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.shapes.mesh_files import binary_stl
-from excite.robot.urdf.inertia import MOMENTS
-from excite.robot.urdf.numbers import add_element, write_origin
+from excite.robot.urdf.numbers import MOMENTS, add_element, write_origin
 
 FREE, BALL, SLIDE, HINGE = (
     int(kind)

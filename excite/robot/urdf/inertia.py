@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from excite.errors import RobotError
 from excite.formats.documents import all_alike
 from excite.robot.refusal import robot_error
-from excite.robot.urdf.numbers import read_number, read_numbers, read_origin
+from excite.robot.urdf.numbers import MOMENTS, read_number, read_numbers, read_origin
 
 TOLERANCE = 1e-6
 """How far, relative to the largest principal moment, a moment may break the triangle inequality."""
@@ -31,8 +31,6 @@ boom of a crane, 60 m, has 17. Moments in kg·mm² make it a thousand times what
 # A link of less than this share of the robot's mass stands for a frame, as that of an iiwa's flange with 1e-6 kg and
 # moments of 1 kg·m² does: they were put in for want of better, and say nothing of the file's units.
 WEIGHTLESS = 1e-3
-
-MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from excite.robot.quantities import (
 )
 from excite.robot.refusal import robot_error
 
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 # Largest magnitude by attribute, and the likely cause of a larger one; elsewhere what stands in for "no limit".
 _LARGEST: dict[str, tuple[float, str]] = {
     "xyz": (MAX_TRAVEL, "looks like millimetres: write metres"),
@@ -34,7 +35,7 @@ _LARGEST: dict[str, tuple[float, str]] = {
     "size": (MAX_LENGTH, "write metres"),
     "radius": (MAX_LENGTH, "write metres"),
     "length": (MAX_LENGTH, "write metres"),
-    **dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), (MAX_INERTIA, "write kg·m²")),
+    **dict.fromkeys(MOMENTS, (MAX_INERTIA, "write kg·m²")),
 }
 _STAND_IN = (MAX_STAND_IN, "check its unit and exponent")
 

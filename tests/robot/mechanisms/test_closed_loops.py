@@ -157,10 +157,10 @@ def test_passive_joints_follow_from_the_motors(text: str) -> None:
     q = closed.closed(q)
     assert closed.gaps(q).max() < 1e-9
     rough = np.gradient(q, time, axis=0, edge_order=2)
-    v = closed.velocities(q, rough)
+    v = closed.following(q, rough, rough).v
     assert np.abs(v - rough)[2:-2].max() < 1e-3
     slow = np.gradient(v, time, axis=0, edge_order=2)
-    a = closed.accelerations(q, v, slow)
+    a = closed.following(q, v, slow).a
     assert np.abs(a - slow)[2:-2].max() < 2e-2
     for i in range(2, len(time), 50):
         data.qpos[:], data.qvel[:] = q[i], v[i]
