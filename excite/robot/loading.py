@@ -169,7 +169,7 @@ def _assumed_choices(description: RobotDescription) -> Iterator[Assumed]:
         "torque": "N·m or N",
     }
     for name, unit in units.items():
-        stated: PerJoint | None = getattr(description.limits, name)
+        stated: PerJoint[float] | None = getattr(description.limits, name)
         if stated is not None and stated.source.startswith(CHOSEN):
             values = [*stated.joints.values(), *([] if stated.default is None else [stated.default])]
             value = f"{span(f'{min(values):g}', f'{max(values):g}')} {unit}, {stated.source}"
@@ -356,7 +356,7 @@ def without_motors(
 
     limits = {}
     for field in ("velocity", "acceleration", "jerk", "torque"):
-        block: PerJoint | None = getattr(description.limits, field)
+        block: PerJoint[float] | None = getattr(description.limits, field)
         own = {"velocity": model.velocityLimit[first:], "torque": model.effortLimit[first:]}.get(
             field, nothing
         )
@@ -368,7 +368,7 @@ def without_motors(
             joints = {**stated, **{name: largest for name in lacking if name not in stated}}
             source = "the driven joints'" if block is None else block.source
             default = None if block is None else block.default
-            limits[field] = PerJoint(default=default, joints=joints, source=source)
+            limits[field] = PerJoint[float](default=default, joints=joints, source=source)
     return description.model_copy(
         update={
             "controller": without(description.controller, "kp", "kd"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, StringConstraints
 from pydantic_core import PydanticCustomError, core_schema
@@ -164,58 +164,40 @@ class Block(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
 
-class PerJoint(Block):
+Number = TypeVar("Number", bound=float)
+
+
+class PerJoint(Block, Generic[Number]):
     """One number for every joint: ``default``, and exceptions by joint name."""
 
-    default: float | None = None
-    joints: dict[str, float] = Field(default_factory=dict)
+    default: Number | None = None
+    joints: dict[str, Number] = Field(default_factory=dict)
     source: Source
 
 
-class Velocities(PerJoint):
+class Velocities(PerJoint[Velocity]):
     """[rad/s or m/s]"""
 
-    default: Velocity | None = None
-    joints: dict[str, Velocity] = Field(default_factory=dict)
 
-
-class Accelerations(PerJoint):
+class Accelerations(PerJoint[Acceleration]):
     """[rad/s² or m/s²]"""
 
-    default: Acceleration | None = None
-    joints: dict[str, Acceleration] = Field(default_factory=dict)
 
-
-class Jerks(PerJoint):
+class Jerks(PerJoint[Jerk]):
     """[rad/s³ or m/s³]"""
 
-    default: Jerk | None = None
-    joints: dict[str, Jerk] = Field(default_factory=dict)
 
-
-class Torques(PerJoint):
+class Torques(PerJoint[Torque]):
     """[N·m or N]"""
 
-    default: Torque | None = None
-    joints: dict[str, Torque] = Field(default_factory=dict)
 
-
-class Gains(PerJoint):
+class Gains(PerJoint[Gain]):
     """[N·m/rad, N·m·s/rad; for slides N/m, N·s/m]"""
 
-    default: Gain | None = None
-    joints: dict[str, Gain] = Field(default_factory=dict)
 
-
-class TorqueNoises(PerJoint):
+class TorqueNoises(PerJoint[TorqueNoise]):
     """Standard deviations, positive [N·m or N]."""
 
-    default: TorqueNoise | None = None
-    joints: dict[str, TorqueNoise] = Field(default_factory=dict)
 
-
-class DriveFrictions(PerJoint):
+class DriveFrictions(PerJoint[DriveFriction]):
     """[N·m·s/rad, N·m or kg·m²; for slides N·s/m, N or kg]"""
-
-    default: DriveFriction | None = None
-    joints: dict[str, DriveFriction] = Field(default_factory=dict)

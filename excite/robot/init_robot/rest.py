@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -74,7 +74,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         unsteady = "its legs lie flat about its base in the file: hold the robot up, legs free, or state how it stands"
     if unsteady:
         base = "held"
-        notes.append(_assumption("base", "held", unsteady))
+        notes.append(Assumed("base", "held", unsteady))
     if standing is not None and base == "floating":
         q, feet = standing.q, standing.feet
         source = "found: feet on one plane, centre of mass above the middle of what soles and ankles hold"
@@ -89,7 +89,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     if touching:
         names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
         why = "no posture to move from was found that parts them: they keep a distance of their own"
-        notes.append(_assumption("links that touch at rest", names, why))
+        notes.append(Assumed("links that touch at rest", names, why))
     stated = {pair for a, b in said.ignored for pair in ((a, b), (b, a))} & set(search.pairs)
     ignored = tuple(dict.fromkeys((*review.never, *(p for p in search.pairs if p in stated))))
     margin = figure.robot.description.collision.margin
@@ -97,16 +97,14 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     if near:
         found = f"{len(review.always)} always, {len(review.at_rest)} at rest"
         how = "they may not overlap, or where their hulls do at rest not deeper by more than the margin"
-        notes.append(
-            _assumption("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs")
-        )
+        notes.append(Assumed("pairs of links nearer than the margin", found, f"{how}: collision.near_pairs"))
     if ignored:
         found = f"{len(review.never)} that never meet, {len(stated)} that the model lets touch"
         where = "found in 100 random postures; they stand in collision.ignored_pairs"
-        notes.append(_assumption("pairs of links not kept apart", found, where))
+        notes.append(Assumed("pairs of links not kept apart", found, where))
     if base != "held":
         # Of one that is held it stands there why.
-        notes.insert(0, _assumption("base", base, _CONSEQUENCE[base]))
+        notes.insert(0, Assumed("base", base, _CONSEQUENCE[base]))
     legs_down = tuple(legs) if base == "floating" else ()
     return Rest(base, q, legs_down, feet, ignored, near, source, tuple(notes))
 
@@ -138,14 +136,6 @@ class _StandingSearch(NamedTuple):
     postures: Postures
     legs: list[int]
     standing: Standing | None
-
-
-class _Pitches(NamedTuple):
-    """Joints that bend a leg, which way each turns, and whether the hip among them does so obliquely."""
-
-    joints: list[int]
-    signs: list[float]
-    oblique: bool
 
 
 def _search_standing(
@@ -224,10 +214,6 @@ _CONSEQUENCE = {
     "fixed": "its root does not move",
     "floating": "it stands on the feet found, free to fall: check posture and feet before the first run",
 }
-
-
-def _assumption(what: str, value: str, consequence: str) -> Assumed:
-    return Assumed(what=what, value=value, consequence=consequence)
 
 
 # A posture in which a bare model rests: upright on its legs, or free of collision above its ground.
@@ -359,7 +345,10 @@ class Postures:
         are larger than what turns in them, and a robot on straight legs can move nothing but its arms.
         """
         tried = self._tried(self.stances.of(legs), legs, ignored)
-        if not tried or self._agility(self._best(tried, legs, ignored).stand, legs) < _AGILE:
+        if (
+            not tried
+            or self._least(self.footing.agility, self._best(tried, legs, ignored).stand, legs) < _AGILE
+        ):
             tried += self._tried(self.stances.wide(legs), legs, ignored)
         if not tried:
             return None
@@ -376,7 +365,7 @@ class Postures:
             if found is None:
                 continue
             touching = frozenset(self.touching(found.q, ignored))
-            tried.append(_Tried(found, touching, self._bend(found, legs) >= _BEND))
+            tried.append(_Tried(found, touching, self._least(self.footing.bend, found, legs) >= _BEND))
             if not touching and self._room(found, legs, ignored) >= 1.0:
                 break
         return tried
@@ -397,11 +386,10 @@ class Postures:
         common = frozenset.intersection(*bent) if bent else frozenset[tuple[str, str]]()
         return frozenset(pair for pair in common if set(self.search.joints_between(pair)) <= of_legs)
 
-    def _bend(self, stand: Standing, legs: list[int]) -> float:
-        return min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
-
-    def _agility(self, stand: Standing, legs: list[int]) -> float:
-        return min(self.footing.agility(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
+    def _least(
+        self, measure: Callable[[Standing, int, FootGuess], float], stand: Standing, legs: list[int]
+    ) -> float:
+        return min(measure(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
 
     def _room(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> float:
         """How much of the room that motions need is there, 0 … 1."""
@@ -424,8 +412,8 @@ class Postures:
             float(to_limits.min(initial=_ROOM)) / _ROOM,
             min(apart, default=_APART) / _APART,
             min(above, default=_APART) / _APART,
-            self._bend(stand, legs) / _BEND,
-            self._agility(stand, legs) / _AGILE,
+            self._least(self.footing.bend, stand, legs) / _BEND,
+            self._least(self.footing.agility, stand, legs) / _AGILE,
         )
         return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)
 
@@ -464,11 +452,6 @@ _BENDS = (0.5, -0.5, 0.7, -0.7, 0.35, -0.35, 0.9, -0.9, 0.2, -0.2)
 _WIDE = (0.0, 0.12)
 # Cosine of 37 degrees: axes this near to each other, or to the ground, count as along them.
 _ALONG = 0.8
-# Steps of Newton's method by which a leg's end is turned to where it faced, to within half a degree [rad]; directions
-# that joints turn a tenth as well as others are left as they are.
-_TURNS, _FACES, _RCOND = 5, 0.01, 0.1
-# Cosine of 60 degrees: a hip that swings its thigh about an axis less oblique than this bends the leg (an X1's has 45).
-_OBLIQUE = 0.5
 
 
 class Stances:
@@ -499,13 +482,13 @@ class Stances:
         model, data = self.figure.model, self.figure.data
         for leg in legs:
             pin.computeJointJacobians(model, data, pin.neutral(model))
-            pitch, signs, _ = self._pitches(leg)
+            pitch, signs = self._pitches(leg)
             if len(pitch) < 2:
                 continue
             reached = []
             for side in (1.0, -1.0):
                 tried = q.copy()
-                tried[pitch[:2]] = side * bend * np.array([1.0, -1.0]) * np.array(signs[:2])
+                tried[pitch[:2]] = side * bend * np.array([1.0, -1.0]) * signs[:2]
                 self.figure.centre(tried)
                 reached.append((float(np.linalg.norm(data.oMi[leg].translation[:2])), tried))
             q = max(reached, key=lambda one: one[0])[1]
@@ -517,73 +500,43 @@ class Stances:
         model, data = self.figure.model, self.figure.data
         pin.computeJointJacobians(model, data, pin.neutral(model))
         for leg in legs:
-            pitch, signs, oblique = self._pitches(leg)
+            pitch, signs = self._pitches(leg)
             self._widen(q, leg, wide)
             if len(pitch) < 2:
                 continue
             pattern = np.zeros(len(pitch))
             pattern[:3] = np.array([1.0, -2.0, 1.0])[: len(pitch)]
-            both = [side * bend * pattern * np.array(signs) for side in (1.0, -1.0)]
+            both = [side * bend * pattern * signs for side in (1.0, -1.0)]
             clipped = [np.clip(angles, self.lower[pitch], self.upper[pitch]) for angles in both]
             lost = [float(np.abs(a - b).sum()) for a, b in zip(both, clipped, strict=True)]
             q[pitch] = clipped[0] if lost[0] <= lost[1] + 1e-9 else clipped[1]
-            if oblique:
-                self._face_as_drawn(q, leg, pitch[1])
         return np.clip(q, self.lower, self.upper)
 
-    def _face_as_drawn(self, q: Array, leg: int, knee: int) -> None:
-        """Turn a leg's end back to as it is wanted, by joints other than the knee: an oblique hip turned its toes."""
-        model, data = self.figure.model, self.figure.data
-        columns = [joint - 1 for joint in self.figure.chain(leg) if joint - 1 != knee]
-        pin.forwardKinematics(model, data, self.wanted)
-        drawn = data.oMi[leg].rotation.copy()
-        for _ in range(_TURNS):
-            pin.computeJointJacobians(model, data, q)
-            off = pin.log3(drawn @ data.oMi[leg].rotation.T)
-            if len(columns) < 3 or np.linalg.norm(off) < _FACES:
-                break
-            turn = pin.getJointJacobian(model, data, leg, pin.LOCAL_WORLD_ALIGNED)[3:, columns]
-            q[columns] += np.linalg.lstsq(turn, off, rcond=_RCOND)[0]
-        pin.computeJointJacobians(model, data, pin.neutral(model))
-
-    def _pitches(self, leg: int) -> _Pitches:
-        """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel.
-
-        Where these are a knee and an ankle alone, the hip before them is the one that turns most nearly about theirs,
-        if obliquely, which comes third.
-        """
-        axes = []
+    def _pitches(self, leg: int) -> tuple[list[int], Array]:
+        """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel."""
+        axes = {}
         for joint in self.figure.chain(leg):
             turn = pin.getJointJacobian(self.figure.model, self.figure.data, joint, pin.LOCAL_WORLD_ALIGNED)
-            axes.append((joint - 1, turn[3:, joint - 1]))
-        level = [
-            (index, axis[:2] / np.linalg.norm(axis[:2]))
-            for index, axis in axes
-            if np.linalg.norm(axis[:2]) > _ALONG
+            axis = turn[3:5, joint - 1]
+            if np.linalg.norm(axis) > _ALONG:
+                axes[joint - 1] = axis / np.linalg.norm(axis)
+        groups = [
+            [one for one, other in axes.items() if abs(other @ axis) > _ALONG] for axis in axes.values()
         ]
-        groups = [[one for one in level if abs(one[1] @ axis) > _ALONG] for _, axis in level]
         # Where as many roll as pitch, those across the robot bend it.
-        group = max(groups, key=lambda one: (len(one), abs(one[0][1][1])), default=[])
-        if not group:
-            return _Pitches([], [], False)
-        forth = group[0][1] * (1.0 if group[0][1][1] >= 0.0 else -1.0)
-        before = [(index, axis[:2]) for index, axis in axes[: [i for i, _ in axes].index(group[0][0])]]
-        hip = max(before, key=lambda one: abs(float(one[1] @ forth)), default=None)
-        oblique = len(group) == 2 and hip is not None and abs(float(hip[1] @ forth)) > _OBLIQUE
-        if oblique and hip is not None:
-            group = [hip, *group]
-        return _Pitches(
-            [index for index, _ in group], [float(np.sign(axis @ forth)) for _, axis in group], oblique
-        )
+        group = max(groups, key=lambda one: (len(one), abs(axes[one[0]][1])), default=[])
+        forth = axes[group[0]] if group else np.zeros(2)
+        forth = forth if forth[1] >= 0.0 else -forth
+        return group, np.sign([axes[joint] @ forth for joint in group])
 
     def _widen(self, q: Array, leg: int, wide: float) -> None:
         """Turn a leg's hip out by ``wide`` [rad] and its ankle back, if joints for that are there."""
         model, data = self.figure.model, self.figure.data
-        columns = {
+        shares = {
             joint: pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[3, joint - 1]
             for joint in self.figure.chain(leg)
         }
-        rolls = [joint for joint, share in columns.items() if abs(share) > 0.8]
+        rolls = [joint for joint, share in shares.items() if abs(share) > 0.8]
         side = np.sign(data.oMi[leg].translation[1])
         for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
-            q[joint - 1] += turn * side * wide * np.sign(columns[joint])
+            q[joint - 1] += turn * side * wide * np.sign(shares[joint])

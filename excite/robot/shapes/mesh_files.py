@@ -63,33 +63,26 @@ def load_points(paths: tuple[Path, ...]) -> list[Array]:
     return loaded
 
 
-def _load_meshes(paths: list[Path]) -> dict[Path, Array]:
+def _load_meshes(paths: list[Path], seconds: float | None = None) -> dict[Path, Array]:
     """All in one process, since starting it takes longer than most meshes."""
     if not paths:
         return {}
+    megabytes = sum(path.stat().st_size for path in paths) / 1e6
     try:
-        return _in_child(paths, BATCH_SECONDS)
+        points = in_child(
+            "excite.robot.shapes.mesh_files:load_points",
+            tuple(paths),
+            source=paths[0],
+            error=RobotError,
+            seconds=(BATCH_SECONDS if seconds is None else seconds) + SECONDS_A_MEGABYTE * megabytes,
+            memory_gb=LOADING_MEMORY_GB,
+        )
+        return dict(zip(paths, points, strict=True))
     except RobotError:
         if len(paths) == 1:
             raise
     # A child that hangs or crashes does not say at which of them.
-    found: dict[Path, Array] = {}
-    for path in paths:
-        found |= _in_child([path], MESH_SECONDS)
-    return found
-
-
-def _in_child(paths: list[Path], seconds: float) -> dict[Path, Array]:
-    megabytes = sum(path.stat().st_size for path in paths) / 1e6
-    points = in_child(
-        "excite.robot.shapes.mesh_files:load_points",
-        tuple(paths),
-        source=paths[0],
-        error=RobotError,
-        seconds=seconds + SECONDS_A_MEGABYTE * megabytes,
-        memory_gb=LOADING_MEMORY_GB,
-    )
-    return dict(zip(paths, points, strict=True))
+    return {path: points for path in paths for points in _load_meshes([path], MESH_SECONDS).values()}
 
 
 def _check_points(points: Array, path: Path) -> Array:
