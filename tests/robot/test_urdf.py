@@ -23,13 +23,8 @@ CHILD = '<child link="lower"/>'
 BOMB = '<?xml version="1.0"?><!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'
 MIMIC = '<mimic joint="shoulder" multiplier="2" offset="0.1"/>'
 FAULTS = {
-    "empty file": ("", "not valid XML", "mend"),
-    "no XML": ("robot: 1", "not valid XML", "mend"),
-    "cut off": (ARM[:800], "not valid XML", "mend"),
-    "entity bomb": (BOMB, "DOCTYPE", "remove"),
     "MuJoCo model": ("<mujoco model='m'/>", "MuJoCo", "URDF"),
     "SDF model": ("<sdf/>", "SDF", "URDF"),
-    "other XML": ("<html/>", "<html>", "URDF"),
     "joint called universe": (
         ARM.replace('"elbow"', '"universe"'),
         "joint 'universe': is called as readers call what the robot stands on",
@@ -45,15 +40,8 @@ FAULTS = {
         "joint 'elbow'/limit@velocity: is 9e-301",
         "leave it out where none is known",
     ),
-    "exchanged limits": (
-        spoiled('lower="-2.0" upper="2.0"', 'lower="2.0" upper="-2.0"'),
-        "joint 'elbow'/limit: lower 2.0 is above upper -2.0",
-        'exchange them: lower="-2.0" upper="2.0"',
-    ),
     "part of a MuJoCo model": ("<worldbody/>", "a part of a MuJoCo model", "give the file that includes it"),
-    "no robot name": (spoiled(' name="small"', ""), "robot@name: is missing", "name the robot"),
     "no links": ("<robot name='r'/>", "no <link>", "describe"),
-    "deep nesting": ("<robot name='r'>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>", "nested", "reduce"),
     "no inertial": (
         spoiled(
             ARM[ARM.index('    <inertial>\n      <origin xyz="0 0 0.15"') : ARM.index(INERTIA)], "<inertial>"
@@ -71,27 +59,6 @@ FAULTS = {
         "give the link",
     ),
     "zero mass": (spoiled(MASS, '<mass value="0"/>'), "link 'lower'/inertial/mass@value", "positive"),
-    "negative mass": (spoiled(MASS, '<mass value="-1"/>'), "link 'lower'/inertial/mass@value", "positive"),
-    "NaN mass": (
-        spoiled(MASS, '<mass value="nan"/>'),
-        "link 'lower'/inertial/mass@value: is 'nan'",
-        "one number",
-    ),
-    "infinite mass": (
-        spoiled(MASS, '<mass value="1e999"/>'),
-        "link 'lower'/inertial/mass@value",
-        "one number",
-    ),
-    "decimal comma": (
-        spoiled(MASS, '<mass value="1,5"/>'),
-        "link 'lower'/inertial/mass@value: is '1,5'",
-        "point",
-    ),
-    "mass without value": (
-        spoiled(MASS, "<mass/>"),
-        "link 'lower'/inertial/mass@value: is missing",
-        "one number",
-    ),
     "no inertia": (spoiled(INERTIA, ""), "link 'lower'/inertial: has no <inertia>", "moments"),
     "moment missing": (
         spoiled(INERTIA, INERTIA.replace('ixy="0" ', "")),
@@ -113,38 +80,14 @@ FAULTS = {
         "link 'lower'/inertial: is not positive definite",
         "give the link",
     ),
-    "two inertials": (
-        spoiled(MASS, MASS + INERTIA + "</inertial><inertial>" + MASS),
-        "link 'lower'/inertial: occurs twice",
-        "keep one",
-    ),
-    "zero axis": (spoiled(ELBOW_AXIS, '<axis xyz="0 0 0"/>'), "joint 'elbow'/axis", "vector of length 1"),
-    "NaN axis": (spoiled(ELBOW_AXIS, '<axis xyz="0 nan 0"/>'), "joint 'elbow'/axis@xyz", "3 numbers"),
     "short axis": (spoiled(ELBOW_AXIS, '<axis xyz="0 1"/>'), "joint 'elbow'/axis@xyz", "3 numbers"),
-    "NaN origin": (spoiled('xyz="0 0 0.4"', 'xyz="0 0 inf"'), "joint 'elbow'/origin@xyz", "3 numbers"),
     "unknown parent": (
         spoiled('<parent link="upper"/>', '<parent link="uper"/>'),
         "unknown link 'uper'",
         "define",
     ),
-    "unknown child": (spoiled(CHILD, '<child link="lwer"/>'), "unknown link 'lwer'", "define"),
     "no child": (spoiled(CHILD, ""), "joint 'elbow'/child: is missing", "name the child link"),
-    "link twice": (
-        spoiled('<link name="tool"/>', '<link name="tool"/><link name="lower"/>'),
-        "link 'lower'",
-        "rename",
-    ),
     "joint twice": (spoiled('joint name="elbow"', 'joint name="shoulder"'), "joint 'shoulder'", "rename"),
-    "no name": (
-        spoiled('<link name="tool"/>', '<link name="tool"/><link/>'),
-        "link 4: has no name",
-        "name it",
-    ),
-    "two roots": (
-        spoiled('<link name="tool"/>', '<link name="tool"/><link name="x"/>'),
-        "2 root links",
-        "fixed joint",
-    ),
     "closed loop": (
         spoiled(
             '<link name="tool"/>',
@@ -155,20 +98,10 @@ FAULTS = {
         "cut the loop",
     ),
     "cycle": (spoiled('<parent link="world"/>', '<parent link="tool"/>'), "closed loop of", "cut the loop"),
-    "floating joint": (
-        spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="floating">'),
-        "joint 'elbow': is floating",
-        "base: floating",
-    ),
     "planar joint": (
         spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="planar">'),
         "joint 'elbow': is planar",
         "fix it",
-    ),
-    "unknown joint type": (
-        spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="hinge">'),
-        "joint 'elbow': has the type 'hinge'",
-        "revolute",
     ),
     "continuous joint": (
         spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">').replace(
@@ -181,11 +114,6 @@ FAULTS = {
         spoiled(ELBOW_LIMIT, ""),
         "joint 'elbow'/limit: has no position",
         "limits.position.joints.elbow",
-    ),
-    "limits crossed": (
-        spoiled(ELBOW_LIMIT, ELBOW_LIMIT.replace("-2.0", "3.0")),
-        "joint 'elbow'/limit: lower 3.0 is above upper 2.0",
-        "exchange",
     ),
     "negative effort": (
         spoiled(ELBOW_LIMIT, ELBOW_LIMIT.replace("20", "-20")),
@@ -202,7 +130,6 @@ FAULTS = {
         "link 'lower'/collision 0/box@size",
         "above 0",
     ),
-    "chain too long": (chain(300), "joints from the root", "shorten"),
     "too many links": (chain(2500), "2500 links", "reduce"),
 }
 

@@ -209,7 +209,7 @@ def _moving_bodies(
 
 GEOMETRY = ("collision", "visual")
 # Attributes of solids that are lengths or factors, how many numbers each holds, and its default.
-_LENGTHS: dict[str, tuple[tuple[str, int, str | None], ...]] = {
+LENGTHS: dict[str, tuple[tuple[str, int, str | None], ...]] = {
     "box": (("size", 3, None),),
     "sphere": (("radius", 1, None),),
     "cylinder": (("radius", 1, None), ("length", 1, None)),
@@ -240,7 +240,7 @@ def drop_points(root: ElementTree.Element) -> None:
 
 
 def _is_point(solid: ElementTree.Element) -> bool:
-    lengths = " ".join(solid.get(attribute, "none") for attribute, _, _ in _LENGTHS.get(solid.tag, ()))
+    lengths = " ".join(solid.get(attribute, "none") for attribute, _, _ in LENGTHS.get(solid.tag, ()))
     try:
         return solid.tag != "mesh" and lengths != "" and not any(float(length) for length in lengths.split())
     except ValueError:
@@ -251,7 +251,7 @@ def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
     where = f"{where}/{solid.tag}"
     if solid.tag == "mesh" and not solid.get("filename", "").strip():
         raise robot_error(path, f"{where}@filename", "is missing", "name the mesh file")
-    for attribute, count, default in _LENGTHS.get(solid.tag, ()):
+    for attribute, count, default in LENGTHS.get(solid.tag, ()):
         values = read_numbers(solid, attribute, count, path, where, default=default)
         # A mesh may be mirrored by a negative scale, and scaled to nothing by none.
         if any(value == 0.0 if solid.tag == "mesh" else value <= 0.0 for value in values):

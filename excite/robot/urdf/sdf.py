@@ -17,17 +17,10 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.robot.refusal import robot_error
-from excite.robot.urdf.inertia import GEOMETRY
+from excite.robot.urdf.inertia import GEOMETRY, LENGTHS
 from excite.robot.urdf.numbers import MOMENTS, add_element, read_numbers, write_origin
 
 _MODEL, _WORLD = "__model__", "world"
-_LENGTHS: dict[str, tuple[tuple[str, int], ...]] = {
-    "box": (("size", 3),),
-    "sphere": (("radius", 1),),
-    "cylinder": (("radius", 1), ("length", 1)),
-    "capsule": (("radius", 1), ("length", 1)),
-    "mesh": (("scale", 3),),
-}
 _KINDS = {"revolute", "continuous", "prismatic", "fixed"}
 # Limits of SDF from which on a joint has none [rad or m].
 _UNLIMITED = 1e10
@@ -159,7 +152,7 @@ class _Conversion:
                 self._write_shape(out, kind, shape, moved)
 
     def _write_shape(self, out: Element, kind: str, shape: Element, moved: pin.SE3) -> None:
-        solids = [solid for solid in shape.iterfind("geometry/*") if solid.tag in _LENGTHS]
+        solids = [solid for solid in shape.iterfind("geometry/*") if solid.tag in LENGTHS]
         if not solids:
             return
         written = SubElement(out, kind)
@@ -167,7 +160,7 @@ class _Conversion:
         place = SubElement(written, "geometry")
         for solid in solids:
             sizes = {
-                key: self._numbers(solid, key, n, "1 1 1"[: 2 * n - 1]) for key, n in _LENGTHS[solid.tag]
+                key: self._numbers(solid, key, n, "1 1 1"[: 2 * n - 1]) for key, n, _ in LENGTHS[solid.tag]
             }
             added = add_element(place, solid.tag, **sizes)
             if solid.tag == "mesh":
