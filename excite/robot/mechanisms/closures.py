@@ -335,7 +335,7 @@ def add_motors(root: ElementTree.Element, blocks: tuple[TransmissionBlock, ...],
 def _add_motor(root: ElementTree.Element, motor: MotorBlock) -> None:
     inertial = add_element(add_element(root, "link", name=crank_link(motor)), "inertial")
     add_element(inertial, "mass", value=_MASS)
-    moments = (_INERTIA, "0", "0", _INERTIA, "0", _INERTIA)
+    moments: tuple[str | float, ...] = (_INERTIA, "0", "0", _INERTIA, "0", _INERTIA)
     add_element(inertial, "inertia", **dict(zip(MOMENTS, moments, strict=True)))
     joint = add_element(root, "joint", name=motor.name, type="revolute")
     add_element(joint, "parent", link=motor.link)
