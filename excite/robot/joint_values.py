@@ -188,10 +188,8 @@ def read_limits(
         raise robot_error(path, "limits.position", what, remedy)
     tables = []
     for table in block.by_position:
-        columns = {"position_lower": table.lower, "position_upper": table.upper}
-        for quantity, values in (
-            columns if table.quantity == "position" else {table.quantity: table.limit}
-        ).items():
-            joint, over = (names.index(name) for name in (table.joint, table.over or table.joint))
-            tables.append(LimitTable(joint, over, quantity, table.at, values))
+        ends = {"position_lower": table.lower, "position_upper": table.upper}
+        quantities = ends if table.quantity == "position" else {table.quantity: table.limit}
+        column, over = names.index(table.joint), names.index(table.over or table.joint)
+        tables += [LimitTable(column, over, name, table.at, row) for name, row in quantities.items()]
     return Limits(**found, tables=tuple(tables))

@@ -16,7 +16,7 @@ from excite.robot.robot import Foot, Segment, WrenchSensor
 def read_segments(model: pin.Model, description: RobotDescription, path: Path) -> tuple[Segment, ...]:
     """The moving bodies, one a joint, with their names and pairs; raises RobotError."""
     links, block = [carried_link(model, joint) for joint in range(1, model.njoints)], description.segments
-    pairs = {one: other for pair in block.pairs for one, other in (pair, pair[::-1])}
+    pairs = dict(block.pairs) | {right: left for left, right in block.pairs}
     for field, named in {"pairs": pairs, "names": block.names, "com_box": block.com_box}.items():
         for link in named:
             if link not in links:
@@ -54,6 +54,7 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
     joint, placement = link_placement(model, block.link, path, f"feet.{name}.link")
     corners = np.array([placement.act(np.array(corner)) for corner in block.sole])
     centre = corners.mean(axis=0)
+    rotation: Array | None
     if len(corners) == 1:
         data = model.createData()
         pin.forwardKinematics(model, data, upright)

@@ -55,7 +55,8 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     _refuse_unsupported(model, balls, path)
     root, objects = robot_root(model, path)
     roots = model.body_rootid[1:]
-    bodies = 1 + np.flatnonzero(roots == root if root else ~np.isin(roots, objects))
+    own = roots == root if root else ~np.isin(roots, objects)
+    bodies = (1 + np.flatnonzero(own)).tolist()
     if objects:
         names = ", ".join(repr(model.body(body).name) for body in objects[:6])
         notes.append(f"bodies that move on their own are no part of the robot and left out ({names})")
@@ -66,13 +67,13 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     closures = read_closures(model, path)
     if closures.handles:
         notes.append("equalities with mocap bodies, handles of a simulation, are left out")
-    _hold_joints(model, closures, set(bodies.tolist()), writer, notes)
+    _hold_joints(model, closures, set(bodies), writer, notes)
     writer.mimics, writer.torque_limits = find_mimics(model, closures), torque_limits(model)
     robot = writer.robot(spec.modelname or path.stem, root, bodies)
     if model.jnt_stiffness.any():
         notes.append("springs of joints (stiffness) are left out: torques predicted there lack them")
     pairs = [(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature]
-    known = [pair for pair in pairs if set(pair) <= set(bodies.tolist())]
+    known = [pair for pair in pairs if set(pair) <= set(bodies)]
     rotors = {joint: float(model.dof_armature[model.jnt_dofadr[joint]]) for joint in single_joints(model)}
     return MjcfConversion(
         spec.modelname or path.stem,

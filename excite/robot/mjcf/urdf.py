@@ -63,7 +63,7 @@ class UrdfWriter:
     notes: list[str] = field(default_factory=list)
     anchors: dict[int, Array] = field(default_factory=dict)
 
-    def robot(self, name: str, root: int, bodies: Array) -> Element:
+    def robot(self, name: str, root: int, bodies: list[int]) -> Element:
         """The ``robot`` element of bodies, parents first; ``root`` becomes the root link, 0 for the world."""
         self._element, self.anchors[root] = Element("robot", name=name), np.zeros(3)
         pose = pose_of(np.zeros(3), self.model.body_quat[root])
@@ -75,7 +75,7 @@ class UrdfWriter:
             SubElement(self._element, "link", name=f"{link}_upright")
             self._joint(f"{link}_upright_fixed", "fixed", f"{link}_upright", link, pose)
             self.notes.append(f"the base is {link}_upright: the axes of {link} do not stand upright")
-        for body in bodies.tolist():
+        for body in bodies:
             if body != root:
                 self._write_joints(body)
             self._write_link(body)
