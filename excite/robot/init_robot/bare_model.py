@@ -120,8 +120,8 @@ class StandIn:
         self, geometry: str, shapes: Sequence[dict[str, Any]] = (), stand_ins: Sequence[str] = ()
     ) -> Robot:
         """The robot with geometry of one kind, and authored ``shapes``, those of links in ``stand_ins`` for theirs."""
-        said = {"source": "stand-in"}
-        one = {"default": 1.0, **said}
+        said: dict[str, Any] = {"source": "stand-in"}
+        one: dict[str, Any] = {"default": 1.0, **said}
         content = {
             "schema": "excite.robot/1",
             "name": "stand-in",

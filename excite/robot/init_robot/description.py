@@ -113,7 +113,10 @@ def _description_content(
     # What the drives' torques turn: the bodies and the rotors.
     inertia = joint_inertias(robot, rng) + [rotors.get(name, 0.0) for name in names]
     # Torque limits that lift the robot many times stand for none.
-    most = _NO_TORQUE * 9.81 * mass
+    # A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In the URDFs looked at
+    # those that do (10000, 50000, 1e9 N·m) lift 10 of it and more, the strongest drives 6 (a gripper) and 3.5
+    # (Minitaur). Alexander's 1000 N·m lift 2.2 of it and are believed.
+    most = 8.0 * 9.81 * mass
     free = tuple(replace(g, torque=None) if g.torque and g.torque > most else g for g in free)
     loads = weight_loads(robot, rng, legs, 9.81 * mass if legs else 0.0)
     torques, said = torque_limits(robot, free, loads, inertia)
@@ -225,7 +228,8 @@ def limits_block(
     accelerations, jerks = dict[str, float](), dict[str, float]()
     for guess, own in zip(free, inertia, strict=True):
         known = guess.torque is not None and own > 0.0
-        share = SHARE_OF_TORQUE * (guess.torque or 0.0) / own if known else _UNKNOWN_ACCELERATION
+        # Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia.
+        share = 0.3 * (guess.torque or 0.0) / own if known else _UNKNOWN_ACCELERATION
         most = min(two_digits(min(_ACCELERATION, share)), guess.acceleration or math.inf)
         accelerations[guess.name], jerks[guess.name] = most, min(20.0 * most, guess.jerk or math.inf)
     said = "assumed for joints whose limit the model does not state"
@@ -313,25 +317,12 @@ def _leg_contacts(robot: Robot, rest: Rest) -> dict[int, Array]:
 # Numbers that a bare model lacks: limits, gains and noise, each on the careful side, and what was assumed for
 # them.
 
-SHARE_OF_TORQUE = 0.3
-"""Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia."""
 # What arms that people work beside keep to [rad/s, m/s]; a sixth of it for slides.
 _VELOCITY, _SLIDE_VELOCITY = 1.5, 0.25
 # Bundled robots have 3 to 30 rad/s²; without a torque limit nothing says what the drive can do.
 _ACCELERATION, _UNKNOWN_ACCELERATION = 30.0, 5.0
-# A drive is chosen for about twice the weight that it holds and moves.
-_RESERVE = 3.0
-# A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In the URDFs looked at
-# those that do (10000, 50000, 1e9 N·m) lift 10 of it and more, the strongest drives 6 (a gripper) and 3.5 (Minitaur).
-# Alexander's 1000 N·m lift 2.2 of it and are believed.
-_NO_TORQUE = 8.0
 # Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its damping.
 _FREQUENCY, _DAMPING = 8.0, 0.7
-# What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in simulation as
-# the real one does, and the Go2 the 2000 with which its trunk follows.
-_SAG = 0.0125
-# Torques of motor currents are seldom known better than to a hundredth of full scale.
-_TORQUE_NOISE = 0.005
 
 
 def two_digits(value: float) -> float:
@@ -343,7 +334,8 @@ def torque_limits(
     robot: Robot, guesses: tuple[JointGuess, ...], loads: Array, inertia: Array
 ) -> tuple[dict[str, float], list[Assumed]]:
     """Torque limits that the model does not state, by joint, from weight ``loads`` and ``inertia`` ``(n_joints,)``."""
-    needed = _RESERVE * (loads + inertia * _UNKNOWN_ACCELERATION)
+    # A drive is chosen for about twice the weight that it holds and moves.
+    needed = 3.0 * (loads + inertia * _UNKNOWN_ACCELERATION)
     found = {g.name: two_digits(max(needed[i], 0.1)) for i, g in enumerate(guesses) if g.torque is None}
     if not found:
         return {}, []
@@ -449,7 +441,9 @@ def guess_gains(
             loaded[joint - 1] = 0.0 if tip.any() else mass / len(legs) * max(reach, 0.1) ** 2
     for index, own in enumerate(inertia):
         moved = max(float(own), loaded.get(index, 0.0))
-        stiff = max(own * (2.0 * math.pi * _FREQUENCY) ** 2, loads[index] / _SAG)
+        # What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in
+        # simulation as the real one does, and the Go2 the 2000 with which its trunk follows.
+        stiff = max(own * (2.0 * math.pi * _FREQUENCY) ** 2, loads[index] / 0.0125)
         stiffness.append(max(stiff, UPRIGHT * topples.get(index + 1, 0.0)))
         # Damped for its load alone: of ten leg swings of an H1_2 seven stand with ankles damped for this stiffness, and
         # six with three tenths of that.
@@ -463,12 +457,13 @@ def guess_gains(
 
 def guess_sensors(limits: dict[str, float], base_link: str | None) -> tuple[dict[str, Any], list[Assumed]]:
     """The ``guess_sensors`` block: joint torques and, where ``base_link`` floats, an IMU there."""
+    # Torques of motor currents are seldom known better than to a hundredth of full scale.
     block: dict[str, Any] = {
         "rate_hz": 200.0,
         "noise_position": 1e-4,
         "joint_torque": "motor_side",
         "noise_torque": {
-            "joints": {name: two_digits(_TORQUE_NOISE * value) for name, value in limits.items()},
+            "joints": {name: two_digits(0.005 * value) for name, value in limits.items()},
             "source": "assumed: 0.5 % of the torque limit",
         },
     }

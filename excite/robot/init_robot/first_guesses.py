@@ -28,12 +28,6 @@ from excite.robot.urdf.tree import MOVING, link_at
 # What can be guessed about a robot from its URDF alone, for a person to confirm.
 
 _SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
-# A joint that turns less is a stop, a clutch or an exporter's zero [rad or m]: no motion fits in it, of which planning
-# keeps 1e-3 at either end. Wrists of ±0.001 refused all of an Atlas's candidates.
-_BLOCKED = 4e-3
-# Velocities that stand for no limit: in the models of robots that were looked at limits end at 111 rad/s, and 1000,
-# 50000 and 1e9 are what exporters write.
-_NO_VELOCITY = 1e3
 _LETTERS = re.compile(r"(?<![A-Za-z])([lL])(?![a-z])|(?<=[a-z0-9])(L)(?![a-z])")
 
 
@@ -80,13 +74,17 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
         continuous, ends, blocked = joint.get("type") == "continuous", None, None
         if not continuous and {"lower", "upper"} <= set(found):
             ends = found["lower"], found["upper"]
-            blocked = 0.5 * sum(ends) if abs(ends[1] - ends[0]) <= _BLOCKED else None
+            # A joint that turns less is a stop, a clutch or an exporter's zero [rad or m]: no motion fits in it, of
+            # which planning keeps 1e-3 at either end. Wrists of ±0.001 refused all of an Atlas's candidates.
+            blocked = 0.5 * sum(ends) if abs(ends[1] - ends[0]) <= 4e-3 else None
         velocity = found.get("velocity", 0.0)
+        # Velocities that stand for no limit: in the models of robots that were looked at limits end at 111 rad/s, and
+        # 1000, 50000 and 1e9 are what exporters write.
         guesses.append(
             JointGuess(
                 name=name,
                 position=ends if ends is not None and blocked is None and ends[0] < ends[1] else None,
-                velocity=velocity if 0.0 < velocity < _NO_VELOCITY else None,
+                velocity=velocity if 0.0 < velocity < 1e3 else None,
                 torque=found.get("effort") or None,
                 follows=None if mimic is None else mimic.get("joint", ""),
                 blocked=blocked,
@@ -145,8 +143,6 @@ MASSLESS = "nothing with mass moves with it"
 TOO_WEAK = (
     "the torque limit that the model states cannot hold what it carries: state the drive's, if it gives more"
 )
-# Directions at right angles have a smaller cosine, however few digits their angles were typed with.
-_ACROSS = 0.01
 # Hands have three fingers or more, which weigh a twentieth of what the heaviest joint of a robot moves.
 _FINGERS, _HAND = 3, 0.05
 
@@ -240,7 +236,8 @@ def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Elemen
             axes[name] = turn @ numbers_of("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
         hinges = sum(joints[one].get("type") != "prismatic" for one in axes)
         pairs = itertools.combinations(axes.values(), 2)
-        if hinges == 1 and len(axes) in {2, 3} and all(abs(float(a @ b)) < _ACROSS for a, b in pairs):
+        # Directions at right angles have a smaller cosine, however few digits their angles were typed with.
+        if hinges == 1 and len(axes) in {2, 3} and all(abs(float(a @ b)) < 0.01 for a, b in pairs):
             found = set(axes)
         if here in solid:
             break

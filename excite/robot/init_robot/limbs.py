@@ -23,20 +23,8 @@ from excite.robot.shapes.shape import Shape, bottom, placed
 
 _LEG = re.compile(r"leg|foot|feet|ankle|toe|knee|hip|calf|thigh|shank|shin|sole|kfe|hfe", re.IGNORECASE)
 _ARM = re.compile(r"arm|hand|wrist|elbow|shoulder|finger|gripper|claw", re.IGNORECASE)
-# Feet of one stance differ in height by knees that cannot straighten; hands hang at 0.4 of a person's height.
-_LEVEL = 0.15
-# Hulls of meshes stand out by a hundredth of their size: what lies within this of the lowest point touches [m].
-_PATCH = 0.003
 # A ball of 30 mm radius has a patch of 27 mm within that of its lowest point; the narrowest sole known has 40 mm.
 _POINT = 0.03
-# A square millimetre of a sole [m²].
-_NO_AREA = 1e-6
-# Height and tilt of a sole take three joints, and its place two more.
-_STEERED = 5
-# Cosine of 45 degrees: soles face down so far in any posture in which a robot is drawn.
-_FACING = 0.7
-# Limbs that part beyond a joint which moves less than this share of the robot's mass end in one foot or hand.
-_ONE_FOOT = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +102,8 @@ class Figure:
             return []
         top = max(float(self.data.oMi[s.joint].act(s.placement.translation)[2]) for s in self.shapes)
         ground = min(low[j] for j in ends)
-        level = ground + _LEVEL * max(top - ground, 1e-3)
+        # Feet of one stance differ in height by knees that cannot straighten; hands hang at 0.4 of a person's height.
+        level = ground + 0.15 * max(top - ground, 1e-3)
         if low.get(0, np.inf) < level:
             return []
         kept: list[int] = []
@@ -139,7 +128,8 @@ class Figure:
 
     def _same_foot(self, one: int, other: int) -> bool:
         common = [a for a, b in zip(self.chain(one), self.chain(other), strict=False) if a == b]
-        return bool(common) and self.beyond[common[-1]] < _ONE_FOOT * self.beyond[0]
+        # Limbs that part beyond a joint which moves less than this share of the robot's mass end in one foot or hand.
+        return bool(common) and self.beyond[common[-1]] < 0.12 * self.beyond[0]
 
     def _called(self, end: int, pattern: re.Pattern[str]) -> bool:
         names = [self.model.names[j] for j in self.chain(end)]
@@ -156,7 +146,8 @@ class Figure:
         pose = self.data.oMi[joint]
         own = self._known(joint)
         best, largest = self._touch(own, pose), -1.0
-        if len(self.chain(joint)) >= _STEERED:
+        # Height and tilt of a sole take three joints, and its place two more.
+        if len(self.chain(joint)) >= 5:
             for turn in _face_turns(np.vstack([bottom(shape, pose) for shape in own])):
                 found = self._touch(own, turn * pose)
                 area = turn.rotation[2, 2] * sole_area(found.sole)
@@ -171,7 +162,8 @@ class Figure:
             ((shape, float(points[:, 2].min())) for shape, points in zip(own, lows, strict=True)),
             key=lambda one: one[1],
         )
-        corners = floor_outline(np.vstack([points[points[:, 2] < floor + _PATCH] for points in lows]), floor)
+        # Hulls of meshes stand out by a hundredth of their size: what lies within this of the lowest point touches [m].
+        corners = floor_outline(np.vstack([points[points[:, 2] < floor + 0.003] for points in lows]), floor)
         _, placement = link_placement(self.model, shape.link, self.robot.source, "feet")
         ball = shape.kind == "sphere" and len(corners) == 1
         if shape.kind == "cylinder" and len(corners) == 2 and shape.size[1] < 2.0 * shape.size[0]:
@@ -190,7 +182,8 @@ def _face_turns(points: Array) -> list[pin.SE3]:
         normals = ConvexHull(points).equations[:, :3]
     except QhullError:
         return turns
-    for normal in normals[normals[:, 2] < -_FACING]:
+    # Cosine of 45 degrees: soles face down so far in any posture in which a robot is drawn.
+    for normal in normals[normals[:, 2] < -0.7]:
         rotation = pin.Quaternion.FromTwoVectors(normal, down).matrix()
         if all(np.linalg.norm(rotation - turn.rotation) > 0.01 for turn in turns):
             turns.append(pin.SE3(rotation, np.zeros(3)))
@@ -234,7 +227,8 @@ def _reduce_polygon(hull: Array, most: int) -> Array:
         before, after = np.roll(hull, 1, axis=0), np.roll(hull, -1, axis=0)
         one, two = hull - before, after - before
         area = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
-        if len(hull) <= most and area.min() > _NO_AREA:
+        # A square millimetre of a sole [m²].
+        if len(hull) <= most and area.min() > 1e-6:
             break
         hull = np.delete(hull, int(np.argmin(area)), axis=0)
     return hull

@@ -22,13 +22,6 @@ from excite.robot.mechanisms.mechanism import limb_columns
 from excite.robot.shapes.collision import PairSearch, ground_height, review_pairs
 from excite.robot.shapes.shape import has_area
 
-# Links that rest so close to the margin [m] refuse every motion, which begins and ends there: the filter and the
-# independent check build their shapes anew (iCub's hip and torso, apart at rest, were refused at 9.97 of 10 mm).
-_SLACK = 1e-3
-# Room between moving links and the ground at rest, of the longest limb's length: of 12 candidates of a UR5 that rests
-# stretched out at 0.09 m the ground refuses 7; with this much room 4.
-_HEADROOM = 0.15
-
 
 @dataclass(frozen=True, eq=False)
 class Rest:
@@ -80,12 +73,16 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         source = "found: feet on one plane, centre of mass above the middle of what soles and ankles hold"
     else:
         ground = ground_height(figure.model, figure.shapes, wanted, held_up=base == "held")
-        above = [ground] if said.posture is not None else [ground + _HEADROOM * figure.reach, ground]
+        # Room between moving links and the ground at rest, of the longest limb's length: of 12 candidates of a UR5 that
+        # rests stretched out at 0.09 m the ground refuses 7; with this much room 4.
+        above = [ground] if said.posture is not None else [ground + 0.15 * figure.reach, ground]
         clear = _first_clear(postures, [*above, None], allowed)
         source = "found near zero, or the model's own posture: free of collision, above the ground"
         q = wanted if clear is None else clear
     q = np.round(q, 5)
-    touching = postures.touching(q, allowed, _SLACK)
+    # Links that rest so close to the margin [m] refuse every motion, which begins and ends there: the filter and the
+    # independent check build their shapes anew (iCub's hip and torso, apart at rest, were refused at 9.97 of 10 mm).
+    touching = postures.touching(q, allowed, 1e-3)
     if touching:
         names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
         why = "no posture to move from was found that parts them: they keep a distance of their own"
@@ -229,8 +226,6 @@ _BEND = 0.6
 # every direction. Other makers' quadrupeds have 0.2 … 0.3; on legs with 0.14 (ANYmal's hind ones, little bent) and 0.10
 # (CENTAURO's, whose feet rest below the axes that turn their hips) most and all of the candidates are out of reach.
 _AGILE = 0.2
-# Share of the usable torque down to which a posture is eased: beside it there must be others that can be held, too.
-_EASE = 0.8
 # Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
 _TRIES = 300
 
@@ -300,7 +295,9 @@ class Postures:
 
         def excess(at: Array) -> tuple[float, Array]:
             strain = pin.computeGeneralizedGravity(model, data, at) / self._usable
-            over = np.sign(strain) * np.maximum(np.abs(strain) - _EASE, 0.0)
+            # Share of the usable torque down to which a posture is eased: beside it there must be others that can be
+            # held, too.
+            over = np.sign(strain) * np.maximum(np.abs(strain) - 0.8, 0.0)
             slope = pin.computeGeneralizedGravityDerivatives(model, data, at) / self._usable[:, None]
             return float(over @ over), 2.0 * over @ slope
 

@@ -21,14 +21,6 @@ from excite.robot.urdf.numbers import MOMENTS
 
 # Inertias that no body has, and the smallest correction that makes one of them possible.
 
-# The nearest possible inertia is the correction where it is this near; farther off, other readings are tried.
-_NEAR = 0.2
-# A reading of an inertia is believed within this factor of the shape's.
-_ODD = 10.0
-# What six digits round away.
-_HAIR = 1e-5
-# Rounding to few digits breaks the inequality by less than this share.
-_ROUNDED = 0.01
 # Where the six numbers of a URDF stand in what was written in another order.
 _ORDERS = {
     "in MJCF's order, ixx iyy izz ixy ixz iyz": (0, 3, 4, 1, 5, 2),
@@ -55,7 +47,8 @@ def impossible_inertia(robot: DescribedRobot) -> Iterator[Finding]:
             kind, figures = "triangle", {"excess_percent": float(100.0 * excess / moments[2])}
             # Digits that were not written move a principal moment by at most the norm of a matrix of half-steps.
             slack = TOLERANCE * abs(moments[2]) + 3.0 * link.step
-            rounded = excess <= min(slack, _ROUNDED * moments[2])
+            # Rounding to few digits breaks the inequality by less than this share.
+            rounded = excess <= min(slack, 0.01 * moments[2])
             severity = "note" if rounded or robot.is_weightless(link) else "spoils"
             said = (
                 f"its inertia breaks the triangle inequality by {figures['excess_percent']:.2g} %: the principal moment"
@@ -78,7 +71,8 @@ def _better_inertia(link: DescribedLink, solid: Solid | None) -> tuple[str, Arra
     """
     six = link.stated
     nearest = "the nearest inertia that a body can have", nearest_inertia(six)
-    if np.linalg.norm(nearest[1] - six) <= _NEAR * np.linalg.norm(six):
+    # The nearest possible inertia is the correction where it is this near; farther off, other readings are tried.
+    if np.linalg.norm(nearest[1] - six) <= 0.2 * np.linalg.norm(six):
         return nearest
     even = np.zeros(6)
     if solid is not None and link.weight:
@@ -90,7 +84,8 @@ def _better_inertia(link: DescribedLink, solid: Solid | None) -> tuple[str, Arra
     # How far diagonals are from the even body's; a hundredth of a factor of e for each place in the list besides.
     shares = [np.log(np.abs(reading[[0, 3, 5]] / even[[0, 3, 5]]) + 1e-300) for _, reading in found]
     off = [float(np.linalg.norm(share)) + 0.01 * place for place, share in enumerate(shares)]
-    return nearest if min(off) > math.log(_ODD) else found[int(np.argmin(off))]
+    # A reading of an inertia is believed within this factor of the shape's.
+    return nearest if min(off) > math.log(10.0) else found[int(np.argmin(off))]
 
 
 def _readings(six: Array, even: Array) -> Iterator[tuple[str, Array]]:
@@ -136,7 +131,8 @@ def nearest_inertia(six: Array) -> Array:
     moments, axes = np.linalg.eigh(symmetric_matrix(six))
     sums = np.ones((3, 3)) - np.eye(3)
     # A hair inside, so that rounding to six digits does not break it again.
-    best = sums @ nnls(sums, moments)[0] + _HAIR * np.abs(moments).max()
+    # What six digits round away.
+    best = sums @ nnls(sums, moments)[0] + 1e-5 * np.abs(moments).max()
     return np.asarray((axes * best @ axes.T)[np.triu_indices(3)])
 
 
@@ -355,8 +351,6 @@ def missing_meshes(robot: DescribedRobot) -> Iterator[Finding]:
 # carry.
 
 _GRAVITY = 9.81
-# Links whose sizes differ so far are no copies of each other.
-_OTHER_SIZE = 1.5
 _ALIKE = ", the same about every axis"
 # Twins of published models differ by a few per cent in mass; beyond that, and half their size, they are gross.
 _TWIN, _TWIN_INERTIA, _GROSS = 1.02, 1.5, 0.5
@@ -376,7 +370,8 @@ def placeholders(robot: DescribedRobot) -> Iterator[Finding]:
             groups.setdefault("the mass 1 kg", []).append(link)
     for what, links in groups.items():
         sizes = [solid.size for link in links if (solid := robot.own_hull(link.name)) is not None]
-        differ = len(sizes) > 1 and max(sizes) > _OTHER_SIZE * min(sizes)
+        # Links whose sizes differ so far are no copies of each other.
+        differ = len(sizes) > 1 and max(sizes) > 1.5 * min(sizes)
         masses = len({link.mass for link in links}) > 1
         # Of three reasons to think of a copy, two.
         if len(links) < 3 or not (differ or (_ALIKE in what) + masses + (not sizes) > 1):

@@ -22,17 +22,6 @@ from excite.robot.mechanisms.closures import SINGULAR, Closure, Coupling, Loop, 
 # Closing a tree of joints: positions of those that no motor drives, by Newton's method on loops and
 # couplings.
 
-# Gaps are closed to this [m or rad]: far below what geometry is known to, far above rounding.
-_CLOSED = 1e-10
-# Newton's method takes 3 to 6 steps where a mechanism is within reach, and never ends where it is not.
-_STEPS = 15
-# A step of Newton's method turns no joint further than this [rad], so that it stays on the branch it is on.
-_LONGEST_STEP = 0.3
-# Configurations further apart than this [rad or m] are joined by others in between, for the same reason.
-_APART = 0.2
-# A random configuration out of reach is tried again at this share of its way from rest.
-_PULLED = 0.6
-
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
@@ -110,7 +99,8 @@ class Mechanism:
         way = pin.difference(self.model, start, q)
         way[self.passive] = 0.0
         far = np.abs(way[6:] if self._free else way).max(initial=0.0)
-        count, before = max(1, int(np.ceil(far / _APART))), start
+        # Configurations further apart than this [rad or m] are joined by others in between, for the same reason.
+        count, before = max(1, int(np.ceil(far / 0.2))), start
         for k in range(1, count + 1):
             here = pin.integrate(self.model, start, way * (k / count)) if k < count else q.copy()
             here[columns] = before[columns]
@@ -123,13 +113,16 @@ class Mechanism:
 
     def _closed(self, data: pin.Data, q: Array, sample: int) -> Array:
         step = np.zeros(self.model.nv)
-        for _ in range(_STEPS):
+        # Newton's method takes 3 to 6 steps where a mechanism is within reach, and never ends where it is not.
+        for _ in range(15):
             pin.computeJointJacobians(self.model, data, q)
             gap = self._gap(q, data)
-            if np.abs(gap).max(initial=0.0) < _CLOSED:
+            # Gaps are closed to this [m or rad]: far below what geometry is known to, far above rounding.
+            if np.abs(gap).max(initial=0.0) < 1e-10:
                 return q
             move = -np.linalg.pinv(self._jacobian(q, data)[:, self.passive], rcond=SINGULAR) @ gap
-            step[self.passive] = move * min(1.0, _LONGEST_STEP / max(float(np.abs(move).max()), 1e-300))
+            # A step of Newton's method turns no joint further than this [rad], so that it stays on the branch it is on.
+            step[self.passive] = move * min(1.0, 0.3 / max(float(np.abs(move).max()), 1e-300))
             q = pin.integrate(self.model, q, step)
         worst = self._widest(q, data)
         raise MotionError(
@@ -238,7 +231,8 @@ class Mechanism:
                     self.motion_maps(out[i : i + 1])
                     break
                 except MotionError:
-                    share *= _PULLED
+                    # A random configuration out of reach is tried again at this share of its way from rest.
+                    share *= 0.6
         return out
 
     def following_from(self, given: NDArray[np.int64]) -> Mechanism:

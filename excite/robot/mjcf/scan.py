@@ -23,8 +23,6 @@ from excite.robot.urdf.numbers import shorten_text
 MAX_EXPANDED = 100_000
 MAX_DEPTH = 100
 MAX_FILES = 200
-# The largest mesh known has 29 MB; MuJoCo itself refuses meshes of more than 16 000 000 corners.
-MAX_ASSET_BYTES = 256 * 1024 * 1024
 
 _MULTIPLIERS = ("replicate", "composite", "flexcomp")
 # Elements without which nothing in a model can move; files and models that are brought in may hold bodies.
@@ -151,7 +149,8 @@ class _Scan:
                 except (OSError, ValueError) as reason:
                     raise unreadable_file(file, reason, RobotError) from reason
                 if named and not (folder and file.is_dir() and tag == "plugin"):
-                    check_file(file, limit=MAX_ASSET_BYTES, error=RobotError)
+                    # The largest mesh known has 29 MB; MuJoCo itself refuses meshes of more than 16 000 000 corners.
+                    check_file(file, limit=256 * 1024 * 1024, error=RobotError)
 
 
 def _model_name(model: ElementTree.Element) -> str:

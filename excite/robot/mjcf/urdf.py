@@ -26,8 +26,6 @@ FREE, BALL, SLIDE, HINGE = (
 WORLD = "world"
 # Cosine of 2.5 degrees: less than a base leans in any posture in which a robot is drawn standing.
 _UPRIGHT = 0.999
-# File systems take 255 bytes, of which a letter may need four.
-_LONGEST_NAME = 60
 
 
 @dataclass(frozen=True)
@@ -174,7 +172,8 @@ class UrdfWriter:
     def _mesh(self, mesh: int) -> str:
         """Relative path of a mesh's file."""
         model, called = self.model, self.model.mesh(mesh).name.replace("/", "_")
-        if not called or len(called) > _LONGEST_NAME or not called.isprintable():
+        # File systems take 255 bytes, of which a letter may need four.
+        if not called or len(called) > 60 or not called.isprintable():
             called = f"mesh_{mesh}"
         vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
         faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]

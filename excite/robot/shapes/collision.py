@@ -234,13 +234,8 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
 # Which way up Collada meshes are meant: their file says an axis, which some readers of URDF heed and others
 # do not.
 
-# The axis stands in a file's head, before any geometry.
-_HEAD_BYTES = 16_384
 # From the file's axes to those of a frame whose z is up (Collada 1.4.1, element up_axis).
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-# A link speaks where the readings differ by this share of its size. In example-robot-data 15 links of 16 of the iCub
-# speak for meshes turned upright; of TIAGo, two flying arms and two other iCubs 46 of 47 for meshes as they are.
-_DIFFERENCE = 0.02
 # Fewer votes than these could be chance: without them meshes are read as RViz and pinocchio read them.
 _VOTES, _MAJORITY = 3, 0.75
 
@@ -275,7 +270,8 @@ def _y_up(path: Path) -> bool:
     if path.suffix.lower() != ".dae":
         return False
     with path.open("rb") as stream:
-        return b"Y_UP" in stream.read(_HEAD_BYTES)
+        # The axis stands in a file's head, before any geometry.
+        return b"Y_UP" in stream.read(16_384)
 
 
 def _axis_vote(
@@ -300,7 +296,10 @@ def _axis_vote(
         corners = np.vstack([placed(reading[file] * scale, pose) for pose, scale, file in meshes])
         low, high = corners.min(axis=0), corners.max(axis=0)
         off.append(float(np.linalg.norm(centre - 0.5 * (low + high)) / max(np.linalg.norm(high - low), 1e-9)))
-    return 0 if abs(off[0] - off[1]) < _DIFFERENCE else 1 if off[1] < off[0] else -1
+    # A link speaks where the readings differ by this share of its size. In example-robot-data 15 links of 16 of the
+    # iCub speak for meshes turned upright; of TIAGo, two flying arms and two other iCubs 46 of 47 for meshes as they
+    # are.
+    return 0 if abs(off[0] - off[1]) < 0.02 else 1 if off[1] < off[0] else -1
 
 
 # The ground below a fixed base: never absent, so that no motion reaches through it unseen.
@@ -400,8 +399,6 @@ def lowest_points(shapes: Sequence[Shape], data: pin.Data) -> dict[int, float]:
 
 FAR = 0.02
 """Clearance beyond the margin that a pair must always keep to count as unable to meet [m]."""
-NEAR_JOINTS = 3
-"""Joints between two links up to which their relative posture is searched in full."""
 
 
 @dataclass(frozen=True)
@@ -455,7 +452,8 @@ def review_pairs(
     }
     for column, pair in enumerate(search.pairs):
         between = search.joints_between(pair)
-        neighbours = len(between) <= NEAR_JOINTS
+        # Joints between two links up to which their relative posture is searched in full.
+        neighbours = len(between) <= 3
         if np.mean(random[:, column] < margin) >= 0.99:
             found["always"].append(pair)
         elif near[column] < margin:

@@ -9,10 +9,6 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_shapes
 from excite.robot.shapes.shape import shape_bounds
 
-GROWTH = 0.05
-"""Growth of the geometry's bounding box on every side, as a share of its length."""
-LEAST_GROWTH = 0.005
-"""Least growth on every side [m]."""
 BARE = 0.05
 """Half side of the box about the nominal CoM of a segment that has no geometry [m]."""
 
@@ -43,7 +39,9 @@ def com_boxes(robot: Robot) -> Array:
         if bounds:
             lower = np.min([low for low, _ in bounds], axis=0)
             upper = np.max([high for _, high in bounds], axis=0)
-            growth = np.maximum(GROWTH * (upper - lower), LEAST_GROWTH)
+            # Growth of the geometry's bounding box on every side, as a share of its length.
+            # Least growth on every side [m].
+            growth = np.maximum(0.05 * (upper - lower), 0.005)
             boxes[index] = np.minimum(lower - growth, centre), np.maximum(upper + growth, centre)
         else:
             boxes[index] = centre - BARE, centre + BARE

@@ -16,8 +16,6 @@ from excite.robot.refusal import robot_error
 
 # The largest mesh known, the trunk of a quadruped in Collada, has 29 MB.
 MAX_MESH_BYTES = 256 * 1024 * 1024
-# A part of 1 km in micrometres.
-MAX_COORDINATE = 1e9
 # That trunk takes 6 s. Of 300 damaged Collada files four kept the loader busy without end, so that the search for the
 # one among many shall not take a minute.
 BATCH_SECONDS = 20.0
@@ -88,7 +86,8 @@ def _load_meshes(paths: list[Path], seconds: float | None = None) -> dict[Path, 
 def _check_points(points: Array, path: Path) -> Array:
     if len(points) == 0 or not np.isfinite(points).all():
         raise robot_error(path, None, "mesh has no corners or one that is not finite", "export it again")
-    if np.abs(points).max() > MAX_COORDINATE:
+    # A part of 1 km in micrometres.
+    if np.abs(points).max() > 1e9:
         raise robot_error(
             path, None, f"mesh has a corner {np.abs(points).max():.3g} from its origin", _DAMAGED
         )

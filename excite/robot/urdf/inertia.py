@@ -21,12 +21,6 @@ from excite.robot.urdf.numbers import MOMENTS, read_number, read_numbers, read_o
 TOLERANCE = 1e-6
 """How far, relative to the largest principal moment, a moment may break the triangle inequality."""
 
-MAX_GYRATION = 20.0
-"""Largest radius of gyration of a link [m].
-
-Twice what the most careless of 1181 published models has, which put in moments of 1 or 100 for want of better; the
-boom of a crane, 60 m, has 17. Moments in kg·mm² make it a thousand times what it is.
-"""
 
 # A link of less than this share of the robot's mass stands for a frame, as that of an iiwa's flange with 1e-6 kg and
 # moments of 1 kg·m² does: they were put in for want of better, and say nothing of the file's units.
@@ -115,7 +109,10 @@ def inertial_faults(
         # The radius over which the mass is spread.
         radius = math.sqrt(inertial.size / inertial.mass) if inertial.mass and inertial.size > least else 0.0
         fault = _describe_impossible(inertial.moments, strict=False)
-        if radius > MAX_GYRATION:
+        # Largest radius of gyration of a link [m]. Twice what the most careless of 1181 published models has, which put
+        # in moments of 1 or 100 for want of better; the boom of a crane, 60 m, has 17. Moments in kg·mm² make it a
+        # thousand times what it is.
+        if radius > 20.0:
             fault = f"spreads {inertial.mass:g} kg over a radius of {radius:.3g} m"
             if inertial.mass > weightless:
                 remedy = "write moments in kg·m² and masses in kg"
@@ -264,10 +261,6 @@ def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
 # Half of each known robot's mass (66 models) lies in bodies below 21 000 kg/m³ by their own inertia, and mostly
 # below 5 000; the densest metal has 22 600. Grams make 4e5 of the usual 400.
 MAX_DENSITY = 1e5
-# The weight of known robots' limbs is at most twice what the drives there can hold; grams make a thousand times.
-MAX_WEIGHT = 30.0
-# Thinner bodies are points and lines, which models use where inertia does not matter [m].
-_THINNEST = 1e-3
 _GRAVITY = 9.81
 
 
@@ -296,7 +289,8 @@ def check_weights(model: pin.Model, torque: NDArray[np.float64], path: Path) -> 
     weight = (_GRAVITY * np.array(list(data.mass)[1:]) * levers)[-len(torque) :]
     known = np.isfinite(torque) & (torque > 0.0)
     share = float((weight[known] / torque[known]).max(initial=0.0))
-    if share > MAX_WEIGHT:
+    # The weight of known robots' limbs is at most twice what the drives there can hold; grams make a thousand times.
+    if share > 30.0:
         raise robot_error(
             path,
             "mass@value",
@@ -316,7 +310,8 @@ def typical_density(model: pin.Model) -> float:
         moments = np.linalg.eigvalsh(inertia.inertia)
         if inertia.mass > 0.0 and moments.any():
             squares = 2.5 * (moments.sum() - 2.0 * moments) / inertia.mass
-            half_axes = np.sqrt(np.maximum(squares, _THINNEST**2))
+            # Thinner bodies are points and lines, which models use where inertia does not matter [m].
+            half_axes = np.sqrt(np.maximum(squares, 1e-3**2))
             mass.append(inertia.mass)
             volume.append(4.0 / 3.0 * np.pi * half_axes.prod())
     if not mass:
