@@ -183,7 +183,7 @@ class DescribedRobot:
 
     def _joint(self, joint: Element) -> DescribedJoint:
         limit, where = joint.find("limit"), f"joint {joint.get('name', '')!r}"
-        stated = {
+        stated: dict[str, float] = {
             key: float(found[0])
             for key in ("lower", "upper", "effort", "velocity")
             if limit is not None and key in limit.attrib

@@ -390,7 +390,7 @@ def asymmetry(robot: DescribedRobot) -> Iterator[Finding]:
     for left in robot.bodies():
         twins = (robot.links.get(name) for name in mirror_names(left.name) if name != left.name)
         right = next((twin for twin in twins if twin and twin.weight and twin.pose is not None), None)
-        if right is not None and left.pose is not None:
+        if right is not None and left.pose is not None and right.pose is not None:
             pairs.append((left, right, left.pose, right.pose))
     if not pairs:
         return

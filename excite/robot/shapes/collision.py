@@ -295,7 +295,8 @@ def _axis_vote(
     for reading in (points, {**points, **turned}):
         corners = np.vstack([placed(reading[file] * scale, pose) for pose, scale, file in meshes])
         low, high = corners.min(axis=0), corners.max(axis=0)
-        off.append(float(np.linalg.norm(centre - 0.5 * (low + high)) / max(np.linalg.norm(high - low), 1e-9)))
+        size = max(float(np.linalg.norm(high - low)), 1e-9)
+        off.append(float(np.linalg.norm(centre - 0.5 * (low + high))) / size)
     # A link speaks where the readings differ by this share of its size. In example-robot-data 15 links of 16 of the
     # iCub speak for meshes turned upright; of TIAGo, two flying arms and two other iCubs 46 of 47 for meshes as they
     # are.
