@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ def read_segments(model: pin.Model, description: RobotDescription, path: Path) -
     """The moving bodies, one a joint, with their names and pairs; raises RobotError."""
     links, block = [carried_link(model, joint) for joint in range(1, model.njoints)], description.segments
     pairs = dict(block.pairs) | {right: left for left, right in block.pairs}
-    for field, named in {"pairs": pairs, "names": block.names, "com_box": block.com_box}.items():
+    fields: dict[str, Iterable[str]] = {"pairs": pairs, "names": block.names, "com_box": block.com_box}
+    for field, named in fields.items():
         for link in named:
             if link not in links:
                 raise unknown_name(path, f"segments.{field}", "moving link", link, links)
@@ -94,8 +96,8 @@ def _sole_axes(corners: Array, link: Array) -> Array | None:
         return None
     if normal @ link[:, 2] < -0.5:
         normal = -normal
-    along = _across(link[:, 0], normal)
-    along = _direction(along if np.linalg.norm(along) >= 1e-6 else _across(link[:, 1], normal))
+    level = _across(link[:, 0], normal)
+    along = _direction(level if np.linalg.norm(level) >= 1e-6 else _across(link[:, 1], normal))
     return None if along is None else np.column_stack([along, np.cross(normal, along), normal])
 
 

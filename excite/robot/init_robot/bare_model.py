@@ -122,7 +122,7 @@ class StandIn:
         """The robot with geometry of one kind, and authored ``shapes``, those of links in ``stand_ins`` for theirs."""
         said: dict[str, Any] = {"source": "stand-in"}
         one: dict[str, Any] = {"default": 1.0, **said}
-        content = {
+        content: dict[str, Any] = {
             "schema": "excite.robot/1",
             "name": "stand-in",
             "title": "stand-in",
