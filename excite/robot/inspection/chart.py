@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 from excite.atomic import write_text
 from excite.display import count
@@ -22,6 +22,7 @@ from excite.robot.loading import load_robot, urdf_of
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.robot import Robot
 from excite.robot.urdf.inertia import drop_points, inertial_faults
+from excite.robot.urdf.numbers import MOMENTS, add_element
 from excite.robot.urdf.reading import MAX_NESTING, prepare_urdf
 from excite.robot.urdf.tree import check_tree
 from excite.temporary_folder import TemporaryFolder
@@ -77,9 +78,9 @@ def examine_description(name_or_path: str | Path) -> RobotChart:
             except RobotError as error:
                 return RobotChart(chart.robot, worst_first((_refusal(error), *chart.findings)))
         return chart
-    folder = TemporaryFolder().path
+    place = TemporaryFolder()
+    folder, urdf = place.path, path
     try:
-        urdf = path
         if is_mjcf(path):
             urdf = convert_mjcf(path).write(folder / f"{path.stem}.urdf")
         elif is_xacro(path):
@@ -117,13 +118,13 @@ def _inertials_alone(path: Path, folder: Path, error: RobotError) -> RobotChart:
         if len(moments) not in {3, 6}:
             raise error
         xx, yy, zz, xy, xz, yz = [*moments, "0", "0", "0"][:6]
-        link = SubElement(urdf, "link", name=body.get("name") or f"body_{number}")
-        inertial = SubElement(link, "inertial")
-        SubElement(inertial, "origin", xyz=stated.get("pos", "0 0 0"))
-        SubElement(inertial, "mass", value=stated.get("mass", "0"))
-        SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz)
+        link = add_element(urdf, "link", name=body.get("name") or f"body_{number}")
+        inertial = add_element(link, "inertial")
+        add_element(inertial, "origin", xyz=stated.get("pos", "0 0 0"))
+        add_element(inertial, "mass", value=stated.get("mass", "0"))
+        add_element(inertial, "inertia", **dict(zip(MOMENTS, (xx, xy, xz, yy, yz, zz), strict=True)))
     robot = DescribedRobot(urdf, folder / f"{path.stem}.urdf")
-    found = (*impossible_inertia(robot), *robot.faults)
+    found = (*robot.faults, *impossible_inertia(robot))
     if not found:
         raise error
     return RobotChart(path.stem, worst_first(merge_findings((*found, _refusal(error)))))
