@@ -39,7 +39,7 @@ from excite.robot.refusal import robot_error, unknown_name
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import ground_is_assumed
 from excite.robot.urdf.inertia import check_weights
-from excite.robot.urdf.limits import LimitsFile, assumed_limits, read_limits_file, with_tables
+from excite.robot.urdf.limits import assumed_limits, read_limits_file, with_tables
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.numbers import read_number, read_origin
 from excite.robot.urdf.reading import Stated, read_mimic, read_urdf
@@ -235,7 +235,8 @@ def limited_description(robot: Robot, file: Path) -> str:
     Raises:
         RobotError: it is no such file, names no joint of the robot, or leaves one no range.
     """
-    description, limits, found = read_description(robot.source), robot.limits, _stated_limits(file, robot)
+    description, limits = read_description(robot.source), robot.limits
+    found = read_limits_file(file, robot.driven_names)
     changed: dict[str, dict[str, Any]] = {}
     for name, stated in found.limits.items():
         index, margin = robot.joint_index(name), description.limits.position.margin
@@ -262,14 +263,6 @@ def limited_description(robot: Robot, file: Path) -> str:
     said = assumed_limits({file.name: with_tables(names, found.tables)})
     content["assumed"] = [*content.get("assumed", []), *(one.to_json() for one in said)]
     return _portable(robot, RobotDescription.model_validate(content))
-
-
-def _stated_limits(file: Path, robot: Robot) -> LimitsFile:
-    found = read_limits_file(file, robot.driven_names)
-    if not found.limits and not found.tables:
-        remedy = "the robot has " + ", ".join(robot.driven_names)
-        raise robot_error(file, "joint_limits", "names no joint of the robot", remedy)
-    return found
 
 
 def _portable(robot: Robot, description: RobotDescription) -> str:

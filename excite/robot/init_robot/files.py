@@ -177,10 +177,7 @@ def _limited(made: _Made, file: Path, source: Source) -> _Made:
     names = [joint.get("name", "") for joint in root.findall("joint")]
     tightened, tables = dict[str, dict[str, list[str]]](), list[PositionTable]()
     for one in files:
-        found = read_limits_file(one, names)
-        if not found.limits and not found.tables and source.limits is not None:
-            what, has = "names no joint of the robot", "the model has " + ", ".join(names)
-            raise robot_error(one, "joint_limits", what, has)
+        found = read_limits_file(one, names, given=source.limits is not None)
         named = "/".join(one.parts[-3:] if source.limits is None else one.parts[-1:])
         tightened[named] = with_tables(tighten(root, found.limits, file, one.name), found.tables)
         tables += found.tables

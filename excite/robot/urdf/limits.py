@@ -199,7 +199,7 @@ class LimitsFile:
     tables: tuple[PositionTable, ...]
 
 
-def read_limits_file(file: Path, names: Sequence[str]) -> LimitsFile:
+def read_limits_file(file: Path, names: Sequence[str], *, given: bool = True) -> LimitsFile:
     """Limits of a robot's joints: ``joint_limits`` as MoveIt has them, ``by_position`` as a ``robot.yaml`` has.
 
     Joints may be called without the ``_joint`` of their names, and angles tagged ``!degrees``, as in UR's.
@@ -207,6 +207,7 @@ def read_limits_file(file: Path, names: Sequence[str]) -> LimitsFile:
     Args:
         file: the file.
         names: of the robot's joints; limits of others do not count.
+        given: whether a person named the file, which then has to be of the robot.
 
     Raises:
         RobotError: it is no such file, or a limit is no number, or is the wrong way round; a table is none, or is of a
@@ -239,6 +240,9 @@ def read_limits_file(file: Path, names: Sequence[str]) -> LimitsFile:
             )
         over = None if table.over is None else known[table.over]
         tables.append(table.model_copy(update={"joint": known[table.joint], "over": over}))
+    if given and not limits and not tables:
+        has = "the model has " + ", ".join(names)
+        raise robot_error(file, "joint_limits", "names no joint of the robot", has)
     return LimitsFile(limits, tuple(tables))
 
 
