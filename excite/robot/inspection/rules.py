@@ -293,10 +293,14 @@ def inertia_scale(robot: DescribedRobot) -> Iterator[Finding]:
     """How far the mass is spread: not beyond its shape, and not as if it all were in one point of it."""
     for link in robot.bodies():
         own = robot.first_hull(link.name)
-        if own is None or not is_possible(link.stated) or own.distance(link.com) > 0.0:
+        if own is None or not is_possible(link.stated):
             continue
+        outside = own.distance(link.com) > 0.0
         squared, even = _squared_spread(link), float(np.trace(own.spread[1]))
-        beyond = _least(robot, link, 1.0 if robot.thorough else _SLIPPED, _spread_beyond)
+        beyond = _least(robot, link, 1.0 if robot.thorough and not outside else _SLIPPED, _spread_beyond)
+        # Of a centre that is wrong itself, less than a slip of unit tells nothing.
+        if outside and beyond <= _SLIPPED:
+            continue
         said = f"its inertia spreads its mass over a radius of {_millimetres(squared)}"
         if beyond > 1.0:
             said += f", beyond its shape, which ends {_millimetres(squared / beyond)} from its centre of mass"

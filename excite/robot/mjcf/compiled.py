@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from excite.finding import first_names
-from excite.robot.mjcf.conversion import MjcfConversion
+from excite.robot.mjcf.converted import MjcfConversion
 from excite.robot.mjcf.trees import (
     Closures,
     driven_joints,

@@ -2,55 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from excite.atomic import write_bytes, write_text
 from excite.errors import InputError, RobotError
 from excite.formats.child import in_child
 from excite.formats.documents import read_xml
+from excite.robot.mjcf.converted import MjcfConversion
 from excite.robot.mjcf.scan import scan_mjcf
 
 # The largest model known, a humanoid with hands and 60 meshes, takes 3 s and 0.6 GB.
 COMPILE_SECONDS = 40.0
 COMPILE_MEMORY_GB = 8.0
-
-
-@dataclass(frozen=True, eq=False)
-class MjcfConversion:
-    """A MuJoCo model as a URDF.
-
-    Attributes:
-        name: of the model.
-        floating: whether its base has a free joint.
-        urdf: the URDF's text; mesh paths are relative to its file.
-        meshes: STL files by relative path.
-        notes: what the URDF leaves out or says differently.
-        posture: joints of the keyframe in which the robot rests [rad or m], None without one.
-        excluded: pairs of links that the model lets touch.
-        loops: blocks ``loops`` of a ``robot.yaml``, which a URDF does not have.
-        couplings: blocks ``couplings`` of one.
-        armature: rotor inertia by joint, where there is one [kg·m² or kg].
-    """
-
-    name: str
-    floating: bool
-    urdf: str
-    meshes: Mapping[str, bytes]
-    notes: tuple[str, ...]
-    posture: Mapping[str, float] | None = None
-    excluded: tuple[tuple[str, str], ...] = ()
-    loops: tuple[Mapping[str, Any], ...] = ()
-    couplings: tuple[Mapping[str, Any], ...] = ()
-    armature: Mapping[str, float] = field(default_factory=dict)
-
-    def write(self, path: Path) -> Path:
-        """Write the URDF to ``path`` and the meshes beside it."""
-        for name, content in self.meshes.items():
-            write_bytes(path.parent / name, content)
-        return write_text(path, self.urdf)
 
 
 def is_mjcf(path: Path) -> bool:
