@@ -815,5 +815,5 @@ def test_moments_in_another_unit_are_named_by_the_size_of_the_link(tmp_path: Pat
     for text, names in ((quadruped(), set[str]()), (wide, {"front_left_shank"})):
         (tmp_path / "mine.urdf").write_text(text)
         chart = excite.examine_description(tmp_path / "mine.urdf")
-        found = [one for one in chart.findings if one.kind == "inertia_scale" and "kg·cm²" in one.remedy]
+        found = [one for one in chart.findings if one.kind == "inertia_scale" and "for kg·m²" in one.remedy]
         assert names <= {place for one in found for place in one.places} and bool(found) == bool(names)
