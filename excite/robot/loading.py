@@ -40,9 +40,8 @@ from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.collision import ground_is_assumed
 from excite.robot.urdf.inertia import check_weights
 from excite.robot.urdf.limits import assumed_limits, read_limits_file, with_tables
-from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.numbers import read_number, read_origin
-from excite.robot.urdf.reading import Stated, read_mimic, read_urdf
+from excite.robot.urdf.reading import Stated, read_mimic, read_urdf, urdf_model
 
 CHOSEN = "chosen here"
 """How the source of a value begins that who wrote a description chose."""

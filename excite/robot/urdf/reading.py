@@ -260,3 +260,52 @@ def _package_folders() -> list[Path]:
     )
     prefixes.append(Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix")
     return [*packages, *(prefix / "share" for prefix in prefixes)]
+
+
+# The pinocchio model of a URDF that was checked, built from what is dynamics in it.
+
+# What the parser reads beside these (geometry, colours, transmissions, sensors) is not the model's, and whatever is
+# wrong there the parser prints line by line.
+_KEPT = {
+    "link": ("inertial",),
+    "joint": ("parent", "child", "origin", "axis", "limit", "dynamics"),
+}
+
+
+def urdf_model(root: ElementTree.Element, path: Path, *, floating: bool = False) -> pin.Model:
+    """The model of a ``robot`` element that passed :func:`~excite.robot.urdf.tree.check_tree`.
+
+    Args:
+        root: the element; it is not changed.
+        path: its file, for the error.
+        floating: whether a free-flyer carries the root link.
+
+    Raises:
+        RobotError: pinocchio refuses it.
+    """
+    if floating and any(joint.get("name") == "root_joint" for joint in root.findall("joint")):
+        what, remedy = "is called as readers call a free base's joint", "rename the joint"
+        raise robot_error(path, "joint 'root_joint'", what, remedy)
+    text = ElementTree.tostring(_dynamics_only(root), encoding="unicode")
+    try:
+        if floating:
+            return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+        return pin.buildModelFromXML(text)
+    except (RuntimeError, ValueError) as error:
+        what = f"pinocchio refuses it ({' '.join(str(error).split())})"
+        raise robot_error(path, None, what, "check the file with check_urdf") from error
+
+
+def _dynamics_only(root: ElementTree.Element) -> ElementTree.Element:
+    model = ElementTree.Element("robot", name=root.get("name", ""))
+    for element in root:
+        if element.tag not in _KEPT:
+            continue
+        copy = ElementTree.SubElement(model, element.tag, element.attrib)
+        for tag in _KEPT[element.tag]:
+            found = element.find(tag)
+            if found is not None:
+                # The parser refuses a whole model for a limit without effort or velocity.
+                stated = {"effort": "0", "velocity": "0", **found.attrib}
+                copy.append(ElementTree.Element("limit", stated) if tag == "limit" else found)
+    return model
