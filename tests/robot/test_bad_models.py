@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import excite.robot.shapes.mesh_files
+from excite.atomic import write_text
 from excite.errors import ExciteError, RobotError
 from excite.export.models.mjcf_compiled import compile_mjcf
 from excite.export.models.mjcf_template import read_mjcf
@@ -113,8 +114,10 @@ def test_a_failed_description_leaves_an_older_one(tmp_path: Path, monkeypatch: p
     assert {path.name for path in before} == {"robot.yaml", "arm.urdf"}
     source.write_text(MJCF.replace('mass="1"', 'mass="7"'), encoding="utf-8")
 
-    def full(*_: object) -> Path:
-        raise OSError(28, "No space left on device", str(out / "robot.yaml"))
+    def full(path: Path, text: str) -> Path:
+        if path == out / "robot.yaml":
+            raise OSError(28, "No space left on device", str(path))
+        return write_text(path, text)
 
     monkeypatch.setattr("excite.robot.init_robot.files.write_text", full)
     with pytest.raises(OSError, match="No space"):
