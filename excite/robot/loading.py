@@ -358,9 +358,8 @@ def without_motors(
         largest = float(values[~passive].max(initial=0.0))
         if lacking and largest > 0.0:
             joints = {**stated, **{name: largest for name in lacking if name not in stated}}
-            source = "the driven joints'" if block is None else block.source
-            default = None if block is None else block.default
-            limits[field] = PerJoint[float](default=default, joints=joints, source=source)
+            said = PerJoint[float](source="the driven joints'") if block is None else block
+            limits[field] = said.model_copy(update={"joints": joints})
     return description.model_copy(
         update={
             "controller": without(description.controller, "kp", "kd"),
