@@ -56,11 +56,6 @@ def test_same_points_same_hull() -> None:
     np.testing.assert_array_equal(convex_hull(points).vertices, convex_hull(points.copy()).vertices)
 
 
-def test_plane_is_refused() -> None:
-    with pytest.raises(ValueError, match="plane"):
-        convex_hull(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]]))
-
-
 def test_ascii_and_binary_stl_agree(tmp_path: Path) -> None:
     corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 0, 0], [1, 0, 0], [0, 0, 3]]], dtype=float)
     ascii_lines = ["solid s"]

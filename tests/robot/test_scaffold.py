@@ -24,12 +24,12 @@ from excite.robot.legs import holding_torques, too_soft_to_stand
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import (
-    bottom,
     collision_model,
     collision_shapes,
     geometry_data,
     pair_distance,
 )
+from excite.robot.shapes.shape import bottom
 from tests.robot.small import ARM
 from tests.simulation.motions import replay_motion, standing
 
