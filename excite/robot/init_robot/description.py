@@ -405,15 +405,24 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
     for q in robot.draw_configurations(rng, 30):
         weight_now = pin.computeGeneralizedGravity(robot.model, data, q)
         loads = np.maximum(loads, np.abs(robot.on_motors(q[None], weight_now[None])[0]))
-    q = robot.rest
-    pin.forwardKinematics(robot.model, data, q)
-    for leg, tip in legs.items():
-        for joint in list(robot.model.supports[leg])[1:]:
-            reach = np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation)
-            loads[joint - 1] = max(
-                loads[joint - 1], 0.5 * weight * max(float(reach), 0.1) / max(len(legs) // 2, 1)
-            )
+    for _, index, reach in _leg_reaches(robot, legs):
+        loads[index] = max(loads[index], 0.5 * weight * reach / max(len(legs) // 2, 1))
     return loads
+
+
+def _leg_reaches(robot: Robot, legs: Mapping[int, Array]) -> list[tuple[int, int, float]]:
+    """Joints at ends of legs, indices of the joints of these, and how far the ground is from each at rest [m]."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    return [
+        (
+            leg,
+            joint - 1,
+            max(float(np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation)), 0.1),
+        )
+        for leg, tip in legs.items()
+        for joint in list(robot.model.supports[leg])[1:]
+    ]
 
 
 def guess_gains(
@@ -428,30 +437,24 @@ def guess_gains(
         legs: as for :func:`weight_loads`.
         mass: of the robot [kg].
     """
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
-    topples = toppling_stiffness(robot, (leg for leg, tip in legs.items() if not tip.any()), mass)
-    stiffness, damping = [], []
-    loaded = {}
-    for leg, tip in legs.items():
-        for joint in list(robot.model.supports[leg])[1:]:
-            reach = float(np.linalg.norm(data.oMi[leg].act(tip) - data.oMi[joint].translation))
-            # A leg on a point is damped as it swings: damped as the robot sways, it drags at its point (with a
-            # quarter of that damping feet of the HyQ slip by 3 mm in place of 12).
-            loaded[joint - 1] = 0.0 if tip.any() else mass / len(legs) * max(reach, 0.1) ** 2
-    for index, own in enumerate(inertia):
-        moved = max(float(own), loaded.get(index, 0.0))
-        # What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in
-        # simulation as the real one does, and the Go2 the 2000 with which its trunk follows.
-        stiff = max(own * (2.0 * math.pi * _FREQUENCY) ** 2, loads[index] / 0.0125)
-        stiffness.append(max(stiff, UPRIGHT * topples.get(index + 1, 0.0)))
-        # Damped for its load alone: of ten leg swings of an H1_2 seven stand with ankles damped for this stiffness, and
-        # six with three tenths of that.
-        damping.append(2.0 * _DAMPING * math.sqrt(stiff * moved))
-    names = robot.joint_names
+    topples, loaded = np.zeros(robot.n_joints), np.zeros(robot.n_joints)
+    soles = (leg for leg, tip in legs.items() if not tip.any())
+    for joint, stiffness in toppling_stiffness(robot, soles, mass).items():
+        topples[joint - 1] = stiffness
+    for leg, index, reach in _leg_reaches(robot, legs):
+        # A leg on a point is damped as it swings: damped as the robot sways, it drags at its point (with a quarter of
+        # that damping feet of the HyQ slip by 3 mm in place of 12).
+        loaded[index] = 0.0 if legs[leg].any() else mass / len(legs) * reach**2
+    # What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in
+    # simulation as the real one does, and the Go2 the 2000 with which its trunk follows.
+    stiff = np.maximum(inertia * (2.0 * math.pi * _FREQUENCY) ** 2, loads / 0.0125)
+    # Damped for its load alone: of ten leg swings of an H1_2 seven stand with ankles damped for this stiffness, and
+    # six with three tenths of that.
+    damping = 2.0 * _DAMPING * np.sqrt(stiff * np.maximum(inertia, loaded))
+    gains = {"kp": np.maximum(stiff, UPRIGHT * topples), "kd": damping}
     return {
-        "kp": {n: max(two_digits(v), 0.01) for n, v in zip(names, stiffness, strict=True)},
-        "kd": {n: max(two_digits(v), 0.01) for n, v in zip(names, damping, strict=True)},
+        kind: {n: max(two_digits(float(v)), 0.01) for n, v in zip(robot.joint_names, values, strict=True)}
+        for kind, values in gains.items()
     }
 
 
